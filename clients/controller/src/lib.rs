@@ -1,0 +1,1 @@
+//! Controller client: commands to a running simulation, with acknowledgements.

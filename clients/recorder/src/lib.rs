@@ -1,0 +1,1 @@
+//! Recorder client: every published step into an MCAP file.

@@ -1,0 +1,109 @@
+//! `command` and `journal`: orders to the simulation, their answers, and the record of what was applied.
+
+use bytemuck::{Pod, Zeroable};
+use iceoryx2::prelude::ZeroCopySend;
+
+/// `Command::kind`: add `vector` [N s] to the momentum of `object`.
+pub const COMMAND_IMPULSE: u32 = 1;
+/// Impulse `vector` [N s] on the particles of `object` within `radius` of `point`.
+pub const COMMAND_IMPULSE_AT: u32 = 2;
+/// Give `object` the velocity `vector` [m/s] and the spin `point` [rad/s].
+pub const COMMAND_SET_VELOCITY: u32 = 3;
+/// Give `object` the material `material`.
+pub const COMMAND_SET_MATERIAL: u32 = 4;
+/// Set gravity to `vector` [m/s^2].
+pub const COMMAND_SET_GRAVITY: u32 = 5;
+/// Stop stepping before the next step.
+pub const COMMAND_PAUSE: u32 = 6;
+/// Step again.
+pub const COMMAND_RESUME: u32 = 7;
+/// Back to the initial state.
+pub const COMMAND_RESET: u32 = 8;
+/// Shut the server down cleanly.
+pub const COMMAND_STOP: u32 = 9;
+
+/// Law and parameters of a material.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("cosplat.v1.MaterialSpec")]
+#[repr(C)]
+pub struct MaterialSpec {
+    /// 1 fixed corotated, 2 neo-Hookean.
+    pub law: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Young's modulus [Pa].
+    pub youngs_modulus: f64,
+    /// Poisson's ratio.
+    pub poisson_ratio: f64,
+}
+
+/// One order. Fields that a kind does not name are zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("cosplat.v1.Command")]
+#[repr(C)]
+pub struct Command {
+    /// `COMMAND_*`.
+    pub kind: u32,
+    /// Object id.
+    pub object: u32,
+    /// The sender's running number.
+    pub sequence: u64,
+    /// Step at whose start it takes effect; 0 or a past step means the next one.
+    pub apply_at_step: u64,
+    /// Main vector; see the kinds.
+    pub vector: [f64; 3],
+    /// Point [m], or the second vector; see the kinds.
+    pub point: [f64; 3],
+    /// Radius [m].
+    pub radius: f64,
+    /// For `COMMAND_SET_MATERIAL`.
+    pub material: MaterialSpec,
+}
+
+/// User header of a request with commands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("cosplat.v1.CommandHeader")]
+#[repr(C)]
+pub struct CommandHeader {
+    /// Random number that identifies the sender for the life of its process.
+    pub client: u64,
+    /// Sender's process id.
+    pub pid: u32,
+    /// Commands in the request.
+    pub count: u32,
+}
+
+/// Answer to one command; a response holds one per command of the request, in the same order.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("cosplat.v1.Ack")]
+#[repr(C)]
+pub struct Ack {
+    /// Sequence of the command answered.
+    pub sequence: u64,
+    /// Step at whose start it takes effect.
+    pub applied_at_step: u64,
+    /// `ACK_*`.
+    pub status: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// For refusals: a sentence with expected and actual values, UTF-8, zero-padded.
+    pub reason: [u8; 168],
+}
+
+/// The command takes effect at `applied_at_step`.
+pub const ACK_ACCEPTED: u32 = 1;
+/// The command is refused and changes nothing; see `reason`.
+pub const ACK_REFUSED: u32 = 2;
+
+/// One entry of `journal`: a command as it was applied.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("cosplat.v1.AppliedCommand")]
+#[repr(C)]
+pub struct AppliedCommand {
+    /// Step at whose start it took effect.
+    pub step: u64,
+    /// Who sent it.
+    pub client: u64,
+    /// The command.
+    pub command: Command,
+}

@@ -1,0 +1,19 @@
+//! The wire contract, version 1: fixed-layout types that cross process borders.
+//!
+//! Normative text and offset table: `docs/wire-format.md`. Every type is an array of primitives, `#[repr(C)]`
+//! without padding, little-endian, reserved bytes zero.
+
+mod command;
+mod frame;
+mod objects;
+mod scene;
+mod status;
+
+pub use command::*;
+pub use frame::*;
+pub use objects::*;
+pub use scene::*;
+pub use status::*;
+
+/// Major version of the wire contract; part of every service and type name.
+pub const WIRE_VERSION: u32 = 1;

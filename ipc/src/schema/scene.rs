@@ -1,0 +1,83 @@
+//! `scene`: what does not change from step to step, one service per block, kept for late joiners.
+
+use bytemuck::{Pod, Zeroable};
+use iceoryx2::prelude::ZeroCopySend;
+
+/// One Gaussian at rest (block `scene/gaussians`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("cosplat.v1.GaussianRest")]
+#[repr(C)]
+pub struct GaussianRest {
+    /// Centre [m].
+    pub position: [f32; 3],
+    /// Opacity, 0..=1.
+    pub opacity: f32,
+    /// Standard deviations along the local axes [m].
+    pub scale: [f32; 3],
+    /// Object id.
+    pub object: u32,
+    /// World-from-local rotation, unit quaternion xyzw.
+    pub rotation: [f32; 4],
+}
+
+/// One object (block `scene/objects`).
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("cosplat.v1.ObjectInfo")]
+#[repr(C)]
+pub struct ObjectInfo {
+    /// Object id.
+    pub id: u32,
+    /// 1 static, 2 MPM.
+    pub fidelity: u32,
+    /// Particles of the object.
+    pub particle_count: u32,
+    /// Index of its first Gaussian.
+    pub gaussian_first: u32,
+    /// Gaussians of the object.
+    pub gaussian_count: u32,
+    /// Constitutive law, as in [`MaterialSpec`](super::MaterialSpec).
+    pub law: u32,
+    /// Young's modulus [Pa].
+    pub youngs_modulus: f64,
+    /// Poisson's ratio.
+    pub poisson_ratio: f64,
+    /// Density [kg/m^3].
+    pub density: f64,
+    /// Name, UTF-8, zero-padded.
+    pub name: [u8; 64],
+    /// Material name, UTF-8, zero-padded.
+    pub material: [u8; 32],
+}
+
+/// User header of every `scene` block.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("cosplat.v1.SceneHeader")]
+#[repr(C)]
+pub struct SceneHeader {
+    /// Identifies this publication of the scene.
+    pub epoch: u64,
+    /// Hash of the scene; equal for equal scenes, also after a restart.
+    pub scene_hash: u64,
+    /// Published frames per simulated second [1/s].
+    pub frame_rate: f64,
+    /// Grid cell size [m].
+    pub dx: f64,
+    /// Initial gravity [m/s^2].
+    pub gravity: [f64; 3],
+    /// Bounds of everything visible at rest, smallest corner [m].
+    pub bounds_min: [f32; 3],
+    /// Largest corner [m].
+    pub bounds_max: [f32; 3],
+    /// Gaussians in the scene.
+    pub gaussian_count: u32,
+    /// Particles in the scene.
+    pub particle_count: u32,
+    /// Objects in the scene.
+    pub object_count: u32,
+    /// Spherical-harmonics degree, 0..=3 (block `scene/sh`: `[gaussian][coefficient][rgb]` f32).
+    pub sh_degree: u32,
+    /// Semantic feature length, 0 = none (block `scene/features`: `[gaussian][feature_dim]` f32).
+    pub feature_dim: u32,
+    /// Zero.
+    pub reserved: u32,
+}

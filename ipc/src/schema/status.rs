@@ -1,0 +1,68 @@
+//! `status`: the newest health figures, for monitors.
+
+use bytemuck::{Pod, Zeroable};
+use iceoryx2::prelude::ZeroCopySend;
+
+/// Newest status of the server.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("cosplat.v1.Status")]
+#[repr(C)]
+pub struct Status {
+    /// Steps completed.
+    pub step: u64,
+    /// Simulated time [s].
+    pub sim_time: f64,
+    /// `CLOCK_MONOTONIC` of this update [ns]; a client that sees it stand still calls the server dead.
+    pub heartbeat_ns: u64,
+    /// Identifies the published scene.
+    pub epoch: u64,
+    /// Steps per wall second, mean over about the last second [1/s].
+    pub steps_per_second: f64,
+    /// Simulated seconds per wall second, same window.
+    pub real_time_factor: f64,
+    /// Particle-substeps executed / those of full MPM, since start.
+    pub modelled_fraction: f64,
+    /// Smallest substep of the last step [s].
+    pub dt: f64,
+    /// Kinetic energy [J].
+    pub kinetic_energy: f64,
+    /// Elastic energy [J].
+    pub elastic_energy: f64,
+    /// Potential energy [J].
+    pub potential_energy: f64,
+    /// Linear momentum [kg m/s].
+    pub linear_momentum: [f64; 3],
+    /// Angular momentum about the origin [kg m^2/s].
+    pub angular_momentum: [f64; 3],
+    /// Frames published.
+    pub frames_published: u64,
+    /// Frames not published because no memory was free.
+    pub frames_skipped: u64,
+    /// Substeps rolled back.
+    pub rollbacks: u64,
+    /// Particles that left the domain.
+    pub particles_left: u64,
+    /// Particles quarantined.
+    pub particles_quarantined: u64,
+    /// Commands accepted.
+    pub commands_accepted: u64,
+    /// Commands refused.
+    pub commands_refused: u64,
+    /// Hash of the state after the last step.
+    pub state_hash: u64,
+    /// What limited `dt`: 0 frame, 1 sound speed, 2 velocity, 3 deformation.
+    pub dt_limit: u32,
+    /// Object that limited `dt`; `u32::MAX` = none.
+    pub dt_object: u32,
+    /// `SERVER_*`.
+    pub server_state: u32,
+    /// Server's process id.
+    pub pid: u32,
+}
+
+/// The server is stepping.
+pub const SERVER_RUNNING: u32 = 1;
+/// The server is paused.
+pub const SERVER_PAUSED: u32 = 2;
+/// The server is shutting down.
+pub const SERVER_STOPPING: u32 = 3;

@@ -1,0 +1,1 @@
+//! The simulation process: ingest commands, step, write each frame into loaned shared memory, publish, pace.

@@ -1,0 +1,102 @@
+//! `Command`: the only way to influence a running world from outside.
+
+use crate::materials::Material;
+
+/// One order from a client. Commands of a step are applied in the order of
+/// (`apply_at_step`, `client`, `sequence`), so that a command log replays to the same bits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Command {
+    /// Who sent it.
+    pub client: u64,
+    /// The sender's own running number.
+    pub sequence: u64,
+    /// Step at whose start it takes effect; a past step means the next one.
+    pub apply_at_step: u64,
+    /// What to do.
+    pub action: Action,
+}
+
+/// What a command does.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// Adds `impulse / mass` to the velocity of every particle of the object.
+    Impulse {
+        /// Object id.
+        object: usize,
+        /// Total impulse [N s].
+        impulse: [f64; 3],
+    },
+    /// Spreads the impulse over the object's particles within `radius` of `point`, as equal velocity change.
+    ImpulseAt {
+        /// Object id.
+        object: usize,
+        /// Total impulse [N s].
+        impulse: [f64; 3],
+        /// Centre of the touched region [m], world frame.
+        point: [f64; 3],
+        /// Its radius [m], > 0; widened to reach the nearest particle when it holds none.
+        radius: f64,
+    },
+    /// Gives the object a rigid velocity field about its centre of mass.
+    SetVelocity {
+        /// Object id.
+        object: usize,
+        /// Velocity of the centre of mass [m/s].
+        linear: [f64; 3],
+        /// Angular velocity [rad/s].
+        angular: [f64; 3],
+    },
+    /// Replaces an object's material; mass is kept (the density of the new material is ignored while running).
+    SetMaterial {
+        /// Object id.
+        object: usize,
+        /// New law and parameters.
+        material: Material,
+    },
+    /// Replaces the gravitational acceleration [m/s^2].
+    SetGravity {
+        /// New value.
+        gravity: [f64; 3],
+    },
+    /// Back to the initial state, at simulated time 0; the step count goes on.
+    Reset,
+}
+
+/// Why a command is refused. A refused command changes nothing.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CommandError {
+    /// The object id is not in the scene.
+    #[error("object {object} does not exist: the scene has objects 0..{count}")]
+    UnknownObject {
+        /// The id sent.
+        object: usize,
+        /// Objects in the scene.
+        count: usize,
+    },
+    /// The object has no particles.
+    #[error("object {object} is static and cannot be moved or changed")]
+    StaticObject {
+        /// The id sent.
+        object: usize,
+    },
+    /// A number is NaN or infinite.
+    #[error("{field} is {value}, expected a finite number")]
+    NotFinite {
+        /// Name of the field.
+        field: &'static str,
+        /// Value sent.
+        value: f64,
+    },
+    /// A number is outside its valid range.
+    #[error("{field} is {value}, expected {min} to {max}")]
+    OutOfRange {
+        /// Name of the field.
+        field: &'static str,
+        /// Value sent.
+        value: f64,
+        /// Smallest valid value.
+        min: f64,
+        /// Largest valid value.
+        max: f64,
+    },
+}

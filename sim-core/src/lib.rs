@@ -1,0 +1,16 @@
+//! Material-point solver, scenes and splat assets of cosplat.
+//!
+//! Reading order is execution order: an asset is read, a scene file is parsed, objects are filled with
+//! particles and Gaussians bound to them, and the [`World`] steps them.
+//! This crate knows no transport, opens no file and prints nothing.
+
+pub mod assets;
+pub mod command;
+pub mod materials;
+pub mod num;
+pub mod report;
+pub mod scene;
+
+pub use command::{Action, Command, CommandError};
+pub use report::{DtLimit, ObjectState, StepReport};
+pub use scene::Scene;

@@ -1,0 +1,107 @@
+//! `StepReport`: what one step did, for people and machines.
+
+/// Result of stepping one frame.
+#[derive(Clone, Debug, Default)]
+pub struct StepReport {
+    /// Frames stepped since the world was made; the first report says 1.
+    pub step: u64,
+    /// Simulated time at the end of the frame [s].
+    pub sim_time: f64,
+    /// Size of the last substep [s].
+    pub dt: f64,
+    /// Smallest substep of the frame [s].
+    pub dt_min: f64,
+    /// What limited `dt_min`.
+    pub dt_limit: DtLimit,
+    /// Object whose material or motion limited `dt_min`, if one did.
+    pub dt_object: Option<usize>,
+    /// Substeps taken.
+    pub substeps: u32,
+    /// Substeps rolled back and retried with a smaller `dt`.
+    pub rollbacks: u32,
+    /// Particle-substeps executed.
+    pub particle_updates: u64,
+    /// Particle-substeps of modelling every particle with MPM.
+    pub particle_updates_full: u64,
+    /// Particles that left the domain in this frame (indices into the scene's particles).
+    pub left_domain: Vec<u32>,
+    /// Particles frozen in this frame because their state stayed bad after retries.
+    pub quarantined: Vec<u32>,
+    /// Kinetic energy incl. the affine part [J].
+    pub kinetic_energy: f64,
+    /// Elastic energy [J].
+    pub elastic_energy: f64,
+    /// Potential energy in the current gravity, zero at the world origin [J].
+    pub potential_energy: f64,
+    /// Total linear momentum [kg m/s].
+    pub linear_momentum: [f64; 3],
+    /// Total angular momentum about the world origin incl. the affine part [kg m^2/s].
+    pub angular_momentum: [f64; 3],
+    /// One entry per object of the scene.
+    pub objects: Vec<ObjectState>,
+    /// Wall time per phase.
+    pub timings: Timings,
+    /// Hash of the complete state; equal for equal scene and command log.
+    pub state_hash: u64,
+}
+
+/// Wall seconds per phase of one frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Timings {
+    /// Applying commands.
+    pub commands: f64,
+    /// Sorting and rebuilding block lists.
+    pub sort: f64,
+    /// Particle pass: gather, constitutive law, scatter.
+    pub particles: f64,
+    /// Grid pass: tile sums, velocity update, boundaries.
+    pub grid: f64,
+    /// Moments, energies, hash.
+    pub moments: f64,
+    /// Whole frame.
+    pub total: f64,
+}
+
+/// What limited the time step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u32)]
+pub enum DtLimit {
+    /// The frame's own length.
+    #[default]
+    Frame = 0,
+    /// Sound speed at the current tangent: isolated-particle limit.
+    Sound = 1,
+    /// A particle would move too far.
+    Velocity = 2,
+    /// A particle would deform too much.
+    Deformation = 3,
+}
+
+/// Moments of one object (paper equation 2, with inertia and spin).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ObjectState {
+    /// Mass [kg]; 0 for static objects.
+    pub mass: f64,
+    /// Centre of mass [m].
+    pub com: [f64; 3],
+    /// Velocity of the centre of mass [m/s].
+    pub linear_velocity: [f64; 3],
+    /// Angular momentum about the centre of mass incl. the affine part [kg m^2/s].
+    pub angular_momentum: [f64; 3],
+    /// Angular velocity: inertia^-1 x angular momentum [rad/s].
+    pub angular_velocity: [f64; 3],
+    /// Inertia about the centre of mass xx xy xz yy yz zz [kg m^2].
+    pub inertia: [f64; 6],
+    /// Mean rotation since rest (polar part of the mass-weighted mean of F), unit quaternion xyzw.
+    pub rotation: [f64; 4],
+    /// Effective radius: root of 5/3 of the mass-weighted mean square distance from the COM [m]
+    /// (exact for a solid ball).
+    pub radius: f64,
+    /// Kinetic energy incl. the affine part [J].
+    pub kinetic_energy: f64,
+    /// Elastic energy [J].
+    pub elastic_energy: f64,
+    /// Impulse received from colliders and other objects in this frame [N s]: momentum change less gravity
+    /// and commands.
+    pub contact_impulse: [f64; 3],
+}

@@ -1,0 +1,164 @@
+//! `Scene`: everything that stays constant while a world is stepped.
+
+use std::ops::Range;
+
+use crate::{assets::Gaussians, materials::Material};
+
+/// How many particles each Gaussian is bound to.
+pub const BINDING_NEIGHBORS: usize = 8;
+
+/// A complete scene, in the world frame and SI units.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Name for reports.
+    pub name: String,
+    /// Initial gravitational acceleration [m/s^2].
+    pub gravity: [f64; 3],
+    /// Grid cell size `dx` [m], > 0. Nodes sit at integer multiples of it.
+    pub dx: f64,
+    /// Published frames per second of simulated time [1/s], > 0.
+    pub frame_rate: f64,
+    /// Fraction of the stability limit that `dt` uses, 0 < cfl <= 1.
+    pub cfl: f64,
+    /// Seed of everything sampled.
+    pub seed: u64,
+    /// Box that particles must stay in [m]; a particle outside is taken out of the simulation and reported.
+    pub domain: Aabb,
+    /// Objects; an object's id is its index.
+    pub objects: Vec<Object>,
+    /// Rigid boundaries.
+    pub colliders: Vec<Collider>,
+    /// Boxes whose grid nodes are held at rest [m].
+    pub pinned_regions: Vec<Aabb>,
+    /// Particles at rest, object after object.
+    pub particles: RestParticles,
+    /// Visible Gaussians at rest in the world frame, object after object.
+    pub gaussians: Gaussians,
+    /// How each Gaussian follows the particles; same length as `gaussians`.
+    pub binding: Binding,
+    /// Quantities that `cosplat simulate` reports.
+    pub probes: Vec<Probe>,
+}
+
+/// Axis-aligned box [m].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    /// Smallest corner.
+    pub min: [f64; 3],
+    /// Largest corner.
+    pub max: [f64; 3],
+}
+
+/// One object: a contiguous run of particles and of Gaussians.
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// Unique name.
+    pub name: String,
+    /// What it is made of.
+    pub material: Material,
+    /// Whether it is simulated.
+    pub fidelity: Fidelity,
+    /// Its particles in [`Scene::particles`]; empty for static objects.
+    pub particles: Range<usize>,
+    /// Its Gaussians in [`Scene::gaussians`]; may be empty.
+    pub gaussians: Range<usize>,
+    /// Initial velocity of the centre of mass [m/s].
+    pub linear_velocity: [f64; 3],
+    /// Initial velocity gradient about the centre of mass [1/s], row-major: spin plus affine part.
+    pub velocity_gradient: [[f64; 3]; 3],
+}
+
+/// How an object is modelled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Fidelity {
+    /// Visible only: has Gaussians, no particles, costs nothing per step.
+    Static = 1,
+    /// Material points.
+    Mpm = 2,
+}
+
+/// Particles at rest, structure of arrays.
+#[derive(Clone, Debug, Default)]
+pub struct RestParticles {
+    /// Position [m], world frame.
+    pub position: Vec<[f64; 3]>,
+    /// Rest volume `V0` [m^3], > 0. Mass = density x volume.
+    pub volume: Vec<f64>,
+}
+
+/// Each Gaussian takes `x` and `F` from the particles it is bound to.
+#[derive(Clone, Debug, Default)]
+pub struct Binding {
+    /// Particle indices into [`Scene::particles`]; unused slots repeat an index with weight 0.
+    pub particle: Vec<[u32; BINDING_NEIGHBORS]>,
+    /// Weights, >= 0, sum 1; all 0 for Gaussians of static objects.
+    pub weight: Vec<[f32; BINDING_NEIGHBORS]>,
+}
+
+/// A rigid boundary acting on grid nodes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Collider {
+    /// Name for reports.
+    pub name: String,
+    /// Shape.
+    pub shape: ColliderShape,
+    /// What happens to the velocity of a node inside.
+    pub surface: Surface,
+    /// Coulomb coefficient `mu_f`, >= 0; no effect on sticky surfaces.
+    pub friction: f64,
+}
+
+/// Shapes of colliders.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ColliderShape {
+    /// All points with `(x - point) . normal < 0` are inside.
+    HalfSpace {
+        /// A point on the plane [m].
+        point: [f64; 3],
+        /// Outward unit normal.
+        normal: [f64; 3],
+    },
+}
+
+/// Velocity condition at a collider.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Surface {
+    /// Velocity is zero.
+    Sticky,
+    /// No motion along the normal, in either direction; friction acts on the tangential part.
+    Slip,
+    /// No motion into the collider, free to leave; friction acts while pressed on.
+    Separate,
+}
+
+/// A reported quantity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Probe {
+    /// Unique name; the key in the report.
+    pub name: String,
+    /// What is measured.
+    pub kind: ProbeKind,
+}
+
+/// What a probe measures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ProbeKind {
+    /// Smallest and largest particle position of an object [m].
+    Extent {
+        /// Object id.
+        object: usize,
+    },
+    /// Mean velocity and density of the particles within `dx` of a fixed point in space.
+    Point {
+        /// Where [m].
+        position: [f64; 3],
+    },
+    /// Position, velocity and deformation gradient of the particle that is nearest to `position` at rest.
+    MaterialPoint {
+        /// Object id.
+        object: usize,
+        /// Rest position [m].
+        position: [f64; 3],
+    },
+}

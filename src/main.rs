@@ -1,0 +1,3 @@
+//! The `cosplat` command line: one file per subcommand.
+
+fn main() {}
