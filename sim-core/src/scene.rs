@@ -62,6 +62,9 @@ pub struct Object {
     pub particles: Range<usize>,
     /// Its Gaussians in [`Scene::gaussians`]; may be empty.
     pub gaussians: Range<usize>,
+    /// Rotation of its placement, unit quaternion xyzw: spherical harmonics stay in the asset's frame, so this
+    /// is part of the published rotation.
+    pub world_from_asset: [f32; 4],
     /// Initial velocity of the centre of mass [m/s].
     pub linear_velocity: [f64; 3],
     /// Initial velocity gradient about the centre of mass [1/s], row-major: spin plus affine part.

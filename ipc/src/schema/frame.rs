@@ -19,7 +19,8 @@ pub struct GaussianState {
     pub object: u32,
     /// Index of this Gaussian in the `scene` blocks.
     pub index: u32,
-    /// Rotation since rest (polar part of F), unit quaternion xyzw; turns spherical harmonics.
+    /// World-from-asset rotation (polar part of F times the placement), unit quaternion xyzw: evaluate the
+    /// spherical harmonics of the `scene` blocks in the view direction turned back by it.
     pub rotation: [f32; 4],
 }
 
