@@ -1,1 +1,5 @@
 //! The simulation process: ingest commands, step, write each frame into loaned shared memory, publish, pace.
+
+pub mod convert;
+pub mod ingest;
+pub mod pace;

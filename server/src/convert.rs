@@ -1,0 +1,200 @@
+//! Between wire types and solver types: written by hand, so that neither side's layout leaks into the other.
+
+use cosplat_ipc::schema as wire;
+use cosplat_sim_core::{
+    Action, ObjectState, Scene,
+    materials::{Law, Material},
+    scene::Object,
+};
+
+/// Why a wire command cannot become an action, whatever the state of the world.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WireError {
+    /// `kind` is none of the known ones.
+    #[error("command kind {kind} is unknown: expected 1 to 9")]
+    UnknownKind {
+        /// The value sent.
+        kind: u32,
+    },
+    /// `material.law` is none of the known ones.
+    #[error("material law {law} is unknown: expected 1 (fixed corotated) or 2 (neo-Hookean)")]
+    UnknownLaw {
+        /// The value sent.
+        law: u32,
+    },
+}
+
+/// What a wire command asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Order {
+    /// Something for the world, at a step boundary.
+    World(Action),
+    /// Stop stepping.
+    Pause,
+    /// Step again.
+    Resume,
+    /// Shut down.
+    Stop,
+}
+
+/// Reads a wire command. Numbers are not judged here: [`World::check`](cosplat_sim_core::World::check) does.
+///
+/// # Errors
+/// When an enumeration value is unknown.
+pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
+    let object = command.object as usize;
+    let action = match command.kind {
+        wire::COMMAND_IMPULSE => Action::Impulse {
+            object,
+            impulse: command.vector,
+        },
+        wire::COMMAND_IMPULSE_AT => Action::ImpulseAt {
+            object,
+            impulse: command.vector,
+            point: command.point,
+            radius: command.radius,
+        },
+        wire::COMMAND_SET_VELOCITY => Action::SetVelocity {
+            object,
+            linear: command.vector,
+            angular: command.point,
+        },
+        wire::COMMAND_SET_MATERIAL => Action::SetMaterial {
+            object,
+            material: material_from_wire(&command.material)?,
+        },
+        wire::COMMAND_SET_GRAVITY => Action::SetGravity {
+            gravity: command.vector,
+        },
+        wire::COMMAND_RESET => Action::Reset,
+        wire::COMMAND_PAUSE => return Ok(Order::Pause),
+        wire::COMMAND_RESUME => return Ok(Order::Resume),
+        wire::COMMAND_STOP => return Ok(Order::Stop),
+        kind => return Err(WireError::UnknownKind { kind }),
+    };
+    Ok(Order::World(action))
+}
+
+fn material_from_wire(spec: &wire::MaterialSpec) -> Result<Material, WireError> {
+    let law = [Law::FixedCorotated, Law::NeoHookean]
+        .into_iter()
+        .find(|law| *law as u32 == spec.law)
+        .ok_or(WireError::UnknownLaw { law: spec.law })?;
+    Ok(Material {
+        name: "edited".into(),
+        law,
+        youngs_modulus: spec.youngs_modulus,
+        poisson_ratio: spec.poisson_ratio,
+        // An edit keeps the object's mass, so its density is not read; any valid value will do.
+        density: 1.0,
+    })
+}
+
+/// The object's row in the `objects` stream.
+pub fn object_to_wire(id: usize, object: &Object, state: &ObjectState) -> wire::ObjectState {
+    wire::ObjectState {
+        id: id as u32,
+        fidelity: object.fidelity as u32,
+        mass: state.mass,
+        com: state.com,
+        rotation: state.rotation,
+        linear_velocity: state.linear_velocity,
+        angular_velocity: state.angular_velocity,
+        inertia: state.inertia,
+        radius: state.radius,
+        kinetic_energy: state.kinetic_energy,
+        elastic_energy: state.elastic_energy,
+        contact_impulse: state.contact_impulse,
+    }
+}
+
+/// The object's row in the `scene/objects` block.
+pub fn object_info(id: usize, object: &Object) -> wire::ObjectInfo {
+    wire::ObjectInfo {
+        id: id as u32,
+        fidelity: object.fidelity as u32,
+        particle_count: object.particles.len() as u32,
+        gaussian_first: object.gaussians.start as u32,
+        gaussian_count: object.gaussians.len() as u32,
+        law: object.material.law as u32,
+        youngs_modulus: object.material.youngs_modulus,
+        poisson_ratio: object.material.poisson_ratio,
+        density: object.material.density,
+        name: padded(&object.name),
+        material: padded(&object.material.name),
+    }
+}
+
+/// UTF-8 in a zero-padded field; cut at a character border when it does not fit.
+pub fn padded<const N: usize>(text: &str) -> [u8; N] {
+    let mut end = text.len().min(N);
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    let mut field = [0; N];
+    field[..end].copy_from_slice(&text.as_bytes()[..end]);
+    field
+}
+
+/// Colour of degree-0 spherical harmonics with opacity, as eight-bit RGBA, for every Gaussian.
+pub fn base_colors(scene: &Scene) -> Vec<[u8; 4]> {
+    const SH_C0: f32 = 0.282_094_79;
+    let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
+    let gaussians = &scene.gaussians;
+    let stride = gaussians.sh_stride();
+    gaussians
+        .opacity
+        .iter()
+        .enumerate()
+        .map(|(i, opacity)| {
+            let dc = &gaussians.sh[i * stride..i * stride + 3];
+            let [r, g, b] = [0, 1, 2].map(|c| byte(0.5 + SH_C0 * dc[c]));
+            [r, g, b, byte(*opacity)]
+        })
+        .collect()
+}
+
+/// Object id of every Gaussian.
+pub fn gaussian_objects(scene: &Scene) -> Vec<u32> {
+    let mut ids = vec![0; scene.gaussians.len()];
+    for (id, object) in scene.objects.iter().enumerate() {
+        ids[object.gaussians.clone()].fill(id as u32);
+    }
+    ids
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_is_cut_at_a_character_border() {
+        assert_eq!(padded::<4>("abc"), *b"abc\0");
+        assert_eq!(padded::<4>("abc\u{e9}"), *b"abc\0");
+        assert_eq!(padded::<5>("abc\u{e9}"), *b"abc\xc3\xa9");
+    }
+
+    #[test]
+    fn unknown_enumeration_values_are_named() {
+        let command = wire::Command {
+            kind: 77,
+            ..Default::default()
+        };
+        let error = order_from_wire(&command).expect_err("77 is no kind");
+        assert_eq!(error, WireError::UnknownKind { kind: 77 });
+        let command = wire::Command {
+            kind: wire::COMMAND_SET_MATERIAL,
+            material: wire::MaterialSpec {
+                law: 9,
+                ..Default::default()
+            },
+            ..Default::default()
+        };
+        assert!(
+            order_from_wire(&command)
+                .unwrap_err()
+                .to_string()
+                .contains('9')
+        );
+    }
+}

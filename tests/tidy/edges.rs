@@ -1,0 +1,91 @@
+//! The dependency direction of the workspace: `sim-core <- server -> ipc <- clients`.
+
+use std::collections::BTreeSet;
+
+use crate::root;
+
+/// Every allowed edge between crates of the workspace; the root package may name them all.
+const ALLOWED: &[(&str, &[&str])] = &[
+    ("sim-core", &[]),
+    ("ipc", &[]),
+    ("server", &["cosplat-sim-core", "cosplat-ipc"]),
+    ("clients/renderer", &["cosplat-ipc"]),
+    ("clients/recorder", &["cosplat-ipc"]),
+    ("clients/controller", &["cosplat-ipc"]),
+];
+
+/// Crates that only these members may name: transport stays out of the solver, the solver out of the clients.
+const FENCED: &[(&str, &[&str])] = &[("iceoryx2", &["ipc"]), ("mcap", &["clients/recorder"])];
+
+fn manifest(member: &str) -> toml::Table {
+    let path = root().join(member).join("Cargo.toml");
+    let text = std::fs::read_to_string(&path).expect("manifest is readable");
+    text.parse().expect("manifest is TOML")
+}
+
+fn dependencies(member: &str) -> BTreeSet<String> {
+    let manifest = manifest(member);
+    ["dependencies", "build-dependencies", "dev-dependencies"]
+        .iter()
+        .filter_map(|table| manifest.get(*table)?.as_table())
+        .flat_map(|table| table.keys().cloned())
+        .collect()
+}
+
+#[test]
+fn crates_depend_only_in_the_allowed_direction() {
+    for (member, allowed) in ALLOWED {
+        let ours: Vec<_> = dependencies(member)
+            .into_iter()
+            .filter(|d| d.starts_with("cosplat"))
+            .collect();
+        for dependency in ours {
+            assert!(
+                allowed.contains(&dependency.as_str()),
+                "{member} depends on {dependency}; allowed: {allowed:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn every_member_is_in_the_table() {
+    let root = manifest("");
+    let members = root["workspace"]["members"]
+        .as_array()
+        .expect("members is a list");
+    let listed: BTreeSet<_> = members.iter().filter_map(|m| m.as_str()).collect();
+    let table: BTreeSet<_> = ALLOWED.iter().map(|(member, _)| *member).collect();
+    assert_eq!(listed, table);
+}
+
+#[test]
+fn transport_and_container_crates_stay_behind_their_fence() {
+    for (fenced, owners) in FENCED {
+        for (member, _) in ALLOWED {
+            assert!(
+                owners.contains(member) || !dependencies(member).contains(*fenced),
+                "{member} names {fenced}, which belongs to {owners:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn versions_live_in_the_workspace_table() {
+    for member in ALLOWED.iter().map(|(member, _)| *member).chain([""]) {
+        let manifest = manifest(member);
+        for table in ["dependencies", "dev-dependencies"] {
+            let Some(table) = manifest.get(table).and_then(|t| t.as_table()) else {
+                continue;
+            };
+            for (name, value) in table {
+                let inherits = value.get("workspace").and_then(toml::Value::as_bool) == Some(true);
+                assert!(
+                    inherits,
+                    "{member}/Cargo.toml: {name} does not inherit its version from the workspace"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! House rules that a machine can check: dependency direction, file headers and sizes, dead code, doc paths.
+
+mod docs;
+mod edges;
+mod sources;
+
+use std::path::{Path, PathBuf};
+
+/// Root of the checkout.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Files below `folder` that `keep` accepts, sorted; build outputs and hidden folders are not entered.
+fn files(folder: &Path, keep: &dyn Fn(&Path) -> bool) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("folder is readable") {
+        let path = entry.expect("entry is readable").path();
+        let name = path
+            .file_name()
+            .expect("entry has a name")
+            .to_string_lossy()
+            .into_owned();
+        if path.is_dir() {
+            if name != "target" && name != "out" && !name.starts_with('.') {
+                found.extend(files(&path, keep));
+            }
+        } else if keep(&path) {
+            found.push(path);
+        }
+    }
+    found.sort();
+    found
+}
+
+/// Path relative to the root, for messages.
+fn shown(path: &Path) -> String {
+    path.strip_prefix(root())
+        .unwrap_or(path)
+        .display()
+        .to_string()
+}
+
+/// Fails with one line per finding.
+fn assert_clean(rule: &str, findings: &[String]) {
+    assert!(findings.is_empty(), "{rule}:\n  {}", findings.join("\n  "));
+}
