@@ -6,6 +6,7 @@
 
 pub mod assets;
 pub mod command;
+pub mod mat3;
 pub mod materials;
 pub mod num;
 pub mod report;

@@ -1,5 +1,16 @@
 //! Constitutive laws, one file each.
 
+pub mod fixed_corotated;
+pub mod limits;
+pub mod neo_hookean;
+pub mod polar;
+pub mod svd;
+
+use crate::{
+    mat3::{Mat3, Sym3},
+    num::Real,
+};
+
 /// A material: a law and its parameters in SI units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
@@ -37,3 +48,26 @@ impl Material {
         self.youngs_modulus / (2.0 * (1.0 + self.poisson_ratio))
     }
 }
+
+impl Law {
+    /// Kirchhoff stress [Pa] at the deformation gradient `f`, Lamé parameters in [Pa].
+    #[inline(always)]
+    pub fn kirchhoff_stress<R: Real>(self, f: &Mat3<R>, lambda: R, mu: R) -> Sym3<R> {
+        match self {
+            Self::FixedCorotated => fixed_corotated::kirchhoff_stress(f, lambda, mu),
+            Self::NeoHookean => neo_hookean::kirchhoff_stress(f, lambda, mu),
+        }
+    }
+
+    /// Elastic energy per rest volume [J/m^3] at the deformation gradient `f`.
+    #[inline(always)]
+    pub fn energy_density<R: Real>(self, f: &Mat3<R>, lambda: R, mu: R) -> R {
+        match self {
+            Self::FixedCorotated => fixed_corotated::energy_density(f, lambda, mu),
+            Self::NeoHookean => neo_hookean::energy_density(f, lambda, mu),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
