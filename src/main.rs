@@ -1,5 +1,8 @@
 //! The `cosplat` command line: one file per subcommand.
 
+mod progress;
+mod signals;
+
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
