@@ -4,6 +4,7 @@ pub mod fixed_corotated;
 pub mod limits;
 pub mod neo_hookean;
 pub mod polar;
+pub mod presets;
 pub mod svd;
 
 use crate::{
