@@ -1,1 +1,17 @@
 //! Renderer client: a CPU tile rasteriser over the shared frame, PNG and MP4 out.
+//!
+//! In reading order: [`camera`] says where the picture is taken from, [`sh`] gives a Gaussian its colour in that
+//! direction, [`project`] turns it into an ellipse in pixels, [`raster`] sorts and blends the ellipses.
+
+pub mod camera;
+pub mod image;
+pub mod png;
+pub mod project;
+pub mod raster;
+pub mod sh;
+mod tile;
+
+pub use camera::Camera;
+pub use image::Image;
+pub use raster::picture;
+pub use sh::Harmonics;

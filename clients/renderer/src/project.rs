@@ -1,0 +1,166 @@
+//! EWA projection: from a Gaussian in space to an ellipse in pixels (Zwicker et al. 2001, Kerbl et al. 2023).
+
+use cosplat_ipc::schema::GaussianState;
+use glam::{DVec3, Vec3};
+
+use crate::{Camera, Harmonics};
+
+/// Variance added to both axes of every ellipse [pixel^2], so that a splat never slips between pixels.
+pub const LOW_PASS: f64 = 0.3;
+/// Below this opacity a splat does not count at a pixel: less than one level of 255.
+pub const ALPHA_MIN: f32 = 1.0 / 255.0;
+/// Opacity of one splat at a pixel is capped here, as in the training of splats.
+pub const ALPHA_MAX: f32 = 0.99;
+/// The slope of the projection is frozen this far outside the picture (in half widths): linearised further out, it
+/// would smear splats over the picture.
+const SLOPE_LIMIT: f32 = 1.3;
+
+/// A Gaussian as the rasteriser blends it.
+#[derive(Clone, Copy, Debug)]
+pub struct Ellipse {
+    /// Centre [pixel].
+    pub center: [f32; 2],
+    /// Inverse covariance xx xy yy [1/pixel^2].
+    pub conic: [f32; 3],
+    /// Half extents of the region where the opacity is at least [`ALPHA_MIN`] [pixel].
+    pub reach: [f32; 2],
+    /// Squared Mahalanobis radius of that region.
+    pub cutoff: f32,
+    /// Opacity at the centre, 0..=1.
+    pub opacity: f32,
+    /// Colour, 0.. per channel.
+    pub color: [f32; 3],
+    /// Distance along the view axis [m].
+    pub depth: f32,
+}
+
+/// Per-picture constants of the projection.
+pub struct Projection<'a> {
+    camera: &'a Camera,
+    sh: Option<Harmonics<'a>>,
+    focal: f32,
+    slope_limit: [f32; 2],
+}
+
+impl<'a> Projection<'a> {
+    /// Projection into `camera`; colours from `sh`, else each Gaussian's own.
+    pub fn new(camera: &'a Camera, sh: Option<Harmonics<'a>>) -> Self {
+        let focal = camera.focal();
+        Self {
+            camera,
+            sh,
+            focal,
+            slope_limit: [
+                SLOPE_LIMIT * 0.5 * camera.width as f32 / focal,
+                SLOPE_LIMIT * 0.5 * camera.height as f32 / focal,
+            ],
+        }
+    }
+
+    /// The ellipse of `gaussian`, or `None` when nothing of it shows: behind the near plane, outside the picture,
+    /// transparent, not finite, or of a covariance that is not positive.
+    pub fn ellipse(&self, gaussian: &GaussianState) -> Option<Ellipse> {
+        let camera = self.camera;
+        let opacity = f32::from(gaussian.color[3]) / 255.0;
+        // Squared radius at which opacity * exp(-r^2 / 2) falls to ALPHA_MIN.
+        let cutoff = 2.0 * (opacity / ALPHA_MIN).ln();
+        if gaussian.color[3] < 2 {
+            return None;
+        }
+        let offset = Vec3::from_array(gaussian.position) - camera.position;
+        let view = camera.world_from_camera.transpose() * offset;
+        // Written so that a NaN depth is left out, too.
+        if !(view.z >= camera.near && view.z.is_finite()) {
+            return None;
+        }
+        let (slope_x, slope_y) = (view.x / view.z, view.y / view.z);
+        let center = [
+            0.5 * camera.width as f32 + self.focal * slope_x,
+            0.5 * camera.height as f32 + self.focal * slope_y,
+        ];
+
+        // Rows of (pixel from camera) * (camera from world), linearised at the centre. In double precision, because
+        // the thin axis of a wide splat is a small difference of large numbers.
+        let [limit_x, limit_y] = self.slope_limit;
+        let [right, down, forward] = [
+            camera.world_from_camera.x_axis.as_dvec3(),
+            camera.world_from_camera.y_axis.as_dvec3(),
+            camera.world_from_camera.z_axis.as_dvec3(),
+        ];
+        let scale = f64::from(self.focal) / f64::from(view.z);
+        let row_x = (right - forward * f64::from(slope_x.clamp(-limit_x, limit_x))) * scale;
+        let row_y = (down - forward * f64::from(slope_y.clamp(-limit_y, limit_y))) * scale;
+        let [xx, xy, xz, yy, yz, zz] = gaussian.covariance.map(f64::from);
+        let apply = |v: DVec3| {
+            DVec3::new(
+                xx * v.x + xy * v.y + xz * v.z,
+                xy * v.x + yy * v.y + yz * v.z,
+                xz * v.x + yz * v.y + zz * v.z,
+            )
+        };
+        let (along_x, along_y) = (apply(row_x), apply(row_y));
+        let variance_x = row_x.dot(along_x) + LOW_PASS;
+        let variance_y = row_y.dot(along_y) + LOW_PASS;
+        let covariance = row_y.dot(along_x);
+        let determinant = variance_x * variance_y - covariance * covariance;
+        if !(variance_x > 0.0 && variance_y > 0.0 && determinant > 0.0 && determinant.is_finite()) {
+            return None;
+        }
+        let reach = [
+            (f64::from(cutoff) * variance_x).sqrt() as f32,
+            (f64::from(cutoff) * variance_y).sqrt() as f32,
+        ];
+        let inside = |axis: usize, size: u32| {
+            center[axis] + reach[axis] >= 0.0 && center[axis] - reach[axis] <= size as f32
+        };
+        if !(inside(0, camera.width) && inside(1, camera.height)) {
+            return None;
+        }
+        let conic = [
+            (variance_y / determinant) as f32,
+            (-covariance / determinant) as f32,
+            (variance_x / determinant) as f32,
+        ];
+        // A conic this flat or this far away has left the range of f32.
+        if !(conic[0] > 0.0 && conic[2] > 0.0 && reach[0].is_finite() && reach[1].is_finite()) {
+            return None;
+        }
+        let plain = |channel: usize| f32::from(gaussian.color[channel]) / 255.0;
+        let color = self
+            .sh
+            .and_then(|sh| sh.color(gaussian.index, offset.normalize(), gaussian.rotation))
+            .map_or_else(|| [plain(0), plain(1), plain(2)], |color| color.to_array());
+        Some(Ellipse {
+            center,
+            conic,
+            reach,
+            cutoff,
+            opacity,
+            color,
+            depth: view.z,
+        })
+    }
+}
+
+impl Ellipse {
+    /// Smallest and largest x [pixel] that the ellipse reaches between the lines `low` and `high` [pixel]; `None` when
+    /// it does not come that far.
+    pub fn span(&self, low: f32, high: f32) -> Option<[f32; 2]> {
+        let [a, b, c] = self.conic;
+        let (low, high) = (low - self.center[1], high - self.center[1]);
+        if low > self.reach[1] || high < -self.reach[1] {
+            return None;
+        }
+        // Line at which the ellipse is widest to the right; to the left it is the opposite one.
+        let widest = -self.reach[0] * b / c;
+        let half = |y: f32| {
+            let height = y / self.reach[1];
+            (self.cutoff * (1.0 - height * height) / a).max(0.0).sqrt()
+        };
+        let (left, right) = ((-widest).clamp(low, high), widest.clamp(low, high));
+        Some([
+            self.center[0] + -b * left / a - half(left),
+            self.center[0] + -b * right / a + half(right),
+        ])
+    }
+}

@@ -1,0 +1,130 @@
+//! The picture: ellipses sorted by depth, handed to tiles, blended front to back.
+
+use std::ops::Range;
+
+use cosplat_ipc::schema::GaussianState;
+use rayon::prelude::*;
+
+use crate::project::{Ellipse, Projection};
+use crate::tile::{SIZE, Tile};
+use crate::{Camera, Harmonics, Image};
+
+/// Gaussians projected by one task.
+const CHUNK: usize = 4096;
+
+/// Picture of `gaussians` as `camera` sees them before `background` (sRGB, 0..=1).
+///
+/// Colours come from `sh` where it has one for the Gaussian's index, else from `GaussianState::color`. Gaussians that
+/// cannot be drawn (not finite, behind the camera, covariance not positive) are left out. Equal input gives equal
+/// bytes for any number of threads and any instruction set.
+pub fn picture(
+    gaussians: &[GaussianState],
+    sh: Option<Harmonics>,
+    camera: &Camera,
+    background: [f32; 3],
+) -> Image {
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    let mut rgb = vec![0; 3 * width * height];
+    let ellipses = front_to_back(gaussians, &Projection::new(camera, sh));
+    let strips = strips(&ellipses, height);
+    // `max(1)`: chunks of zero bytes are not allowed, and a picture without pixels has none.
+    rgb.par_chunks_mut((3 * width * SIZE).max(1))
+        .zip(&strips)
+        .enumerate()
+        .for_each(|(row, (pixels, members))| {
+            draw_strip(&ellipses, members, row, width, background, pixels);
+        });
+    Image {
+        width: camera.width,
+        height: camera.height,
+        rgb,
+    }
+}
+
+/// Everything that shows, nearest first; equal depths in the order of the frame.
+fn front_to_back(gaussians: &[GaussianState], projection: &Projection) -> Vec<Ellipse> {
+    let chunks: Vec<Vec<Ellipse>> = gaussians
+        .par_chunks(CHUNK)
+        .map(|chunk| {
+            chunk
+                .iter()
+                .filter_map(|gaussian| projection.ellipse(gaussian))
+                .collect()
+        })
+        .collect();
+    let unsorted: Vec<Ellipse> = chunks.concat();
+    // The bits of positive floats sort like the floats; the place in the frame makes every key unique.
+    let mut keys: Vec<u64> = unsorted
+        .iter()
+        .enumerate()
+        .map(|(place, ellipse)| u64::from(ellipse.depth.to_bits()) << 32 | place as u64)
+        .collect();
+    keys.par_sort_unstable();
+    keys.par_iter()
+        .with_min_len(CHUNK)
+        .map(|key| unsorted[(key & 0xffff_ffff) as usize])
+        .collect()
+}
+
+/// Which ellipses reach each strip of [`SIZE`] rows, nearest first.
+fn strips(ellipses: &[Ellipse], height: usize) -> Vec<Vec<u32>> {
+    let mut strips = vec![Vec::new(); height.div_ceil(SIZE)];
+    for (place, ellipse) in ellipses.iter().enumerate() {
+        let (center, reach) = (ellipse.center[1], ellipse.reach[1]);
+        for row in tiles(center - reach, center + reach, strips.len()) {
+            strips[row].push(place as u32);
+        }
+    }
+    strips
+}
+
+/// Tiles, of `count` in a row, that the pixels from `low` to `high` lie in.
+fn tiles(low: f32, high: f32, count: usize) -> Range<usize> {
+    // A sixteenth of a pixel covers the rounding of the bounds; float-to-integer casts saturate.
+    let first = ((low - 0.0625) / SIZE as f32).max(0.0) as usize;
+    let end = ((high + 0.0625) / SIZE as f32 + 1.0).max(0.0) as usize;
+    first.min(count)..end.min(count)
+}
+
+/// Draws strip `row`, whose bytes are `pixels`.
+fn draw_strip(
+    ellipses: &[Ellipse],
+    members: &[u32],
+    row: usize,
+    width: usize,
+    background: [f32; 3],
+    pixels: &mut [u8],
+) {
+    let columns = width.div_ceil(SIZE);
+    let top = (row * SIZE) as f32;
+    let spans: Vec<Range<usize>> = members
+        .iter()
+        .map(|&member| {
+            ellipses[member as usize]
+                .span(top, top + SIZE as f32)
+                .map_or(0..0, |[left, right]| tiles(left, right, columns))
+        })
+        .collect();
+    // Counting sort by column; it keeps the order by depth.
+    let mut first = vec![0; columns + 1];
+    for column in spans.iter().cloned().flatten() {
+        first[column + 1] += 1;
+    }
+    for column in 0..columns {
+        first[column + 1] += first[column];
+    }
+    let mut next = first.clone();
+    let mut sorted = vec![0u32; first[columns]];
+    for (&member, span) in members.iter().zip(spans) {
+        for column in span {
+            sorted[next[column]] = member;
+            next[column] += 1;
+        }
+    }
+    let mut tile = Tile::default();
+    for column in 0..columns {
+        tile.clear(column * SIZE, row * SIZE);
+        tile.blend(ellipses, &sorted[first[column]..first[column + 1]]);
+        tile.write(background, width, pixels);
+    }
+}

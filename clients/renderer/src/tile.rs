@@ -1,0 +1,200 @@
+//! Blending of one tile, a row of pixels at a time: the hot loop, written in lanes so that it vectorises.
+
+use crate::project::{ALPHA_MAX, ALPHA_MIN, Ellipse};
+
+/// Pixels along each side of a tile; also the lanes of a row.
+pub const SIZE: usize = 16;
+/// A tile is finished when less than this fraction of the light behind still passes everywhere: a quarter of a level.
+const TRANSMITTANCE_MIN: f32 = 1e-3;
+/// Ellipses blended between two checks for a finished tile.
+const BATCH: usize = 16;
+/// 2 to this power is below [`ALPHA_MIN`]; keeps the exponent in the range of [`exp2`].
+const NOTHING: f32 = -9.0;
+
+type Lanes = [f32; SIZE];
+
+/// Pixels of one tile while they are blended.
+#[derive(Clone, Default)]
+pub struct Tile {
+    left: usize,
+    top: usize,
+    /// Fraction of the light behind that still passes, `[row][column]`.
+    transmittance: [Lanes; SIZE],
+    /// Light gathered so far, `[row][rgb][column]`.
+    light: [[Lanes; 3]; SIZE],
+}
+
+impl Tile {
+    /// Empties the tile and puts its first pixel at (`left`, `top`).
+    pub fn clear(&mut self, left: usize, top: usize) {
+        *self = Self {
+            left,
+            top,
+            transmittance: [[1.0; SIZE]; SIZE],
+            light: Default::default(),
+        };
+    }
+
+    /// Blends `members` of `ellipses`, nearest first.
+    pub fn blend(&mut self, ellipses: &[Ellipse], members: &[u32]) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has AVX2.
+            return unsafe { self.blend_avx2(ellipses, members) };
+        }
+        self.blend_lanes(ellipses, members);
+    }
+
+    /// The same operations in the same order as [`Self::blend_lanes`], so the same bits: nothing here may be
+    /// contracted to a fused multiply-add.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn blend_avx2(&mut self, ellipses: &[Ellipse], members: &[u32]) {
+        self.blend_lanes(ellipses, members);
+    }
+
+    #[inline(always)]
+    fn blend_lanes(&mut self, ellipses: &[Ellipse], members: &[u32]) {
+        for batch in members.chunks(BATCH) {
+            for &member in batch {
+                self.blend_one(&ellipses[member as usize]);
+            }
+            if self.is_opaque() {
+                return;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn blend_one(&mut self, ellipse: &Ellipse) {
+        // exp(-r^2 / 2) = 2^(xx dx^2 + xy dx dy + yy dy^2)
+        let [a, b, c] = ellipse.conic;
+        let to_log2 = -0.5 * std::f32::consts::LOG2_E;
+        let (xx, xy, yy) = (a * to_log2, 2.0 * b * to_log2, c * to_log2);
+        let (center, reach) = (ellipse.center[1] - self.top as f32, ellipse.reach[1]);
+        // Centres of pixel rows lie at half-integers.
+        let first = (center - reach - 0.5625).ceil().clamp(0.0, SIZE as f32) as usize;
+        let end = (center + reach + 0.5625).ceil().clamp(0.0, SIZE as f32) as usize;
+        let left = self.left as f32 + 0.5 - ellipse.center[0];
+        for row in first..end.min(SIZE) {
+            let dy = row as f32 + 0.5 - center;
+            let (slope, level) = (xy * dy, yy * dy * dy);
+            let mut weight = [0.0; SIZE];
+            for lane in 0..SIZE {
+                let dx = left + lane as f32;
+                let exponent = dx * (xx * dx + slope) + level;
+                let exponent = if exponent > NOTHING {
+                    exponent
+                } else {
+                    NOTHING
+                };
+                let alpha = ellipse.opacity * exp2(exponent);
+                let alpha = if alpha < ALPHA_MAX { alpha } else { ALPHA_MAX };
+                let alpha = if alpha >= ALPHA_MIN { alpha } else { 0.0 };
+                weight[lane] = alpha * self.transmittance[row][lane];
+            }
+            for lane in 0..SIZE {
+                self.transmittance[row][lane] -= weight[lane];
+            }
+            for channel in 0..3 {
+                for lane in 0..SIZE {
+                    self.light[row][channel][lane] += ellipse.color[channel] * weight[lane];
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn is_opaque(&self) -> bool {
+        let mut open = 0f32;
+        for row in &self.transmittance {
+            for value in row {
+                open = if *value > open { *value } else { open };
+            }
+        }
+        open < TRANSMITTANCE_MIN
+    }
+
+    /// Writes the tile over `background` into `pixels`, a strip of rows of `width` pixels that starts at the tile's top.
+    pub fn write(&self, background: [f32; 3], width: usize, pixels: &mut [u8]) {
+        let columns = SIZE.min(width - self.left);
+        for (row, line) in pixels.chunks_exact_mut(3 * width).enumerate() {
+            let line = &mut line[3 * self.left..3 * (self.left + columns)];
+            for (column, pixel) in line.chunks_exact_mut(3).enumerate() {
+                for channel in 0..3 {
+                    let behind = background[channel] * self.transmittance[row][column];
+                    let value = self.light[row][channel][column] + behind;
+                    // The cast saturates: brighter than white is white.
+                    pixel[channel] = (value * 255.0 + 0.5) as u8;
+                }
+            }
+        }
+    }
+}
+
+/// 2^x for -126 < x < 126; relative error below 3e-7.
+#[inline(always)]
+fn exp2(x: f32) -> f32 {
+    // Adding 1.5 * 2^23 leaves the nearest integer in the low bits.
+    const ROUND: f32 = 12_582_912.0;
+    let whole = x + ROUND;
+    let part = x - (whole - ROUND);
+    let mut power = POWER[5];
+    for term in [4, 3, 2, 1, 0] {
+        power = power * part + POWER[term];
+    }
+    f32::from_bits(power.to_bits().wrapping_add(whole.to_bits() << 23))
+}
+
+/// Polynomial through 2^x at the six Chebyshev nodes of -1/2..1/2; error 1e-7.
+const POWER: [f32; 6] = [
+    1.000_000_1,
+    0.693_147_2,
+    0.240_221_08,
+    0.055_503_57,
+    0.009_676_032,
+    0.001_339_086_3,
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exp2_is_accurate_to_f32() {
+        for k in -9000..=1000 {
+            let x = k as f32 / 1000.0;
+            let exact = f64::from(x).exp2();
+            // Interpolation error 1e-7 plus a few roundings.
+            assert!((f64::from(exp2(x)) / exact - 1.0).abs() < 3e-7, "{x}");
+        }
+    }
+
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let ellipses: Vec<Ellipse> = (0..400)
+            .map(|k| {
+                let (k, f) = (k, k as f32);
+                let b = 0.2 * (f * 0.7).sin();
+                Ellipse {
+                    center: [8.0 + 9.0 * (f * 1.3).sin(), 8.0 + 9.0 * (f * 2.1).cos()],
+                    conic: [0.3 + 0.2 * (f * 0.9).cos(), b, 0.4],
+                    reach: [6.0, 6.0],
+                    cutoff: 10.0,
+                    opacity: 0.05 + 0.001 * f,
+                    color: [0.1 * (k % 10) as f32, 0.5, 1.0],
+                    depth: 1.0,
+                }
+            })
+            .collect();
+        let members: Vec<u32> = (0..400).collect();
+        let mut portable = Tile::default();
+        portable.clear(0, 0);
+        let mut dispatched = portable.clone();
+        portable.blend_lanes(&ellipses, &members);
+        dispatched.blend(&ellipses, &members);
+        assert!(portable.transmittance[8][8] < 0.5);
+        assert_eq!(portable.transmittance, dispatched.transmittance);
+        assert_eq!(portable.light, dispatched.light);
+    }
+}
