@@ -8,6 +8,7 @@ pub mod assets;
 pub mod command;
 pub mod mat3;
 pub mod materials;
+pub mod moments;
 pub mod num;
 pub mod report;
 pub mod scene;

@@ -88,7 +88,8 @@ pub struct ObjectState {
     pub linear_velocity: [f64; 3],
     /// Angular momentum about the centre of mass incl. the affine part [kg m^2/s].
     pub angular_momentum: [f64; 3],
-    /// Angular velocity: inertia^-1 x angular momentum [rad/s].
+    /// Angular velocity: `(inertia + dx^2/2 mass)^-1` x angular momentum [rad/s]; the second term is the affine
+    /// part's share, which makes this exact for rigid motion.
     pub angular_velocity: [f64; 3],
     /// Inertia about the centre of mass xx xy xz yy yz zz [kg m^2].
     pub inertia: [f64; 6],
