@@ -6,6 +6,7 @@
 
 pub mod assets;
 pub mod command;
+pub mod kinematics;
 pub mod mat3;
 pub mod materials;
 pub mod moments;
