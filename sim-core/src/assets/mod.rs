@@ -1,44 +1,83 @@
 //! Splat assets: activated Gaussians in memory, and the files they come from.
 
-/// Gaussians as structure of arrays, activated: linear scales, opacity in 0..=1, unit rotations.
-///
-/// All vectors have the same length, but for [`sh`](Self::sh) and [`feature`](Self::feature), whose strides
-/// are [`sh_stride`](Self::sh_stride) and [`feature_dim`](Self::feature_dim).
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Gaussians {
-    /// Centre, asset units (metres once placed in a scene), shape `[n]`.
-    pub position: Vec<[f32; 3]>,
-    /// Standard deviation along the local axes, same unit as `position`, > 0.
-    pub scale: Vec<[f32; 3]>,
-    /// World-from-local unit quaternion, xyzw.
-    pub rotation: Vec<[f32; 4]>,
-    /// Opacity, 0..=1.
-    pub opacity: Vec<f32>,
-    /// Spherical-harmonics coefficients, per Gaussian coefficient-major `[(degree+1)^2][rgb]`.
-    /// Colour = 0.5 + 0.28209479 * coefficient 0 for degree 0.
-    pub sh: Vec<f32>,
-    /// Degree of `sh`, 0..=3.
-    pub sh_degree: u8,
-    /// Semantic feature vectors, `[n][feature_dim]`; empty when the asset carries none.
-    pub feature: Vec<f32>,
-    /// Length of one semantic feature; 0 when there are none.
-    pub feature_dim: u32,
+mod activate;
+mod error;
+mod gaussians;
+pub mod ply;
+mod ply_header;
+pub mod splat;
+
+pub use activate::SH_C0;
+pub use error::{AssetError, Dropped, ReadReport};
+pub use gaussians::Gaussians;
+
+/// Largest coordinate or scale that is taken as real, asset units; Gaussians beyond it are dropped. Its square
+/// still leaves headroom in `f32`.
+pub const MAX_LENGTH: f32 = 1e9;
+
+/// Smallest scale kept, asset units: perfectly flat discs get this thickness, whose square is still normal.
+pub const MIN_SCALE: f32 = 1e-12;
+
+/// Reads an asset, choosing the format by its first bytes and by the extension of `name` (which is otherwise
+/// used in messages only). Bad single Gaussians are left out and counted; anything else wrong is an error.
+pub fn read(name: &str, bytes: &[u8]) -> Result<(Gaussians, ReadReport), AssetError> {
+    if bytes.is_empty() {
+        return Err(AssetError::Empty {
+            file: name.into(),
+            element: "the file",
+        });
+    }
+    let extension = name
+        .rsplit_once('.')
+        .map_or("", |(_, e)| e)
+        .to_ascii_lowercase();
+    let is_ply = bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r");
+    match (extension.as_str(), is_ply) {
+        ("splat", false) => splat::read(name, bytes),
+        ("splat", true) => Err(AssetError::Format {
+            file: name.into(),
+            expected: "32-byte .splat rows",
+            actual: "a PLY header: rename the file to .ply".into(),
+        }),
+        (_, true) => ply::read(name, bytes),
+        (_, false) => Err(AssetError::Format {
+            file: name.into(),
+            expected: if extension == "ply" {
+                "a PLY file, which starts with a line `ply`"
+            } else {
+                "a PLY file or a name that ends in .splat"
+            },
+            actual: describe(bytes),
+        }),
+    }
 }
 
-impl Gaussians {
-    /// Number of Gaussians.
-    pub fn len(&self) -> usize {
-        self.position.len()
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.position.is_empty()
-    }
-
-    /// Floats of `sh` per Gaussian: 3, 12, 27 or 48.
-    pub fn sh_stride(&self) -> usize {
-        let bands = usize::from(self.sh_degree) + 1;
-        3 * bands * bands
+/// Says in words what foreign content looks like.
+fn describe(bytes: &[u8]) -> String {
+    let convert = "convert it to .ply first, for example with splat-transform";
+    match bytes {
+        [0x1f, 0x8b, ..] => format!("gzip data, perhaps SPZ: {convert}"),
+        [b'N', b'G', b'S', b'P', ..] => format!("an SPZ file: {convert}"),
+        [b'P', b'K', 3, 4, ..] => format!("a zip archive, perhaps SOG: {convert}"),
+        [b'g', b'l', b'T', b'F', ..] => format!("a binary glTF file: {convert}"),
+        _ => format!("bytes {:02x?}", &bytes[..bytes.len().min(8)]),
     }
 }
+
+/// Turns what a format's reader collected into the result of [`read`].
+fn finish(
+    name: &str,
+    (gaussians, report): (Gaussians, ReadReport),
+) -> Result<(Gaussians, ReadReport), AssetError> {
+    if gaussians.is_empty() {
+        return Err(AssetError::NoneUsable {
+            file: name.into(),
+            count: report.count,
+            dropped: report.dropped,
+        });
+    }
+    Ok((gaussians, report))
+}
+
+#[cfg(test)]
+mod tests;
