@@ -11,9 +11,13 @@ pub mod mat3;
 pub mod materials;
 pub mod moments;
 pub mod num;
+pub mod reference;
 pub mod report;
 pub mod scene;
+#[cfg(test)]
+mod test_scenes;
 
 pub use command::{Action, Command, CommandError};
+pub use reference::ReferenceWorld;
 pub use report::{DtLimit, ObjectState, StepReport};
 pub use scene::Scene;

@@ -1,0 +1,123 @@
+//! Commands on the reference state.
+
+use std::ops::Range;
+
+use super::{Particles, ReferenceWorld};
+use crate::{
+    command::{Action, Command},
+    mat3::Mat3,
+};
+
+impl ReferenceWorld {
+    /// Applies commands in the given order. An object that is not in the scene is passed over.
+    pub(super) fn apply(&mut self, commands: &[Command]) {
+        for command in commands {
+            self.act(&command.action);
+        }
+    }
+
+    fn act(&mut self, action: &Action) {
+        let range = |object: usize| {
+            self.scene
+                .objects
+                .get(object)
+                .map_or(0..0, |o| o.particles.clone())
+        };
+        match *action {
+            Action::Impulse { object, impulse } => {
+                let touched: Vec<usize> = range(object).collect();
+                self.particles.push(&touched, impulse);
+            }
+            Action::ImpulseAt {
+                object,
+                impulse,
+                point,
+                radius,
+            } => {
+                let touched = self.particles.within(range(object), point, radius);
+                self.particles.push(&touched, impulse);
+            }
+            Action::SetVelocity {
+                object,
+                linear,
+                angular: [x, y, z],
+            } => {
+                let spin = Mat3([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]);
+                self.particles
+                    .set_affine_motion(range(object), linear, spin);
+            }
+            Action::SetMaterial {
+                object,
+                ref material,
+            } => {
+                if let Some(current) = self.materials.get_mut(object) {
+                    *current = material.clone();
+                }
+            }
+            Action::SetGravity { gravity } => self.gravity = gravity,
+            Action::Reset => {
+                *self = Self {
+                    steps: self.steps,
+                    ..Self::new(&self.scene)
+                };
+            }
+        }
+    }
+}
+
+impl Particles {
+    /// Gives particles the velocity `linear + G (x - X)` about their centre of mass `X`, and `C = G`.
+    pub(super) fn set_affine_motion(
+        &mut self,
+        range: Range<usize>,
+        linear: [f64; 3],
+        gradient: Mat3<f64>,
+    ) {
+        let mut mass = 0.0;
+        let mut first = [0.0; 3];
+        for p in range.clone() {
+            mass += self.mass[p];
+            for i in 0..3 {
+                first[i] += self.mass[p] * self.position[p][i];
+            }
+        }
+        for p in range {
+            let r = std::array::from_fn(|i| self.position[p][i] - first[i] / mass);
+            let spin = gradient.mul_vec(r);
+            self.velocity[p] = std::array::from_fn(|i| linear[i] + spin[i]);
+            self.affine[p] = gradient.0;
+        }
+    }
+
+    /// Shares an impulse over particles as equal velocity change.
+    fn push(&mut self, touched: &[usize], impulse: [f64; 3]) {
+        let mass: f64 = touched.iter().map(|&p| self.mass[p]).sum();
+        if mass > 0.0 {
+            for &p in touched {
+                for i in 0..3 {
+                    self.velocity[p][i] += impulse[i] / mass;
+                }
+            }
+        }
+    }
+
+    /// Living particles within `radius` of `point`; the nearest one when there are none.
+    fn within(&self, range: Range<usize>, point: [f64; 3], radius: f64) -> Vec<usize> {
+        let distance = |p: usize| {
+            (0..3)
+                .map(|i| (self.position[p][i] - point[i]).powi(2))
+                .sum::<f64>()
+                .sqrt()
+        };
+        let alive: Vec<usize> = range.filter(|&p| self.mass[p] > 0.0).collect();
+        let nearest = alive
+            .iter()
+            .map(|&p| distance(p))
+            .fold(f64::INFINITY, f64::min);
+        let reach = radius.max(nearest);
+        alive
+            .into_iter()
+            .filter(|&p| distance(p) <= reach)
+            .collect()
+    }
+}

@@ -1,0 +1,281 @@
+//! The scalar `f64` reference solver: the oracle of the tests and the reference of the accuracy charts.
+//!
+//! Explicit MLS-MPM (Hu et al. 2018) with quadratic B-splines, the affine transfer of APIC (Jiang et al. 2015)
+//! and symplectic Euler, written from the equations, one particle and one node at a time. No guard: a time step
+//! beyond the stability limit blows up, as it must.
+
+mod boundary;
+mod commands;
+mod grid;
+mod time_step;
+
+use crate::{
+    command::Command,
+    kinematics::advance_deformation,
+    mat3::Mat3,
+    materials::Material,
+    moments::{ParticleArrays, object_moments, total_momentum},
+    report::StepReport,
+    scene::{Aabb, Scene},
+};
+use boundary::constrain;
+use grid::{Grid, Stencil};
+pub use time_step::TimeStep;
+
+/// A scene in motion, in double precision and scene order.
+#[derive(Clone, Debug)]
+pub struct ReferenceWorld {
+    scene: Scene,
+    /// Particle state.
+    pub particles: Particles,
+    gravity: [f64; 3],
+    materials: Vec<Material>,
+    steps: u64,
+    sim_time: f64,
+}
+
+/// Particle state, SI units, world frame.
+#[derive(Clone, Debug, Default)]
+pub struct Particles {
+    /// Mass [kg]; 0 once a particle has left the domain.
+    pub mass: Vec<f64>,
+    /// Rest volume `V0` [m^3]; 0 once a particle has left the domain.
+    pub volume: Vec<f64>,
+    /// Position [m].
+    pub position: Vec<[f64; 3]>,
+    /// Velocity [m/s].
+    pub velocity: Vec<[f64; 3]>,
+    /// Affine velocity `C` [1/s], row-major.
+    pub affine: Vec<[[f64; 3]; 3]>,
+    /// Deformation gradient `F`, row-major.
+    pub deformation: Vec<[[f64; 3]; 3]>,
+}
+
+impl Particles {
+    fn at_rest(scene: &Scene) -> Self {
+        let count = scene.particles.position.len();
+        let mut particles = Self {
+            mass: vec![0.0; count],
+            volume: scene.particles.volume.clone(),
+            position: scene.particles.position.clone(),
+            velocity: vec![[0.0; 3]; count],
+            affine: vec![[[0.0; 3]; 3]; count],
+            deformation: vec![Mat3::identity().0; count],
+        };
+        for object in &scene.objects {
+            for p in object.particles.clone() {
+                particles.mass[p] = object.material.density * particles.volume[p];
+            }
+            particles.set_affine_motion(
+                object.particles.clone(),
+                object.linear_velocity,
+                Mat3(object.velocity_gradient),
+            );
+        }
+        particles
+    }
+}
+
+impl ReferenceWorld {
+    /// The scene at time 0.
+    pub fn new(scene: &Scene) -> Self {
+        Self {
+            particles: Particles::at_rest(scene),
+            gravity: scene.gravity,
+            materials: scene
+                .objects
+                .iter()
+                .map(|object| object.material.clone())
+                .collect(),
+            steps: 0,
+            sim_time: 0.0,
+            scene: scene.clone(),
+        }
+    }
+
+    /// Applies the commands, then advances by `frame_dt` [s] with substeps of the scene's `cfl`.
+    pub fn step(&mut self, frame_dt: f64, commands: &[Command]) -> StepReport {
+        let mut frame = self.begin(commands);
+        let mut remaining = frame_dt;
+        while remaining > 0.0 {
+            let limit = self.time_step();
+            // Equal shares of what is left, so that a frame never ends in a sliver.
+            let shares = (remaining / limit.dt).ceil().max(1.0);
+            let dt = remaining / shares;
+            let cause = if shares > 1.0 { limit } else { TimeStep::FRAME };
+            self.substep(dt, cause, &mut frame.report);
+            remaining = if shares > 1.0 { remaining - dt } else { 0.0 };
+        }
+        self.finish(frame)
+    }
+
+    /// Applies the commands, then takes exactly these substeps [s]: for comparison with another solver.
+    pub fn step_with(&mut self, substeps: &[f64], commands: &[Command]) -> StepReport {
+        let mut frame = self.begin(commands);
+        for &dt in substeps {
+            self.substep(dt, TimeStep::FRAME, &mut frame.report);
+        }
+        self.finish(frame)
+    }
+
+    /// The largest allowed substep now, the scene's `cfl` included, and what limits it.
+    pub fn time_step(&self) -> TimeStep {
+        time_step::time_step(&self.scene, &self.materials, &self.particles)
+    }
+
+    fn substep(&mut self, dt: f64, cause: TimeStep, report: &mut StepReport) {
+        let (dx, particles) = (self.scene.dx, &mut self.particles);
+        let mut grid = Grid::default();
+        let mut stencils = vec![None; particles.mass.len()];
+
+        // P2G. Internal force of MLS-MPM: -4 V0 / dx^2 tau (x_i - x_p) w_ip, inside the affine matrix.
+        for (object, material) in self.scene.objects.iter().zip(&self.materials) {
+            for p in object.particles.clone() {
+                let m = particles.mass[p];
+                if m == 0.0 {
+                    continue;
+                }
+                let f = Mat3(particles.deformation[p]);
+                let tau = material
+                    .law
+                    .kirchhoff_stress(&f, material.lambda(), material.mu());
+                let k = -dt * particles.volume[p] * 4.0 / (dx * dx);
+                let c = &particles.affine[p];
+                let affine = Mat3([
+                    [
+                        m * c[0][0] + k * tau[0],
+                        m * c[0][1] + k * tau[1],
+                        m * c[0][2] + k * tau[2],
+                    ],
+                    [
+                        m * c[1][0] + k * tau[1],
+                        m * c[1][1] + k * tau[3],
+                        m * c[1][2] + k * tau[4],
+                    ],
+                    [
+                        m * c[2][0] + k * tau[2],
+                        m * c[2][1] + k * tau[4],
+                        m * c[2][2] + k * tau[5],
+                    ],
+                ]);
+                let stencil = Stencil::new(particles.position[p], dx);
+                grid.scatter(&stencil, m, particles.velocity[p], &affine);
+                stencils[p] = Some(stencil);
+            }
+        }
+
+        // Grid: momentum to velocity, gravity, boundaries.
+        for (index, node) in &mut grid.nodes {
+            let x = index.map(|i| f64::from(i) * dx);
+            let velocity =
+                std::array::from_fn(|i| node.momentum[i] / node.mass + dt * self.gravity[i]);
+            node.velocity = constrain(&self.scene, x, velocity);
+        }
+
+        // G2P: gather, move, deform.
+        for (p, stencil) in stencils.iter().enumerate() {
+            let Some(stencil) = stencil else { continue };
+            let (v, c) = grid.gather(stencil, dx);
+            particles.velocity[p] = v;
+            particles.affine[p] = c.0;
+            let a = Mat3(c.0.map(|row| row.map(|c| dt * c)));
+            particles.deformation[p] = advance_deformation(&Mat3(particles.deformation[p]), &a).0;
+            for i in 0..3 {
+                particles.position[p][i] += dt * v[i];
+            }
+            if !contains(&self.scene.domain, particles.position[p]) {
+                particles.mass[p] = 0.0;
+                particles.volume[p] = 0.0;
+                report.left_domain.push(p as u32);
+            }
+            report.particle_updates += 1;
+        }
+
+        self.sim_time += dt;
+        report.substeps += 1;
+        report.dt = dt;
+        if report.substeps == 1 || dt < report.dt_min {
+            report.dt_min = dt;
+            report.dt_limit = cause.limit;
+            report.dt_object = cause.object;
+        }
+    }
+}
+
+/// Whether a point is in a box, faces included; NaN is not.
+fn contains(domain: &Aabb, x: [f64; 3]) -> bool {
+    (0..3).all(|i| domain.min[i] <= x[i] && x[i] <= domain.max[i])
+}
+
+/// What has to be remembered from the start of a frame to its end.
+struct Frame {
+    report: StepReport,
+    start_time: f64,
+    start_momentum: Vec<[f64; 3]>,
+}
+
+impl ReferenceWorld {
+    fn begin(&mut self, commands: &[Command]) -> Frame {
+        self.apply(commands);
+        Frame {
+            report: StepReport::default(),
+            start_time: self.sim_time,
+            start_momentum: self.objects().iter().map(momentum).collect(),
+        }
+    }
+
+    fn finish(&mut self, frame: Frame) -> StepReport {
+        self.steps += 1;
+        let mut report = frame.report;
+        let elapsed = self.sim_time - frame.start_time;
+        report.step = self.steps;
+        report.sim_time = self.sim_time;
+        report.particle_updates_full = report.particle_updates;
+        report.objects = self.objects();
+        for (object, start) in report.objects.iter_mut().zip(&frame.start_momentum) {
+            let end = momentum(object);
+            object.contact_impulse = std::array::from_fn(|i| {
+                end[i] - start[i] - object.mass * self.gravity[i] * elapsed
+            });
+            report.kinetic_energy += object.kinetic_energy;
+            report.elastic_energy += object.elastic_energy;
+            for i in 0..3 {
+                report.potential_energy -= object.mass * self.gravity[i] * object.com[i];
+            }
+        }
+        (report.linear_momentum, report.angular_momentum) = total_momentum(&report.objects);
+        report
+    }
+
+    /// Moments of every object.
+    pub fn objects(&self) -> Vec<crate::ObjectState> {
+        let particles = ParticleArrays {
+            volume: &self.particles.volume,
+            position: &self.particles.position,
+            velocity: &self.particles.velocity,
+            affine: &self.particles.affine,
+            deformation: &self.particles.deformation,
+        };
+        self.scene
+            .objects
+            .iter()
+            .zip(&self.materials)
+            .map(|(object, material)| {
+                object_moments(
+                    &particles,
+                    object.particles.clone(),
+                    object.material.density,
+                    self.scene.dx,
+                    material,
+                )
+            })
+            .collect()
+    }
+}
+
+fn momentum(object: &crate::ObjectState) -> [f64; 3] {
+    object.linear_velocity.map(|v| v * object.mass)
+}
+
+#[cfg(test)]
+mod tests;

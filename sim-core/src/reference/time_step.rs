@@ -1,0 +1,82 @@
+//! The largest allowed substep.
+
+use super::Particles;
+use crate::{
+    mat3::Mat3,
+    materials::{
+        Material,
+        limits::{DeformationBounds, critical_dt},
+        svd::svd,
+    },
+    report::DtLimit,
+    scene::Scene,
+};
+
+/// A substep and what limits it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimeStep {
+    /// Size [s]; infinite without particles.
+    pub dt: f64,
+    /// Cause.
+    pub limit: DtLimit,
+    /// Object behind it.
+    pub object: Option<usize>,
+}
+
+impl TimeStep {
+    /// Limited by the frame alone.
+    pub(super) const FRAME: Self = Self {
+        dt: f64::INFINITY,
+        limit: DtLimit::Frame,
+        object: None,
+    };
+}
+
+/// `cfl` times the smallest of: the isolated-particle limit at the current tangent, `dx / |v|`, `1 / |C|`.
+pub(super) fn time_step(scene: &Scene, materials: &[Material], particles: &Particles) -> TimeStep {
+    let mut smallest = TimeStep::FRAME;
+    for (id, (object, material)) in scene.objects.iter().zip(materials).enumerate() {
+        let mut bounds = DeformationBounds::REST;
+        let (mut speed, mut rate) = (0.0_f64, 0.0_f64);
+        let alive = object
+            .particles
+            .clone()
+            .filter(|&p| particles.mass[p] > 0.0);
+        let mut count = 0;
+        for p in alive {
+            let f = Mat3(particles.deformation[p]);
+            bounds.max_stretch = bounds.max_stretch.max(svd(&f).sigma[0]);
+            bounds.min_j = bounds.min_j.min(f.det());
+            bounds.max_j = bounds.max_j.max(f.det());
+            speed = speed.max(
+                particles.velocity[p]
+                    .iter()
+                    .map(|v| v * v)
+                    .sum::<f64>()
+                    .sqrt(),
+            );
+            rate = rate.max(Mat3(particles.affine[p]).norm_squared().sqrt());
+            count += 1;
+        }
+        if count == 0 {
+            continue;
+        }
+        let (lambda, mu) = (material.lambda(), material.mu());
+        let rho0 = object.material.density;
+        let sound = critical_dt(material.law, lambda, mu, rho0, scene.dx, &bounds);
+        for (dt, limit) in [
+            (sound, DtLimit::Sound),
+            (scene.dx / speed, DtLimit::Velocity),
+            (1.0 / rate, DtLimit::Deformation),
+        ] {
+            if scene.cfl * dt < smallest.dt {
+                smallest = TimeStep {
+                    dt: scene.cfl * dt,
+                    limit,
+                    object: Some(id),
+                };
+            }
+        }
+    }
+    smallest
+}

@@ -1,0 +1,98 @@
+//! Small scenes built in code, for tests of this crate.
+
+use crate::{
+    assets::Gaussians,
+    materials::{Law, Material},
+    scene::{
+        Aabb, Binding, Collider, ColliderShape, Fidelity, Object, RestParticles, Scene, Surface,
+    },
+};
+
+/// A scene without objects, gravity or boundaries in a cube of 200 m.
+pub fn empty(dx: f64) -> Scene {
+    Scene {
+        name: "test".into(),
+        gravity: [0.0; 3],
+        dx,
+        frame_rate: 60.0,
+        cfl: 0.5,
+        seed: 0,
+        domain: Aabb {
+            min: [-100.0; 3],
+            max: [100.0; 3],
+        },
+        objects: vec![],
+        colliders: vec![],
+        pinned_regions: vec![],
+        particles: RestParticles::default(),
+        gaussians: Gaussians::default(),
+        binding: Binding::default(),
+        probes: vec![],
+    }
+}
+
+/// A material of density 1000 kg/m^3.
+pub fn elastic(law: Law, youngs_modulus: f64, poisson_ratio: f64) -> Material {
+    Material {
+        name: "elastic".into(),
+        law,
+        youngs_modulus,
+        poisson_ratio,
+        density: 1000.0,
+    }
+}
+
+/// Adds a box of `cells` lattice cells with spacing `h` [m], lowest corner at `corner`; returns its object id.
+pub fn add_box(
+    scene: &mut Scene,
+    material: Material,
+    corner: [f64; 3],
+    h: f64,
+    cells: [usize; 3],
+) -> usize {
+    let start = scene.particles.position.len();
+    for i in 0..cells[0] {
+        for j in 0..cells[1] {
+            for k in 0..cells[2] {
+                let lattice = [i, j, k].map(|c| (c as f64 + 0.5) * h);
+                scene
+                    .particles
+                    .position
+                    .push(std::array::from_fn(|a| corner[a] + lattice[a]));
+                scene.particles.volume.push(h * h * h);
+            }
+        }
+    }
+    scene.objects.push(Object {
+        name: format!("box{}", scene.objects.len()),
+        material,
+        fidelity: Fidelity::Mpm,
+        particles: start..scene.particles.position.len(),
+        gaussians: 0..0,
+        world_from_asset: [0.0, 0.0, 0.0, 1.0],
+        linear_velocity: [0.0; 3],
+        velocity_gradient: [[0.0; 3]; 3],
+    });
+    scene.objects.len() - 1
+}
+
+/// The velocity gradient of a rigid spin [1/s].
+pub fn spin([x, y, z]: [f64; 3]) -> [[f64; 3]; 3] {
+    [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+}
+
+/// Adds a half-space below `point`.
+pub fn add_plane(
+    scene: &mut Scene,
+    point: [f64; 3],
+    normal: [f64; 3],
+    surface: Surface,
+    friction: f64,
+) {
+    scene.colliders.push(Collider {
+        name: "plane".into(),
+        shape: ColliderShape::HalfSpace { point, normal },
+        surface,
+        friction,
+    });
+}
