@@ -15,3 +15,6 @@ pub use camera::Camera;
 pub use image::Image;
 pub use raster::picture;
 pub use sh::Harmonics;
+
+#[cfg(test)]
+mod tests;

@@ -81,6 +81,7 @@ impl<'a> Projection<'a> {
 
         // Rows of (pixel from camera) * (camera from world), linearised at the centre. In double precision, because
         // the thin axis of a wide splat is a small difference of large numbers.
+        // `max` and `min`, because `clamp` panics when a broken camera makes the limits NaN.
         let [limit_x, limit_y] = self.slope_limit;
         let [right, down, forward] = [
             camera.world_from_camera.x_axis.as_dvec3(),
@@ -88,9 +89,16 @@ impl<'a> Projection<'a> {
             camera.world_from_camera.z_axis.as_dvec3(),
         ];
         let scale = f64::from(self.focal) / f64::from(view.z);
-        let row_x = (right - forward * f64::from(slope_x.clamp(-limit_x, limit_x))) * scale;
-        let row_y = (down - forward * f64::from(slope_y.clamp(-limit_y, limit_y))) * scale;
+        let row_x = (right - forward * f64::from(slope_x.max(-limit_x).min(limit_x))) * scale;
+        let row_y = (down - forward * f64::from(slope_y.max(-limit_y).min(limit_y))) * scale;
         let [xx, xy, xz, yy, yz, zz] = gaussian.covariance.map(f64::from);
+        // Correlations above 1 belong to no Gaussian, even where their projection looks like one. The margin is for the
+        // rounding of thin shapes to f32; written so that NaN is left out, too.
+        let correlates =
+            |a: f64, b: f64, ab: f64| a >= 0.0 && b >= 0.0 && ab * ab <= 1.0001 * a * b;
+        if !(correlates(xx, yy, xy) && correlates(xx, zz, xz) && correlates(yy, zz, yz)) {
+            return None;
+        }
         let apply = |v: DVec3| {
             DVec3::new(
                 xx * v.x + xy * v.y + xz * v.z,
@@ -157,7 +165,7 @@ impl Ellipse {
             let height = y / self.reach[1];
             (self.cutoff * (1.0 - height * height) / a).max(0.0).sqrt()
         };
-        let (left, right) = ((-widest).clamp(low, high), widest.clamp(low, high));
+        let (left, right) = ((-widest).max(low).min(high), widest.max(low).min(high));
         Some([
             self.center[0] + -b * left / a - half(left),
             self.center[0] + -b * right / a + half(right),
