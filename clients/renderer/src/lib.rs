@@ -5,6 +5,7 @@
 
 pub mod camera;
 pub mod image;
+pub mod mp4;
 pub mod png;
 pub mod project;
 pub mod raster;
