@@ -1,6 +1,7 @@
 //! The `cosplat` command line: one file per subcommand.
 
 mod progress;
+mod recover;
 mod signals;
 
 use std::process::ExitCode;
@@ -17,7 +18,9 @@ struct Cli {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    Recover(recover::Args),
+}
 
 fn main() -> ExitCode {
     tracing_subscriber::fmt()
@@ -27,7 +30,9 @@ fn main() -> ExitCode {
         )
         .with_writer(std::io::stderr)
         .init();
-    let outcome: anyhow::Result<()> = match Cli::parse().command {};
+    let outcome: anyhow::Result<()> = match Cli::parse().command {
+        Command::Recover(args) => recover::run(&args),
+    };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

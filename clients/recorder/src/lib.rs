@@ -1,1 +1,17 @@
-//! Recorder client: every published step into an MCAP file.
+//! Recorder client: every published step into an MCAP file, and the way back.
+//!
+//! Reading order: what a message looks like ([`messages`], [`point_cloud`], [`ply`]), how a file is written
+//! ([`writer`]), read ([`reader`]) and repaired ([`recover`](mod@recover)). The file format is `docs/recording-format.md`.
+
+mod error;
+pub mod messages;
+pub mod ply;
+pub mod point_cloud;
+pub mod reader;
+pub mod recover;
+mod segments;
+mod time_line;
+pub mod topics;
+pub mod writer;
+
+pub use error::RecordingError;

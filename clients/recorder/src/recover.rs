@@ -1,0 +1,403 @@
+//! Repair of a recording whose writer was killed, whose disk filled up, or whose bytes were damaged.
+//!
+//! Finished chunks are kept when their checksum holds. Of a chunk that was cut off every complete message is kept.
+//! Index and summary are written anew.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use mcap::records::{MessageHeader, Record, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use serde::Serialize;
+
+use crate::RecordingError;
+use crate::messages::{GapReason, GapRecord, StatusRecord};
+use crate::point_cloud;
+use crate::reader::{LENGTH_LIMIT, READ_LIMIT, open_mcap};
+use crate::segments::{Segment, segments};
+use crate::topics::*;
+use crate::writer::{Mcap, create};
+
+/// What a recovery kept and what it lost.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct RecoverReport {
+    /// The damaged file.
+    pub input: PathBuf,
+    /// The repaired file.
+    pub output: PathBuf,
+    /// Whether the input was a finished recording without damage.
+    pub was_intact: bool,
+    /// Frames kept.
+    pub frames: u64,
+    /// First step kept.
+    pub first_step: Option<u64>,
+    /// Last step kept.
+    pub last_step: Option<u64>,
+    /// Steps lost between the first and the last one kept; each has a record in `/gaps`.
+    pub lost_steps: Vec<GapRecord>,
+    /// Messages kept.
+    pub messages: u64,
+    /// Messages among them that no checksum covers: those of a chunk that was cut off.
+    pub messages_unverified: u64,
+    /// Chunks kept whole.
+    pub chunks: u64,
+    /// Chunks dropped because their checksum does not hold.
+    pub chunks_damaged: u64,
+    /// Attachments kept.
+    pub attachments: u64,
+    /// Attachments dropped because they are cut off or their checksum does not hold.
+    pub attachments_damaged: u64,
+    /// Metadata records kept.
+    pub metadata: u64,
+    /// Bytes of the input that could not be used.
+    pub lost_bytes: u64,
+}
+
+/// Writes what is readable of `input` to `output`, a valid MCAP file with index and summary.
+///
+/// # Errors
+/// When `input` is no MCAP file or cannot be read, or `output` is the same file, exists without `overwrite`, or cannot
+/// be written.
+pub fn recover(
+    input: &Path,
+    output: &Path,
+    overwrite: bool,
+) -> Result<RecoverReport, RecordingError> {
+    let mut file = open_mcap(input)?;
+    let is_same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    if is_same(input, output) {
+        return Err(RecordingError::SameFile { path: input.into() });
+    }
+    let map = segments(&mut file).map_err(|e| RecordingError::open(input, e))?;
+    let profile = match read_body(
+        &mut file,
+        map.records.iter().find(|s| s.opcode == op::HEADER),
+    ) {
+        Some(body) => match mcap::parse_record(op::HEADER, &body) {
+            Ok(Record::Header(header)) => header.profile,
+            _ => String::new(),
+        },
+        None => String::new(),
+    };
+    let mut recovery = Recovery {
+        mcap: create(output, overwrite, compression(&map.records), &profile)?,
+        topics: BTreeMap::new(),
+        position: None,
+        was_lost: false,
+        report: RecoverReport {
+            input: input.into(),
+            output: output.into(),
+            was_intact: map.is_finished,
+            lost_bytes: map.skipped,
+            ..Default::default()
+        },
+    };
+    recovery
+        .run(&mut file, &map.records)
+        .map_err(|e| RecordingError::write(output, e))?;
+    let mut report = recovery.report;
+    report.was_intact &= report.lost_bytes == 0;
+    Ok(report)
+}
+
+/// Compression of the first chunk, which the output keeps.
+fn compression(segments: &[Segment]) -> Option<mcap::Compression> {
+    let first = segments.iter().find_map(|s| s.chunk.as_ref())?;
+    match first.compression.as_str() {
+        "lz4" => Some(mcap::Compression::Lz4),
+        "zstd" => Some(mcap::Compression::Zstd),
+        _ => None,
+    }
+}
+
+/// Content of a whole record.
+fn read_body(file: &mut File, segment: Option<&Segment>) -> Option<Vec<u8>> {
+    let segment = segment.filter(|s| s.is_whole)?;
+    file.seek(SeekFrom::Start(segment.offset + 9)).ok()?;
+    let mut body = Vec::new();
+    let read = file.take(segment.length).read_to_end(&mut body).ok()?;
+    (read as u64 == segment.length).then_some(body)
+}
+
+struct Recovery {
+    mcap: Mcap,
+    topics: BTreeMap<u16, String>,
+    /// Epoch and step of the newest frame.
+    position: Option<(u64, u64)>,
+    /// Whether something was lost since the newest frame.
+    was_lost: bool,
+    report: RecoverReport,
+}
+
+impl Recovery {
+    fn run(&mut self, file: &mut File, segments: &[Segment]) -> mcap::McapResult<()> {
+        // The summary repeats schemas and channels: they help where the chunk that had them is damaged.
+        for segment in segments {
+            if matches!(segment.opcode, op::SCHEMA | op::CHANNEL)
+                && let Some(body) = read_body(file, Some(segment))
+            {
+                self.record(segment.opcode, &body, true)?;
+            }
+        }
+        for segment in segments {
+            match segment.opcode {
+                op::CHUNK if segment.is_whole => self.whole_chunk(file, segment)?,
+                op::CHUNK => self.cut_chunk(file, segment)?,
+                op::MESSAGE | op::METADATA | op::ATTACHMENT => {
+                    match read_body(file, Some(segment)) {
+                        Some(body) => drop(self.record(segment.opcode, &body, true)?),
+                        None => self.lose(segment),
+                    }
+                }
+                _ => {}
+            }
+        }
+        self.mcap.finish()?;
+        Ok(())
+    }
+
+    fn lose(&mut self, segment: &Segment) {
+        self.was_lost = true;
+        self.report.lost_bytes += segment.available;
+        if segment.opcode == op::ATTACHMENT {
+            self.report.attachments_damaged += 1;
+        }
+    }
+
+    fn whole_chunk(&mut self, file: &mut File, segment: &Segment) -> mcap::McapResult<()> {
+        file.seek(SeekFrom::Start(segment.offset))?;
+        let outcome = self.chunk(file.take(9 + segment.length), true)?;
+        match outcome.is_sound {
+            true => self.report.chunks += 1,
+            false => {
+                self.report.chunks_damaged += 1;
+                self.lose(segment);
+            }
+        }
+        // One chunk in, one chunk out.
+        self.mcap.flush()
+    }
+
+    /// Reads a chunk whose end is missing, under a header that claims exactly what is there and no checksum.
+    fn cut_chunk(&mut self, file: &mut File, segment: &Segment) -> mcap::McapResult<()> {
+        self.was_lost = true;
+        let Some(chunk) = &segment.chunk else {
+            self.lose(segment);
+            return Ok(());
+        };
+        let mut header = vec![op::CHUNK];
+        header.extend_from_slice(&segment.available.to_le_bytes());
+        header.extend_from_slice(&[0; 16]);
+        // The true size is unknown and serves as an upper limit only.
+        header.extend_from_slice(&(LENGTH_LIMIT as u64).to_le_bytes());
+        header.extend_from_slice(&[0; 4]);
+        header.extend_from_slice(&(chunk.compression.len() as u32).to_le_bytes());
+        header.extend_from_slice(chunk.compression.as_bytes());
+        let data = segment.available - chunk.header_len;
+        header.extend_from_slice(&data.to_le_bytes());
+        file.seek(SeekFrom::Start(segment.offset + 9 + chunk.header_len))?;
+        let before = self.report.messages;
+        let outcome = self.chunk(Cursor::new(header).chain(file.take(data)), false)?;
+        self.report.messages_unverified += self.report.messages - before;
+        self.report.lost_bytes += match chunk.compression.is_empty() {
+            true => data - outcome.used,
+            false => 0,
+        };
+        self.mcap.flush()
+    }
+
+    /// Copies the records of one chunk until its end or the first one that cannot be read.
+    fn chunk(
+        &mut self,
+        mut source: impl Read,
+        is_verified: bool,
+    ) -> mcap::McapResult<ChunkOutcome> {
+        let mut reader = LinearReader::new_with_options(
+            LinearReaderOptions::default()
+                .with_skip_start_magic(true)
+                .with_skip_end_magic(true)
+                .with_prevalidate_chunk_crcs(is_verified)
+                .with_record_length_limit(LENGTH_LIMIT),
+        );
+        let mut outcome = ChunkOutcome {
+            used: 0,
+            is_sound: false,
+        };
+        while let Some(event) = reader.next_event() {
+            match event {
+                Ok(LinearReadEvent::ReadRequest(need)) => {
+                    // What the input's disk no longer gives is lost like a cut-off end.
+                    let Ok(read) = source.read(reader.insert(need.min(READ_LIMIT))) else {
+                        return Ok(outcome);
+                    };
+                    reader.notify_read(read);
+                }
+                Ok(LinearReadEvent::Record { data, opcode }) => {
+                    if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE) {
+                        return Ok(outcome);
+                    }
+                    if !self.record(opcode, data, is_verified)? {
+                        return Ok(outcome);
+                    }
+                    outcome.used += 9 + data.len() as u64;
+                }
+                Err(_) => return Ok(outcome),
+            }
+        }
+        outcome.is_sound = true;
+        Ok(outcome)
+    }
+
+    /// Copies one record. False when it is malformed; errors are those of the output.
+    fn record(&mut self, opcode: u8, body: &[u8], is_verified: bool) -> mcap::McapResult<bool> {
+        if opcode == op::ATTACHMENT && !attachment_is_long_enough(body) {
+            self.report.attachments_damaged += 1;
+            self.was_lost = true;
+            return Ok(false);
+        }
+        let Ok(record) = mcap::parse_record(opcode, body) else {
+            self.was_lost = true;
+            self.report.lost_bytes += body.len() as u64;
+            self.report.attachments_damaged += u64::from(opcode == op::ATTACHMENT);
+            return Ok(false);
+        };
+        match record {
+            Record::Schema { header, data } => {
+                let same =
+                    self.mcap
+                        .add_schema_with_id(header.id, &header.name, &header.encoding, &data);
+                accept(same)
+            }
+            Record::Channel(channel) => {
+                let added = self.mcap.add_channel_with_id(
+                    channel.id,
+                    channel.schema_id,
+                    &channel.topic,
+                    &channel.message_encoding,
+                    &channel.metadata,
+                );
+                let is_added = accept(added)?;
+                if is_added {
+                    self.topics.insert(channel.id, channel.topic);
+                }
+                Ok(is_added)
+            }
+            Record::Message { header, data } => self.message(&header, &data, is_verified),
+            Record::Metadata(record) => {
+                self.report.metadata += 1;
+                self.mcap.write_metadata(&record).map(|()| true)
+            }
+            Record::Attachment { header, data, .. } => {
+                self.report.attachments += 1;
+                self.mcap.start_attachment(data.len() as u64, header)?;
+                self.mcap.put_attachment_bytes(&data)?;
+                self.mcap.finish_attachment().map(|()| true)
+            }
+            _ => Ok(true),
+        }
+    }
+
+    fn message(
+        &mut self,
+        header: &MessageHeader,
+        data: &[u8],
+        is_verified: bool,
+    ) -> mcap::McapResult<bool> {
+        let Some(topic) = self.topics.get(&header.channel_id) else {
+            return Ok(false);
+        };
+        match topic.as_str() {
+            STATUS_TOPIC => {
+                let Ok(status) = serde_json::from_slice::<StatusRecord>(data) else {
+                    return Ok(false);
+                };
+                self.advance(&status, header)?;
+            }
+            GAUSSIANS_TOPIC => {
+                if !is_verified && point_cloud::decode(data).is_err() {
+                    return Ok(false);
+                }
+                self.report.frames += 1;
+                let step = self.position.map(|(_, step)| step);
+                self.report.first_step = self.report.first_step.or(step);
+                self.report.last_step = step;
+            }
+            OBJECTS_TOPIC | JOURNAL_TOPIC | GAPS_TOPIC
+                if !is_verified && serde_json::from_slice::<serde_json::Value>(data).is_err() =>
+            {
+                return Ok(false);
+            }
+            _ => {}
+        }
+        self.report.messages += 1;
+        self.mcap
+            .write_to_known_channel(header, data)
+            .map(|()| true)
+    }
+
+    /// Follows the steps, and notes those that were lost to damage.
+    fn advance(&mut self, status: &StatusRecord, header: &MessageHeader) -> mcap::McapResult<()> {
+        let epoch = status.epoch;
+        if let Some((last_epoch, last)) = self.position
+            && self.was_lost
+            && last_epoch == epoch.0
+            && status.step > last + 1
+        {
+            let gap = GapRecord {
+                epoch,
+                from_step: last + 1,
+                to_step: Some(status.step - 1),
+                reason: GapReason::Damaged,
+            };
+            let id = self
+                .mcap
+                .add_schema("cosplat.Gap", "jsonschema", GAPS_SCHEMA.as_bytes())?;
+            let channel_id = self
+                .mcap
+                .add_channel(id, GAPS_TOPIC, "json", &BTreeMap::new())?;
+            let data = serde_json::to_vec(&gap).map_err(std::io::Error::other)?;
+            let header = MessageHeader {
+                channel_id,
+                sequence: gap.from_step as u32,
+                ..*header
+            };
+            self.mcap.write_to_known_channel(&header, &data)?;
+            self.report.lost_steps.push(gap);
+        }
+        self.was_lost = false;
+        self.position = Some((epoch.0, status.step));
+        Ok(())
+    }
+}
+
+/// How the reading of a chunk ended.
+struct ChunkOutcome {
+    /// Bytes of the records copied.
+    used: u64,
+    /// Whether it was read to its end.
+    is_sound: bool,
+}
+
+/// Tells a record that contradicts an earlier one (malformed) from an output that cannot be written.
+fn accept(result: mcap::McapResult<u16>) -> mcap::McapResult<bool> {
+    match result {
+        Ok(_) => Ok(true),
+        Err(e @ mcap::McapError::Io(_)) => Err(e),
+        Err(_) => Ok(false),
+    }
+}
+
+/// Whether the lengths within an attachment fit its record; the parser takes that for granted.
+fn attachment_is_long_enough(body: &[u8]) -> bool {
+    let mut at = 16_usize;
+    for _ in 0..2 {
+        let Some(length) = body.get(at..at + 4).and_then(|b| b.try_into().ok()) else {
+            return false;
+        };
+        let length = u32::from_le_bytes(length) as usize;
+        at = at.saturating_add(4).saturating_add(length);
+    }
+    body.len().saturating_sub(at) >= 8 + 4
+}

@@ -1,0 +1,186 @@
+//! The top-level records of an MCAP file, found without trust in any of its bytes.
+
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+
+use mcap::records::op;
+
+/// Opcode and length in front of every record [bytes].
+const FRAMING: u64 = 9;
+
+/// Chunk header without the name of the compression [bytes].
+const CHUNK_HEADER: u64 = 40;
+
+/// Where a record lies.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Segment {
+    pub(crate) opcode: u8,
+    /// Of its opcode, from the start of the file [bytes].
+    pub(crate) offset: u64,
+    /// Of its body as the file says [bytes].
+    pub(crate) length: u64,
+    /// Of its body that is there [bytes].
+    pub(crate) available: u64,
+    /// Whether all of it is there.
+    pub(crate) is_whole: bool,
+    /// For chunks whose header can be read.
+    pub(crate) chunk: Option<ChunkInfo>,
+}
+
+/// What a chunk's header says.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ChunkInfo {
+    /// Name of the compression, empty for none.
+    pub(crate) compression: String,
+    /// Size of the header [bytes].
+    pub(crate) header_len: u64,
+    /// Size of the data after the header as the header says [bytes].
+    data_len: u64,
+}
+
+/// All records of a file.
+pub(crate) struct Segments {
+    pub(crate) records: Vec<Segment>,
+    /// Whether the file ends with footer and magic bytes.
+    pub(crate) is_finished: bool,
+    /// Bytes that belong to no record.
+    pub(crate) skipped: u64,
+}
+
+/// Walks the file; where the chain of records breaks, it goes on at the next thing that looks like a chunk.
+pub(crate) fn segments(file: &mut File) -> io::Result<Segments> {
+    let end = file.seek(SeekFrom::End(0))?;
+    let mut found = Segments {
+        records: Vec::new(),
+        is_finished: false,
+        skipped: 0,
+    };
+    let mut at = mcap::MAGIC.len() as u64;
+    while at < end {
+        let segment = segment_at(file, at, end)?;
+        let breaks = match &segment {
+            Some(s) => !s.is_whole,
+            None => true,
+        };
+        let next = match breaks {
+            true => next_chunk(file, at + 1, end)?.unwrap_or(end),
+            false => at + FRAMING + segment.as_ref().map_or(0, |s| s.length),
+        };
+        match segment {
+            Some(mut segment) => {
+                segment.available = segment.available.min(next - at - FRAMING);
+                if segment.opcode == op::FOOTER && segment.is_whole {
+                    found.is_finished = ends_with_magic(file, next, end)?;
+                    found.records.push(segment);
+                    found.skipped += match found.is_finished {
+                        true => 0,
+                        false => end - next,
+                    };
+                    break;
+                }
+                found.records.push(segment);
+            }
+            None => found.skipped += next - at,
+        }
+        at = next;
+    }
+    Ok(found)
+}
+
+/// The record at `at`, whole or cut off; `None` where there is none.
+fn segment_at(file: &mut File, at: u64, end: u64) -> io::Result<Option<Segment>> {
+    let Some(framing) = read_at::<{ FRAMING as usize }>(file, at, end)? else {
+        return Ok(None);
+    };
+    let opcode = framing[0];
+    let is_known = (op::HEADER..=op::DATA_END).contains(&opcode) || opcode >= 0x80;
+    if !is_known {
+        return Ok(None);
+    }
+    let length = le64(&framing[1..]);
+    let available = length.min(end - at - FRAMING);
+    let chunk = match opcode {
+        op::CHUNK => chunk_at(file, at, end)?,
+        _ => None,
+    };
+    Ok(Some(Segment {
+        opcode,
+        offset: at,
+        length,
+        available,
+        is_whole: available == length,
+        chunk,
+    }))
+}
+
+/// The chunk header of the record at `at`.
+fn chunk_at(file: &mut File, at: u64, end: u64) -> io::Result<Option<ChunkInfo>> {
+    let Some(fixed) = read_at::<32>(file, at + FRAMING, end)? else {
+        return Ok(None);
+    };
+    let mut compression = String::new();
+    let name_len = u64::from(u32::from_le_bytes([
+        fixed[28], fixed[29], fixed[30], fixed[31],
+    ]));
+    if name_len > 4 {
+        return Ok(None);
+    }
+    file.take(name_len).read_to_string(&mut compression)?;
+    let name_is_known = matches!(compression.as_str(), "" | "lz4" | "zstd");
+    let size = read_at::<8>(file, at + FRAMING + 32 + name_len, end)?;
+    Ok(size.filter(|_| name_is_known).map(|size| ChunkInfo {
+        compression,
+        header_len: CHUNK_HEADER + name_len,
+        data_len: le64(&size),
+    }))
+}
+
+/// Offset of the first whole chunk at or after `from`. Two lengths and a name that agree make a chance hit within
+/// other data unlikely, and its checksum settles it.
+fn next_chunk(file: &mut File, from: u64, end: u64) -> io::Result<Option<u64>> {
+    const WINDOW: usize = 1 << 20;
+    let mut window = vec![0; WINDOW];
+    let mut start = from;
+    while start < end {
+        file.seek(SeekFrom::Start(start))?;
+        let count = file.read(&mut window)?;
+        if count == 0 {
+            break;
+        }
+        for i in (0..count).filter(|&i| window[i] == op::CHUNK) {
+            let at = start + i as u64;
+            if let Some(segment) = segment_at(file, at, end)?
+                && let Some(chunk) = &segment.chunk
+                && segment.is_whole
+                && chunk.header_len.checked_add(chunk.data_len) == Some(segment.length)
+            {
+                return Ok(Some(at));
+            }
+        }
+        start += count as u64;
+    }
+    Ok(None)
+}
+
+fn ends_with_magic(file: &mut File, at: u64, end: u64) -> io::Result<bool> {
+    let magic = read_at::<8>(file, at, end)?;
+    Ok(end - at == 8 && magic.is_some_and(|m| m == mcap::MAGIC))
+}
+
+/// `N` bytes at `at`, `None` where the file ends before.
+fn read_at<const N: usize>(file: &mut File, at: u64, end: u64) -> io::Result<Option<[u8; N]>> {
+    if at.saturating_add(N as u64) > end {
+        return Ok(None);
+    }
+    let mut bytes = [0; N];
+    file.seek(SeekFrom::Start(at))?;
+    file.read_exact(&mut bytes)?;
+    Ok(Some(bytes))
+}
+
+/// Little-endian number in the first 8 of `bytes`.
+fn le64(bytes: &[u8]) -> u64 {
+    let mut number = [0; 8];
+    number.copy_from_slice(&bytes[..8]);
+    u64::from_le_bytes(number)
+}

@@ -1,0 +1,412 @@
+//! A recording being written: topics, schemas, times, chunks.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use cosplat_ipc::schema::{
+    AppliedCommand, FrameHeader, GaussianRest, GaussianState, ObjectInfo, ObjectState,
+    ObjectsHeader, SceneHeader, Status, WIRE_VERSION,
+};
+use foxglove::messages::{FrameTransform, FrameTransforms, Quaternion, Vector3};
+use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
+use prost::Message;
+use serde::Serialize;
+
+use crate::RecordingError;
+use crate::messages::{GapRecord, JournalRecord, ObjectsRecord, StatusRecord};
+use crate::ply::PlyScene;
+use crate::point_cloud::{self, WORLD_FRAME, timestamp};
+use crate::time_line::{TimeLine, monotonic_ns, wall_offset};
+use crate::topics::*;
+
+/// How chunks are compressed. Moving splats shrink by 0 % (lz4) to 10 % (zstd), at a third of the speed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Compression {
+    /// As they are: the fastest, and an unfinished chunk stays readable to the last message.
+    #[default]
+    None,
+    /// LZ4.
+    Lz4,
+    /// Zstandard, fastest level.
+    Zstd,
+}
+
+/// How a recording is written.
+#[derive(Clone, Debug)]
+pub struct WriterOptions {
+    /// Compression of chunks.
+    pub compression: Compression,
+    /// A chunk is closed after the first step that brings it to this size [bytes].
+    pub chunk_bytes: u64,
+    /// Replace an existing file.
+    pub overwrite: bool,
+}
+
+impl Default for WriterOptions {
+    fn default() -> Self {
+        Self {
+            compression: Compression::None,
+            chunk_bytes: 4 << 20,
+            overwrite: false,
+        }
+    }
+}
+
+/// What does not change from step to step, as the `scene` blocks bring it.
+#[derive(Clone, Copy)]
+pub struct SceneBlocks<'a> {
+    /// Header of the blocks.
+    pub header: &'a SceneHeader,
+    /// Gaussians at rest.
+    pub gaussians: &'a [GaussianRest],
+    /// Spherical harmonics `[gaussian][coefficient][rgb]`.
+    pub sh: &'a [f32],
+    /// Semantic features `[gaussian][feature_dim]`; empty for none.
+    pub features: &'a [f32],
+    /// Object table.
+    pub objects: &'a [ObjectInfo],
+    /// Source text of the scene; empty when unknown.
+    pub source: &'a [u8],
+}
+
+/// Output of every MCAP writer here. The buffer is small: frames are larger and pass it by.
+pub(crate) type Mcap = mcap::Writer<BufWriter<File>>;
+
+/// Opens an MCAP file for writing whose chunks end only at `flush`.
+pub(crate) fn create(
+    path: &Path,
+    overwrite: bool,
+    compression: Option<mcap::Compression>,
+    profile: &str,
+) -> Result<Mcap, RecordingError> {
+    let mut open = File::options();
+    open.write(true);
+    match overwrite {
+        true => open.create(true).truncate(true),
+        false => open.create_new(true),
+    };
+    let file = open.open(path).map_err(|e| RecordingError::open(path, e))?;
+    mcap::WriteOptions::new()
+        .profile(profile)
+        .library(concat!("cosplat ", env!("CARGO_PKG_VERSION")))
+        .compression(compression)
+        .compression_level(1)
+        // The recorder shares the machine with the solver: compression stays on its own thread.
+        .compression_threads(0)
+        .chunk_size(None)
+        .create(BufWriter::with_capacity(64 << 10, file))
+        .map_err(|e| RecordingError::write(path, e))
+}
+
+/// A recording being written. Call [`finish`](Self::finish) at the end; a file whose writer was killed is repaired by
+/// [`recover`](crate::recover::recover).
+pub struct RecordingWriter {
+    path: PathBuf,
+    mcap: Mcap,
+    channels: Channels,
+    chunk_bytes: u64,
+    /// Bytes in the open chunk.
+    pending: u64,
+    bytes: u64,
+    time: TimeLine,
+    /// Wall clock minus `CLOCK_MONOTONIC` [ns].
+    wall_offset: i64,
+    attached_scene: Option<u64>,
+    /// Reused for every message.
+    buffer: Vec<u8>,
+}
+
+impl RecordingWriter {
+    /// Starts the file `path`.
+    ///
+    /// # Errors
+    /// When the file exists and may not be overwritten, or cannot be created or written.
+    pub fn create(path: &Path, options: &WriterOptions) -> Result<Self, RecordingError> {
+        let compression = match options.compression {
+            Compression::None => None,
+            Compression::Lz4 => Some(mcap::Compression::Lz4),
+            Compression::Zstd => Some(mcap::Compression::Zstd),
+        };
+        let mut mcap = create(path, options.overwrite, compression, "")?;
+        let channels = Channels::add(&mut mcap).map_err(|e| RecordingError::write(path, e))?;
+        Ok(Self {
+            path: path.to_owned(),
+            mcap,
+            channels,
+            chunk_bytes: options.chunk_bytes,
+            pending: 0,
+            bytes: 0,
+            time: TimeLine::default(),
+            wall_offset: wall_offset(),
+            attached_scene: None,
+            buffer: Vec::new(),
+        })
+    }
+
+    /// Opens a scene epoch: run parameters as metadata, and the scene as attachments unless the file has it already.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn begin_epoch(
+        &mut self,
+        session: &str,
+        scene: &SceneBlocks,
+    ) -> Result<(), RecordingError> {
+        let header = scene.header;
+        if header.frame_rate > 0.0 {
+            self.time.period = (1e9 / header.frame_rate) as u64;
+        }
+        let is_new = self.attached_scene != Some(header.scene_hash);
+        let mut metadata = BTreeMap::new();
+        let mut put = |key: &str, value: String| metadata.insert(key.to_owned(), value);
+        put("session", session.to_owned());
+        put("epoch", format!("{:016x}", header.epoch));
+        put("scene_hash", format!("{:016x}", header.scene_hash));
+        put("scene_attached", is_new.to_string());
+        put("frame_rate", header.frame_rate.to_string());
+        put("dx", header.dx.to_string());
+        put("gravity", format!("{:?}", header.gravity));
+        put("bounds_min", format!("{:?}", header.bounds_min));
+        put("bounds_max", format!("{:?}", header.bounds_max));
+        put("gaussian_count", header.gaussian_count.to_string());
+        put("particle_count", header.particle_count.to_string());
+        put("object_count", header.object_count.to_string());
+        put("sh_degree", header.sh_degree.to_string());
+        put("feature_dim", header.feature_dim.to_string());
+        put("wire_version", WIRE_VERSION.to_string());
+        put("program_version", env!("CARGO_PKG_VERSION").to_owned());
+        put("log_time_ns", self.time.now().to_string());
+        put("wall_time_ns", self.wall_now().to_string());
+        for object in scene.objects {
+            put(&format!("object.{}.name", object.id), text(&object.name));
+            put(
+                &format!("object.{}.material", object.id),
+                text(&object.material),
+            );
+        }
+        let record = Metadata {
+            name: RUN_METADATA.to_owned(),
+            metadata,
+        };
+        self.mcap
+            .write_metadata(&record)
+            .map_err(|e| RecordingError::write(&self.path, e))?;
+        if is_new {
+            self.attach_scene(scene)?;
+            self.attached_scene = Some(header.scene_hash);
+        }
+        self.flush()
+    }
+
+    fn attach_scene(&mut self, scene: &SceneBlocks) -> Result<(), RecordingError> {
+        let ply = PlyScene {
+            gaussians: scene.gaussians,
+            sh_degree: scene.header.sh_degree,
+            sh: scene.sh,
+        };
+        let header = self.attachment(SCENE_PLY, "application/octet-stream");
+        self.mcap
+            .start_attachment(ply.encoded_len(), header)
+            .and_then(|()| ply.encode(|piece| self.mcap.put_attachment_bytes(piece)))
+            .and_then(|()| self.mcap.finish_attachment())
+            .map_err(|e| RecordingError::write(&self.path, e))?;
+        self.bytes += ply.encoded_len();
+        self.attach(SCENE_TOML, "application/toml", scene.source)?;
+        let binary = "application/octet-stream";
+        self.attach(
+            SCENE_GAUSSIANS,
+            binary,
+            bytemuck::cast_slice(scene.gaussians),
+        )?;
+        self.attach(SCENE_SH, binary, bytemuck::cast_slice(scene.sh))?;
+        self.attach(SCENE_FEATURES, binary, bytemuck::cast_slice(scene.features))?;
+        self.attach(SCENE_OBJECTS, binary, bytemuck::cast_slice(scene.objects))
+    }
+
+    fn attach(&mut self, name: &str, media_type: &str, data: &[u8]) -> Result<(), RecordingError> {
+        if data.is_empty() {
+            return Ok(());
+        }
+        let header = self.attachment(name, media_type);
+        self.bytes += data.len() as u64;
+        self.mcap
+            .start_attachment(data.len() as u64, header)
+            .and_then(|()| self.mcap.put_attachment_bytes(data))
+            .and_then(|()| self.mcap.finish_attachment())
+            .map_err(|e| RecordingError::write(&self.path, e))
+    }
+
+    fn attachment(&self, name: &str, media_type: &str) -> AttachmentHeader {
+        AttachmentHeader {
+            log_time: self.time.now(),
+            create_time: self.wall_now(),
+            name: name.to_owned(),
+            media_type: media_type.to_owned(),
+        }
+    }
+
+    /// Records one frame, `/status` first, and ends the chunk when it is large enough.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn frame(
+        &mut self,
+        header: &FrameHeader,
+        gaussians: &[GaussianState],
+        status: Option<&Status>,
+    ) -> Result<(), RecordingError> {
+        let log_time = self.time.at(header.sim_time);
+        let published = header.publish_ns.saturating_add_signed(self.wall_offset);
+        let record = StatusRecord::new(header, status);
+        self.json(
+            self.channels.status,
+            header.step,
+            log_time,
+            published,
+            &record,
+        )?;
+        self.buffer.clear();
+        point_cloud::encode(log_time, gaussians, &mut self.buffer);
+        self.put(self.channels.gaussians, header.step, log_time, published)?;
+        match self.pending >= self.chunk_bytes {
+            true => self.flush(),
+            false => Ok(()),
+        }
+    }
+
+    /// Records the objects of one step and their coordinate frames.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn objects(
+        &mut self,
+        header: &ObjectsHeader,
+        objects: &[ObjectState],
+    ) -> Result<(), RecordingError> {
+        let log_time = self.time.at(header.sim_time);
+        let now = self.wall_now();
+        let record = ObjectsRecord::new(header, objects);
+        self.json(self.channels.objects, header.step, log_time, now, &record)?;
+        let transforms = objects
+            .iter()
+            .map(|object| {
+                let [x, y, z] = object.com;
+                let [qx, qy, qz, qw] = object.rotation;
+                FrameTransform {
+                    timestamp: Some(timestamp(log_time)),
+                    parent_frame_id: WORLD_FRAME.to_owned(),
+                    child_frame_id: format!("object/{}", object.id),
+                    translation: Some(Vector3 { x, y, z }),
+                    rotation: Some(Quaternion {
+                        x: qx,
+                        y: qy,
+                        z: qz,
+                        w: qw,
+                    }),
+                }
+            })
+            .collect();
+        self.buffer.clear();
+        self.buffer
+            .extend_from_slice(&FrameTransforms { transforms }.encode_to_vec());
+        self.put(self.channels.transforms, header.step, log_time, now)
+    }
+
+    /// Records a command as it was applied. Its time is that of the newest step written before.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn journal(&mut self, entry: &AppliedCommand) -> Result<(), RecordingError> {
+        let record = JournalRecord::from(entry);
+        self.json(
+            self.channels.journal,
+            entry.step,
+            self.time.now(),
+            self.wall_now(),
+            &record,
+        )
+    }
+
+    /// Records that steps are missing.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn gap(&mut self, gap: &GapRecord) -> Result<(), RecordingError> {
+        self.json(
+            self.channels.gaps,
+            gap.from_step,
+            self.time.now(),
+            self.wall_now(),
+            gap,
+        )
+    }
+
+    /// Ends the open chunk and hands everything to the operating system: from here on the death of this process
+    /// loses none of it.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn flush(&mut self) -> Result<(), RecordingError> {
+        self.pending = 0;
+        self.mcap
+            .flush()
+            .map_err(|e| RecordingError::write(&self.path, e))
+    }
+
+    /// Writes index and summary, and returns the bytes of messages and attachments.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn finish(mut self) -> Result<u64, RecordingError> {
+        self.mcap
+            .finish()
+            .map_err(|e| RecordingError::write(&self.path, e))?;
+        Ok(self.bytes)
+    }
+
+    fn json(
+        &mut self,
+        channel: u16,
+        step: u64,
+        log_time: u64,
+        publish_time: u64,
+        record: &impl Serialize,
+    ) -> Result<(), RecordingError> {
+        self.buffer.clear();
+        serde_json::to_writer(&mut self.buffer, record)
+            .map_err(|e| RecordingError::write(&self.path, std::io::Error::other(e)))?;
+        self.put(channel, step, log_time, publish_time)
+    }
+
+    fn put(
+        &mut self,
+        channel_id: u16,
+        step: u64,
+        log_time: u64,
+        publish_time: u64,
+    ) -> Result<(), RecordingError> {
+        let header = MessageHeader {
+            channel_id,
+            sequence: step as u32,
+            log_time,
+            publish_time,
+        };
+        self.pending += self.buffer.len() as u64;
+        self.bytes += self.buffer.len() as u64;
+        self.mcap
+            .write_to_known_channel(&header, &self.buffer)
+            .map_err(|e| RecordingError::write(&self.path, e))
+    }
+
+    fn wall_now(&self) -> u64 {
+        monotonic_ns().saturating_add_signed(self.wall_offset)
+    }
+}
+
+/// Text of a zero-padded field.
+fn text(padded: &[u8]) -> String {
+    let end = padded.iter().position(|&b| b == 0).unwrap_or(padded.len());
+    String::from_utf8_lossy(&padded[..end]).into_owned()
+}

@@ -1,0 +1,7 @@
+//! Stories about recordings: written, read back, cut off, damaged, repaired, read by others.
+
+mod recording {
+    pub mod damage;
+    pub mod read_back;
+    pub mod synthetic;
+}
