@@ -3,6 +3,8 @@
 mod activate;
 mod error;
 mod gaussians;
+pub mod generate;
+mod paint;
 pub mod ply;
 mod ply_header;
 pub mod splat;
@@ -10,6 +12,7 @@ pub mod splat;
 pub use activate::SH_C0;
 pub use error::{AssetError, Dropped, ReadReport};
 pub use gaussians::Gaussians;
+pub use paint::Paint;
 
 /// Largest coordinate or scale that is taken as real, asset units; Gaussians beyond it are dropped. Its square
 /// still leaves headroom in `f32`.
