@@ -5,7 +5,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::{
     Law,
-    limits::max_stretch_squared,
+    limits::{DeformationBounds, critical_dt, max_stretch_squared},
     polar::rotation,
     svd::{Svd, svd},
 };
@@ -245,5 +245,61 @@ fn stretch_bound_is_never_below_and_at_most_a_third_above_the_square() {
         let exact = svd(&f).sigma[0].powi(2);
         let bound = max_stretch_squared(&f);
         assert!(bound > exact * (1.0 - 1e-12) && bound < exact * (4.0 / 3.0 + 1e-12));
+    }
+}
+
+/// `C : d tau / dt` for the velocity gradient `C`: the stiffness that an isolated particle feels.
+fn stiffness(law: Law, f: &Mat3<f64>, c: &Mat3<f64>) -> f64 {
+    let h = 1e-6;
+    let at = |h: f64| {
+        let moved = Mat3::identity().blend(1.0, c, h).mul(f);
+        power(&law.kirchhoff_stress(&moved, LAMBDA, MU), c)
+    };
+    (at(h) - at(-h)) / (2.0 * h)
+}
+
+#[test]
+fn critical_step_uses_the_stiffest_tangent_within_its_bounds() {
+    let mut random = Random::new(6);
+    let (rho0, dx) = (1000.0, 0.1);
+    for law in LAWS {
+        for case in 0..2_000 {
+            let (f, _) = random.deformation(0.3, 3.0, law == Law::FixedCorotated && case % 4 == 0);
+            let sigma = svd(&f).sigma;
+            let bounds = DeformationBounds {
+                max_stretch: sigma[0],
+                min_j: f.det(),
+                max_j: f.det(),
+            };
+            let dt = critical_dt(law, LAMBDA, MU, rho0, dx, &bounds);
+            let limit = rho0 * dx * dx / (dt * dt);
+            let mut c = Mat3::diagonal(std::array::from_fn(|_| random.uniform(-1.0, 1.0)));
+            for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+                c.0[i][j] = random.uniform(-1.0, 1.0);
+                c.0[j][i] = c.0[i][j];
+            }
+            let found = stiffness(law, &f, &c) / c.norm_squared();
+            assert!(
+                found < limit * (1.0 + 1e-6),
+                "{law:?}: {found} above {limit}, {sigma:?}"
+            );
+        }
+        // Equal stretches, equal rates: the bound is reached. The difference quotient is good to 1e-8.
+        for s in [1.0, 1.3, 2.0] {
+            let f = Mat3::diagonal([s; 3]);
+            let j = s * s * s;
+            let bounds = DeformationBounds {
+                max_stretch: s,
+                min_j: j,
+                max_j: j,
+            };
+            let dt = critical_dt(law, LAMBDA, MU, rho0, dx, &bounds);
+            let limit = rho0 * dx * dx / (dt * dt);
+            let found = stiffness(law, &f, &Mat3::identity()) / 3.0;
+            assert!(
+                (found / limit - 1.0).abs() < 1e-6,
+                "{law:?}: {found}, {limit}"
+            );
+        }
     }
 }
