@@ -3,6 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
+use super::text::{TextError, padded, str_from_padded};
+
 /// `Command::kind`: add `vector` [N s] to the momentum of `object`.
 pub const COMMAND_IMPULSE: u32 = 1;
 /// Impulse `vector` [N s] on the particles of `object` within `radius` of `point`.
@@ -106,4 +108,53 @@ pub struct AppliedCommand {
     pub client: u64,
     /// The command.
     pub command: Command,
+}
+
+/// User header of `journal`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("cosplat.v1.JournalHeader")]
+#[repr(C)]
+pub struct JournalHeader {
+    /// Step at whose start the commands took effect.
+    pub step: u64,
+    /// As in `frame`.
+    pub epoch: u64,
+    /// Commands journalled in this epoch before this message; a jump shows that messages were lost.
+    pub first: u64,
+    /// Commands in this message.
+    pub count: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// Commands that one request and one journal message hold at most.
+pub const MAX_COMMANDS: usize = 32;
+
+impl Ack {
+    /// The command with this `sequence` takes effect at the start of `step`.
+    pub fn accepted(sequence: u64, step: u64) -> Self {
+        Self {
+            sequence,
+            applied_at_step: step,
+            status: ACK_ACCEPTED,
+            reserved: 0,
+            reason: [0; 168],
+        }
+    }
+
+    /// The command with this `sequence` is refused; a longer `reason` is cut at a character.
+    pub fn refused(sequence: u64, reason: &str) -> Self {
+        Self {
+            sequence,
+            applied_at_step: 0,
+            status: ACK_REFUSED,
+            reserved: 0,
+            reason: padded(reason),
+        }
+    }
+
+    /// Why the command was refused; empty when accepted.
+    pub fn reason(&self) -> Result<&str, TextError> {
+        str_from_padded(&self.reason)
+    }
 }

@@ -5,15 +5,21 @@
 
 mod command;
 mod frame;
+mod hello;
+mod layout;
 mod objects;
 mod scene;
 mod status;
+mod text;
 
 pub use command::*;
 pub use frame::*;
+pub use hello::*;
+pub use layout::*;
 pub use objects::*;
 pub use scene::*;
 pub use status::*;
+pub use text::*;
 
 /// Major version of the wire contract; part of every service and type name.
 pub const WIRE_VERSION: u32 = 1;

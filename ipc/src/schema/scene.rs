@@ -3,6 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
+use super::text::{TextError, str_from_padded};
+
 /// One Gaussian at rest (block `scene/gaussians`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("cosplat.v1.GaussianRest")]
@@ -47,6 +49,18 @@ pub struct ObjectInfo {
     pub name: [u8; 64],
     /// Material name, UTF-8, zero-padded.
     pub material: [u8; 32],
+}
+
+impl ObjectInfo {
+    /// The object's name.
+    pub fn name(&self) -> Result<&str, TextError> {
+        str_from_padded(&self.name)
+    }
+
+    /// The name of the object's material.
+    pub fn material(&self) -> Result<&str, TextError> {
+        str_from_padded(&self.material)
+    }
 }
 
 /// User header of every `scene` block.
