@@ -1,0 +1,183 @@
+//! The watching side of a session: attach to a server, read its streams, send it commands.
+
+mod commands;
+mod error;
+mod reader;
+mod scene;
+mod status;
+
+use std::time::{Duration, Instant};
+
+use iceoryx2::{node::Node, prelude::PortFactory};
+
+pub use commands::CommandSender;
+pub use error::{ConnectError, ReadError, SendError};
+pub use reader::{
+    Frame, FrameReader, JournalReader, Message, ObjectsReader, StreamHeader, StreamReader,
+};
+pub use scene::SceneView;
+pub use status::{StatusReader, heartbeat_age};
+
+use crate::{
+    Domain, Service, list_sessions,
+    schema::{Hello, WIRE_VERSION, schema_hash},
+    session::{self, OpenError, SessionName},
+};
+
+/// How often a client looks again for what is not there yet.
+const RETRY_PERIOD: Duration = Duration::from_millis(5);
+
+/// An attached process. Readers and senders made from it outlive it, and a restart of the server.
+pub struct Client {
+    domain: Domain,
+    session: SessionName,
+    node: Node<Service>,
+    hello: Hello,
+}
+
+impl Client {
+    /// Attaches to `session`, waiting up to `timeout` for its server. `role` (a few plain characters) names the
+    /// process in listings.
+    pub fn connect(
+        domain: &Domain,
+        session: &str,
+        role: &str,
+        timeout: Duration,
+    ) -> Result<Self, ConnectError> {
+        let session = SessionName::new(session)?;
+        let node = domain.join(role)?;
+        let deadline = Instant::now() + timeout;
+        let hello = loop {
+            let error = match read_hello(domain, &node, &session) {
+                Ok(hello) => break hello,
+                Err(error) => error,
+            };
+            if Instant::now() >= deadline {
+                return Err(error);
+            }
+            std::thread::sleep(RETRY_PERIOD);
+        };
+        if hello.wire_version != WIRE_VERSION {
+            return Err(ConnectError::OtherWireVersion {
+                session: session.as_str().into(),
+                server: hello.wire_version,
+                server_release: hello
+                    .server_version()
+                    .unwrap_or("of unknown release")
+                    .into(),
+                pid: hello.pid,
+            });
+        }
+        if hello.schema_hash != schema_hash() {
+            return Err(ConnectError::OtherLayout {
+                session: session.as_str().into(),
+                server: hello.schema_hash,
+                client: schema_hash(),
+                pid: hello.pid,
+            });
+        }
+        Ok(Self {
+            domain: domain.clone(),
+            session,
+            node,
+            hello,
+        })
+    }
+
+    /// Name of the session.
+    pub fn session(&self) -> &str {
+        self.session.as_str()
+    }
+
+    /// The domain attached to.
+    pub fn domain(&self) -> &Domain {
+        &self.domain
+    }
+
+    /// The server found when attaching.
+    pub fn hello(&self) -> &Hello {
+        &self.hello
+    }
+
+    /// Reads frames: `depth` 1 for always the newest, up to 64 for a queue that loses none.
+    pub fn frames(&self, depth: usize) -> Result<FrameReader, ConnectError> {
+        StreamReader::open(&self.node, &self.session, session::FRAME, depth, true)
+    }
+
+    /// Reads objects: `depth` as for frames. It wakes with the frames.
+    pub fn objects(&self, depth: usize) -> Result<ObjectsReader, ConnectError> {
+        StreamReader::open(&self.node, &self.session, session::OBJECTS, depth, true)
+    }
+
+    /// Reads the journal of applied commands, from the oldest that the server still keeps.
+    pub fn journal(&self) -> Result<JournalReader, ConnectError> {
+        let depth = session::JOURNAL.max_depth;
+        StreamReader::open(&self.node, &self.session, session::JOURNAL, depth, true)
+    }
+
+    /// Reads the server's status.
+    pub fn status(&self) -> Result<StatusReader, ConnectError> {
+        StatusReader::open(&self.node, &self.session)
+    }
+
+    /// Maps the scene, waiting up to `timeout` for the server to publish it.
+    pub fn scene(&self, timeout: Duration) -> Result<SceneView, ConnectError> {
+        scene::read(&self.node, &self.session, timeout)
+    }
+
+    /// Sends commands.
+    pub fn commands(&self) -> Result<CommandSender, ConnectError> {
+        CommandSender::open(&self.node, &self.session)
+    }
+}
+
+/// The hello of a living server; it comes with the next turn of the server's monitor.
+fn read_hello(
+    domain: &Domain,
+    node: &Node<Service>,
+    session: &SessionName,
+) -> Result<Hello, ConnectError> {
+    let no_server = || ConnectError::NoServer {
+        session: session.as_str().into(),
+        root: domain.root().into(),
+        others: list_sessions(domain),
+    };
+    let failed = |reason: String| ConnectError::Transport {
+        session: session.as_str().into(),
+        reason,
+    };
+    let service = session::hello(node, session, false).map_err(|error| match error {
+        OpenError::Absent => no_server(),
+        OpenError::Corrupted => ConnectError::OtherTransport {
+            session: session.as_str().into(),
+            root: domain.root().into(),
+            others: domain.other_transports(),
+        },
+        other => ConnectError::open(session.as_str(), other),
+    })?;
+    let subscriber = service
+        .subscriber_builder()
+        .buffer_size(1)
+        .create()
+        .map_err(|error| failed(error.to_string()))?;
+    let deadline = Instant::now() + Duration::from_millis(500);
+    loop {
+        let sample = subscriber
+            .receive()
+            .map_err(|error| failed(error.to_string()))?;
+        if let Some(sample) = sample {
+            return Ok(*sample.payload());
+        }
+        if service.dynamic_config().number_of_publishers() == 0 {
+            return Err(no_server());
+        }
+        if Instant::now() >= deadline {
+            return Err(ConnectError::Timeout {
+                session: session.as_str().into(),
+                what: "its greeting",
+                seconds: 0.5,
+            });
+        }
+        std::thread::sleep(RETRY_PERIOD);
+    }
+}

@@ -1,0 +1,263 @@
+//! Readers of the streams that come with every step.
+
+use std::{
+    fmt::Debug,
+    time::{Duration, Instant},
+};
+
+use iceoryx2::{
+    node::Node,
+    port::{ReceiveError, listener::Listener, subscriber::Subscriber},
+    prelude::ZeroCopySend,
+    sample::Sample,
+};
+
+use super::{ConnectError, ReadError};
+use crate::{
+    Service,
+    schema::{
+        AppliedCommand, FrameHeader, GaussianState, JournalHeader, ObjectState, ObjectsHeader,
+    },
+    session::{self, SessionName, Stream},
+};
+
+/// What readers need to know about a message.
+pub trait StreamHeader: Copy + Debug + Default + ZeroCopySend + 'static {
+    /// Identifies the server's run; grows with every start.
+    fn epoch(&self) -> u64;
+    /// Elements announced.
+    fn count(&self) -> usize;
+    /// The number that this message has in its run.
+    fn number(&self) -> u64;
+    /// The number that the next message has.
+    fn next_number(&self) -> u64;
+}
+
+impl StreamHeader for FrameHeader {
+    fn epoch(&self) -> u64 {
+        self.epoch
+    }
+    fn count(&self) -> usize {
+        self.count as usize
+    }
+    fn number(&self) -> u64 {
+        self.step
+    }
+    fn next_number(&self) -> u64 {
+        self.step.wrapping_add(1)
+    }
+}
+
+impl StreamHeader for ObjectsHeader {
+    fn epoch(&self) -> u64 {
+        self.epoch
+    }
+    fn count(&self) -> usize {
+        self.count as usize
+    }
+    fn number(&self) -> u64 {
+        self.step
+    }
+    fn next_number(&self) -> u64 {
+        self.step.wrapping_add(1)
+    }
+}
+
+impl StreamHeader for JournalHeader {
+    fn epoch(&self) -> u64 {
+        self.epoch
+    }
+    fn count(&self) -> usize {
+        self.count as usize
+    }
+    fn number(&self) -> u64 {
+        self.first
+    }
+    fn next_number(&self) -> u64 {
+        self.first.wrapping_add(u64::from(self.count))
+    }
+}
+
+/// A frame, read where the server wrote it.
+pub type Frame = Message<GaussianState, FrameHeader>;
+/// Reader of `frame`.
+pub type FrameReader = StreamReader<GaussianState, FrameHeader>;
+/// Reader of `objects`.
+pub type ObjectsReader = StreamReader<ObjectState, ObjectsHeader>;
+/// Reader of `journal`; a message's `missed` counts commands.
+pub type JournalReader = StreamReader<AppliedCommand, JournalHeader>;
+
+/// A message in the server's memory. Holding it keeps the memory from reuse: drop it soon, or copy.
+#[derive(Debug)]
+pub struct Message<T: Debug + ZeroCopySend + 'static, H: StreamHeader> {
+    sample: Sample<Service, [T], H>,
+    missed: u64,
+    new_run: bool,
+}
+
+impl<T: Debug + ZeroCopySend, H: StreamHeader> Message<T, H> {
+    /// The header.
+    pub fn header(&self) -> &H {
+        self.sample.user_header()
+    }
+
+    /// The elements.
+    pub fn items(&self) -> &[T] {
+        self.sample.payload()
+    }
+
+    /// Steps (of the journal: commands) between the message read before and this one.
+    pub fn missed(&self) -> u64 {
+        self.missed
+    }
+
+    /// Whether this is the first message after the server was started anew: read the scene again.
+    pub fn is_new_run(&self) -> bool {
+        self.new_run
+    }
+}
+
+impl Message<GaussianState, FrameHeader> {
+    /// The Gaussians.
+    pub fn gaussians(&self) -> &[GaussianState] {
+        self.items()
+    }
+}
+
+/// A queue of messages. It stays attached when the server goes, and carries on with the next one.
+pub struct StreamReader<T: Debug + ZeroCopySend + 'static, H: StreamHeader> {
+    subscriber: Subscriber<Service, [T], H>,
+    listener: Listener<Service>,
+    stream: Stream,
+    epoch: u64,
+    next_number: u64,
+    missed: u64,
+    runs: u64,
+}
+
+impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
+    pub(super) fn open(
+        node: &Node<Service>,
+        session: &SessionName,
+        stream: Stream,
+        depth: usize,
+        history: bool,
+    ) -> Result<Self, ConnectError> {
+        let open = |error| ConnectError::open(session.as_str(), error);
+        let failed = |reason: String| ConnectError::Transport {
+            session: session.as_str().into(),
+            reason: format!("{}: {reason}", stream.name),
+        };
+        // One event wakes for all that a step publishes; the frame comes last.
+        let listener = session::event(node, session, session::FRAME.name, false)
+            .map_err(open)?
+            .listener_builder()
+            .create()
+            .map_err(|error| failed(error.to_string()))?;
+        let depth = depth.clamp(1, stream.max_depth);
+        let subscriber = session::pub_sub::<T, H>(node, session, stream, false)
+            .map_err(open)?
+            .subscriber_builder()
+            .buffer_size(depth)
+            .history_request(if history {
+                stream.history.min(depth)
+            } else {
+                0
+            })
+            .create()
+            .map_err(|error| failed(error.to_string()))?;
+        Ok(Self {
+            subscriber,
+            listener,
+            stream,
+            epoch: 0,
+            next_number: 0,
+            missed: 0,
+            runs: 0,
+        })
+    }
+
+    /// The next message, waiting up to `timeout` for it; `None` if there was none.
+    pub fn next(&mut self, timeout: Duration) -> Result<Option<Message<T, H>>, ReadError> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            while let Some(sample) = self.receive()? {
+                if let Some(message) = self.accept(sample)? {
+                    return Ok(Some(message));
+                }
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(None);
+            }
+            // An interrupt ends the wait, so that the program can look at its signals.
+            if self
+                .listener
+                .timed_wait(|_| {}, left.min(LONGEST_WAIT))
+                .is_err()
+            {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Steps (of the journal: commands) missed since this reader was made.
+    pub fn missed(&self) -> u64 {
+        self.missed
+    }
+
+    /// Runs of the server seen, the present one included.
+    pub fn runs(&self) -> u64 {
+        self.runs
+    }
+
+    fn receive(&self) -> Result<Option<Sample<Service, [T], H>>, ReadError> {
+        self.subscriber.receive().map_err(|error| match error {
+            ReceiveError::ExceedsMaxBorrows => ReadError::TooManyHeld {
+                stream: self.stream.name,
+                max: self.stream.max_held,
+            },
+            other => ReadError::Transport {
+                stream: self.stream.name,
+                reason: other.to_string(),
+            },
+        })
+    }
+
+    /// Checks a message and counts what is missing before it; `None` for leftovers of an older run.
+    fn accept(
+        &mut self,
+        sample: Sample<Service, [T], H>,
+    ) -> Result<Option<Message<T, H>>, ReadError> {
+        let header = sample.user_header();
+        if header.count() != sample.payload().len() {
+            return Err(ReadError::Malformed {
+                stream: self.stream.name,
+                announced: header.count(),
+                actual: sample.payload().len(),
+            });
+        }
+        if header.epoch() < self.epoch {
+            return Ok(None);
+        }
+        let new_run = header.epoch() > self.epoch;
+        let missed = if new_run {
+            0
+        } else {
+            header.number().saturating_sub(self.next_number)
+        };
+        self.runs += u64::from(new_run);
+        self.missed += missed;
+        self.epoch = header.epoch();
+        self.next_number = header.next_number();
+        Ok(Some(Message {
+            // The very first message starts a run, but not a new one.
+            new_run: new_run && self.runs > 1,
+            sample,
+            missed,
+        }))
+    }
+}
+
+/// A message may come without a wake-up: history after joining.
+const LONGEST_WAIT: Duration = Duration::from_millis(20);

@@ -1,0 +1,108 @@
+//! Reader of `status`.
+
+use std::time::{Duration, Instant};
+
+use iceoryx2::{
+    node::Node,
+    port::{listener::Listener, subscriber::Subscriber},
+};
+
+use super::{ConnectError, ReadError};
+use crate::{
+    Service, monotonic_ns,
+    schema::Status,
+    session::{self, SessionName},
+};
+
+/// A server whose heartbeat is older is called dead: the longest pause between two is a third of it.
+const SILENCE: Duration = Duration::from_secs(1);
+
+/// The newest status. It stays attached when the server goes, and carries on with the next one.
+pub struct StatusReader {
+    subscriber: Subscriber<Service, [Status], ()>,
+    listener: Listener<Service>,
+    newest: Option<Status>,
+}
+
+impl StatusReader {
+    pub(super) fn open(node: &Node<Service>, session: &SessionName) -> Result<Self, ConnectError> {
+        let open = |error| ConnectError::open(session.as_str(), error);
+        let failed = |reason: String| ConnectError::Transport {
+            session: session.as_str().into(),
+            reason: format!("status: {reason}"),
+        };
+        let stream = session::STATUS;
+        Ok(Self {
+            listener: session::event(node, session, stream.name, false)
+                .map_err(open)?
+                .listener_builder()
+                .create()
+                .map_err(|error| failed(error.to_string()))?,
+            subscriber: session::pub_sub::<Status, ()>(node, session, stream, false)
+                .map_err(open)?
+                .subscriber_builder()
+                .buffer_size(1)
+                .create()
+                .map_err(|error| failed(error.to_string()))?,
+            newest: None,
+        })
+    }
+
+    /// The newest status; `None` before the first.
+    pub fn newest(&mut self) -> Result<Option<Status>, ReadError> {
+        while let Some(status) = self.receive()? {
+            self.newest = Some(status);
+        }
+        Ok(self.newest)
+    }
+
+    /// A status newer than any read before, waiting up to `timeout` for it; `None` if there was none.
+    pub fn next(&mut self, timeout: Duration) -> Result<Option<Status>, ReadError> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            if let Some(status) = self.receive()? {
+                self.newest = Some(status);
+                return Ok(self.newest);
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            let wait = left.min(Duration::from_millis(20));
+            if left.is_zero() || self.listener.timed_wait(|_| {}, wait).is_err() {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Whether the server gave a sign of life within the last second.
+    pub fn is_server_alive(&mut self) -> Result<bool, ReadError> {
+        Ok(self
+            .newest()?
+            .is_some_and(|status| heartbeat_age(&status) < SILENCE))
+    }
+
+    fn receive(&self) -> Result<Option<Status>, ReadError> {
+        let stream = session::STATUS.name;
+        let sample = self
+            .subscriber
+            .receive()
+            .map_err(|error| ReadError::Transport {
+                stream,
+                reason: error.to_string(),
+            })?;
+        let Some(sample) = sample else {
+            return Ok(None);
+        };
+        match sample.payload() {
+            [status] => Ok(Some(*status)),
+            other => Err(ReadError::Malformed {
+                stream,
+                announced: 1,
+                actual: other.len(),
+            }),
+        }
+    }
+}
+
+/// Time since the server sent `status`.
+pub fn heartbeat_age(status: &Status) -> Duration {
+    Duration::from_nanos(monotonic_ns().saturating_sub(status.heartbeat_ns))
+}

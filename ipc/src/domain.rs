@@ -1,0 +1,237 @@
+//! Where processes meet: root folder, file prefix and the iceoryx2 configuration made from them.
+
+use std::{
+    fs,
+    os::unix::fs::{DirBuilderExt, MetadataExt},
+    path::{Path as FsPath, PathBuf},
+    sync::Once,
+};
+
+use iceoryx2::prelude::*;
+
+use crate::Service;
+
+/// Longest root path [byte]: sockets below it must fit the 108 bytes of a Unix socket address.
+pub const MAX_ROOT_LENGTH: usize = 40;
+
+/// A group of processes that see each other's sessions, and nobody else's.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Domain {
+    root: PathBuf,
+    prefix: String,
+}
+
+/// Why a domain cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum DomainError {
+    /// The root path leaves no room for socket names.
+    #[error("the root path {} has {length} bytes, at most {MAX_ROOT_LENGTH} are possible: choose a shorter COSPLAT_DOMAIN", path.display())]
+    RootTooLong {
+        /// The path.
+        path: PathBuf,
+        /// Its length [byte].
+        length: usize,
+    },
+    /// The root path is relative or holds characters that iceoryx2 does not accept.
+    #[error("the root path {} is not usable: expected an absolute path of plain characters", path.display())]
+    BadRoot {
+        /// The path.
+        path: PathBuf,
+    },
+    /// The name or prefix holds other characters than letters, digits, `-` and `_`.
+    #[error("{name:?} is not a domain name: expected 1 to 24 of the characters a-z A-Z 0-9 - _")]
+    BadName {
+        /// The name.
+        name: String,
+    },
+    /// The root folder belongs to somebody else.
+    #[error("the folder {} belongs to user {owner}, expected user {user}: set COSPLAT_DOMAIN to another folder", path.display())]
+    ForeignRoot {
+        /// The folder.
+        path: PathBuf,
+        /// Its owner's id.
+        owner: u32,
+        /// This process's user id.
+        user: u32,
+    },
+    /// The root folder cannot be made or read.
+    #[error("the folder {} cannot be used: {source}", path.display())]
+    Io {
+        /// The folder.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// iceoryx2 refused to join.
+    #[error("cannot join the domain at {}: {reason}", path.display())]
+    Node {
+        /// Root folder.
+        path: PathBuf,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+}
+
+impl Domain {
+    /// The domain that `COSPLAT_DOMAIN` names: unset or empty for the user's own, an absolute path for a
+    /// root folder, anything else for [`named`](Self::named).
+    pub fn from_env() -> Result<Self, DomainError> {
+        match std::env::var("COSPLAT_DOMAIN") {
+            Ok(value) if value.starts_with('/') => {
+                // Files in shared memory have one name space, so two roots need two prefixes.
+                let hash = value.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
+                    (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+                });
+                Self::new(value, &format!("{}{:08x}_", user_prefix(), hash as u32))
+            }
+            Ok(value) if !value.is_empty() => Self::named(&value),
+            _ => Self::new(user_root(), &user_prefix()),
+        }
+    }
+
+    /// A domain beside the user's own, for tests and separate groups; `name` is 1 to 24 of `a-z A-Z 0-9 - _`.
+    pub fn named(name: &str) -> Result<Self, DomainError> {
+        check_name(name, 24)?;
+        Self::new(
+            format!("{}-{name}", user_root()),
+            &format!("{}{name}_", user_prefix()),
+        )
+    }
+
+    /// A domain with an explicit root folder and prefix of its files in shared memory. Two domains with
+    /// different roots need different prefixes.
+    pub fn new(root: impl Into<PathBuf>, prefix: &str) -> Result<Self, DomainError> {
+        let root = root.into();
+        check_name(prefix, 64)?;
+        let length = root.as_os_str().len();
+        if length > MAX_ROOT_LENGTH {
+            return Err(DomainError::RootTooLong { path: root, length });
+        }
+        if !root.is_absolute() || iceoryx_path(&root).is_none() {
+            return Err(DomainError::BadRoot { path: root });
+        }
+        Ok(Self {
+            root,
+            prefix: prefix.into(),
+        })
+    }
+
+    /// Root folder.
+    pub fn root(&self) -> &FsPath {
+        &self.root
+    }
+
+    /// Prefix of every file in shared memory.
+    pub fn prefix(&self) -> &str {
+        &self.prefix
+    }
+
+    /// The iceoryx2 configuration of this domain.
+    pub fn config(&self) -> Config {
+        let mut config = Config::default();
+        if let Some(root) = iceoryx_path(&self.root) {
+            config.global.set_root_path(&root);
+        }
+        if let Ok(prefix) = FileName::new(self.prefix.as_bytes()) {
+            config.global.prefix = prefix;
+        }
+        config
+    }
+
+    /// Joins the domain; `role` becomes the node's name `cosplat-<role>`.
+    pub(crate) fn join(&self, role: &str) -> Result<Node<Service>, DomainError> {
+        static QUIET: Once = Once::new();
+        // Refused opens are normal while a client waits for a server, and our errors say more.
+        QUIET.call_once(|| set_log_level_from_env_or(LogLevel::Fatal));
+        self.claim_root()?;
+        let failed = |reason: String| DomainError::Node {
+            path: self.root.clone(),
+            reason,
+        };
+        let name = NodeName::new(&format!("cosplat-{role}"))
+            .map_err(|error| failed(format!("the role {role:?} is not a node name ({error:?})")))?;
+        NodeBuilder::new()
+            .name(&name)
+            .config(&self.config())
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<Service>()
+            .map_err(|error| failed(format!("{error}")))
+    }
+
+    /// Releases of iceoryx2 other than ours that left their marks in this domain, as text.
+    pub(crate) fn other_transports(&self) -> String {
+        let ours = crate::ICEORYX2_VERSION.replace('.', "_");
+        let mut found: Vec<String> = [
+            "/dev/shm".into(),
+            self.root.clone(),
+            self.root.join("nodes"),
+        ]
+        .iter()
+        .filter_map(|folder| fs::read_dir(folder).ok())
+        .flatten()
+        .filter_map(|file| file.ok()?.file_name().into_string().ok())
+        .filter(|name| name.starts_with(&self.prefix))
+        .filter_map(|name| {
+            Some(
+                name.strip_suffix(".global_mgmt")?
+                    .rsplit_once('.')?
+                    .1
+                    .to_owned(),
+            )
+        })
+        .filter(|version| *version != ours)
+        .map(|version| version.replace('_', "."))
+        .collect();
+        found.sort();
+        found.dedup();
+        if found.is_empty() {
+            "files of an unknown one".into()
+        } else {
+            format!("files of {}", found.join(", "))
+        }
+    }
+
+    /// Makes the root folder for this user alone, or checks that it is.
+    fn claim_root(&self) -> Result<(), DomainError> {
+        let io = |source| DomainError::Io {
+            path: self.root.clone(),
+            source,
+        };
+        fs::DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(&self.root)
+            .map_err(io)?;
+        let owner = fs::metadata(&self.root).map_err(io)?.uid();
+        let user = rustix::process::getuid().as_raw();
+        if owner != user {
+            return Err(DomainError::ForeignRoot {
+                path: self.root.clone(),
+                owner,
+                user,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// `TMPDIR` may differ between the terminals of one user, who would then wonder where the server is.
+fn user_root() -> String {
+    format!("/tmp/cosplat-{}", rustix::process::getuid().as_raw())
+}
+
+fn user_prefix() -> String {
+    format!("cosplat_{}_", rustix::process::getuid().as_raw())
+}
+
+fn check_name(name: &str, max: usize) -> Result<(), DomainError> {
+    let plain = |b: u8| b.is_ascii_alphanumeric() || b == b'-' || b == b'_';
+    if name.is_empty() || name.len() > max || !name.bytes().all(plain) {
+        return Err(DomainError::BadName { name: name.into() });
+    }
+    Ok(())
+}
+
+fn iceoryx_path(path: &FsPath) -> Option<Path> {
+    Path::new(path.as_os_str().as_encoded_bytes()).ok()
+}

@@ -1,0 +1,357 @@
+//! The serving side of a session: frames written in place, scene, objects, journal, status, commands.
+
+mod commands;
+mod error;
+mod frame;
+mod monitor;
+mod pool;
+mod publish;
+mod scene;
+
+use std::{
+    sync::Arc,
+    time::{Duration, Instant, SystemTime},
+};
+
+use iceoryx2::{
+    node::Node,
+    port::{notifier::Notifier, publisher::PublisherCreateError},
+    prelude::{EventId, PortFactory},
+};
+
+pub use error::{CreateError, LoanRefused, PublishError};
+pub use frame::FrameLoan;
+pub use pool::PoolPlan;
+pub use scene::SceneBlocks;
+
+use crate::{
+    Domain, Service, monotonic_ns,
+    schema::{
+        AppliedCommand, FrameHeader, GaussianState, Hello, JournalHeader, MAX_COMMANDS,
+        ObjectState, ObjectsHeader, Status,
+    },
+    session::{self, EVENT_SAMPLE, SERVER_ROLE, SessionName},
+};
+use commands::CommandPort;
+use monitor::Monitor;
+use publish::{Publisher, copy_and_send, publisher};
+
+/// A status that is not updated is sent again with a new heartbeat after this time.
+const HEARTBEAT_PERIOD: Duration = Duration::from_millis(100);
+
+/// All ports of a serving process. Dropping it ends the session.
+pub struct ServerPorts {
+    // First, so that no other thread uses the ports when they go.
+    monitor: Monitor,
+    frame: Arc<Publisher<GaussianState, FrameHeader>>,
+    frame_notifier: Arc<Notifier<Service>>,
+    objects: Arc<Publisher<ObjectState, ObjectsHeader>>,
+    journal: Arc<Publisher<AppliedCommand, JournalHeader>>,
+    status: Arc<Publisher<Status, ()>>,
+    status_notifier: Notifier<Service>,
+    commands: CommandPort,
+    session: SessionName,
+    node: Node<Service>,
+    plan: PoolPlan,
+    slots: usize,
+    epoch: u64,
+    journalled: u64,
+    newest_status: Option<Status>,
+    heartbeat: Instant,
+    // Last: while it lives, no other server takes the session.
+    _hello: Arc<iceoryx2::port::publisher::Publisher<Service, Hello, ()>>,
+}
+
+impl ServerPorts {
+    /// Takes `session` in `domain`, makes its services and sets all their memory aside.
+    pub fn create(domain: &Domain, session: &str, plan: &PoolPlan) -> Result<Self, CreateError> {
+        let session = SessionName::new(session)?;
+        let node = domain.join(SERVER_ROLE)?;
+        let epoch = SystemTime::now()
+            .duration_since(SystemTime::UNIX_EPOCH)
+            .map_or(1, |since| since.as_nanos() as u64);
+        let hello = take_session(&node, &session, epoch)?;
+
+        let slots = plan.slots(pool::available_bytes())?;
+        let frame = publisher(
+            &node,
+            &session,
+            session::FRAME,
+            plan.gaussian_count,
+            slots,
+            slots,
+        )?;
+        frame::touch_every_page(&frame, plan.gaussian_count, slots)?;
+        let objects = publisher(
+            &node,
+            &session,
+            session::OBJECTS,
+            plan.object_count,
+            pool::OBJECTS_SLOTS,
+            1,
+        )?;
+        let journal = publisher(
+            &node,
+            &session,
+            session::JOURNAL,
+            MAX_COMMANDS,
+            pool::JOURNAL_SLOTS,
+            1,
+        )?;
+        let status = publisher(&node, &session, session::STATUS, 1, pool::STATUS_SLOTS, 1)?;
+        let frame_notifier = Arc::new(sample_notifier(&node, &session, session::FRAME.name)?);
+        let status_notifier = sample_notifier(&node, &session, session::STATUS.name)?;
+        let commands = CommandPort::create(&node, &session)?;
+        let monitor = Monitor::start(
+            domain,
+            vec![
+                hello.clone(),
+                frame.clone(),
+                objects.clone(),
+                journal.clone(),
+                status.clone(),
+            ],
+        )?;
+        Ok(Self {
+            monitor,
+            frame,
+            frame_notifier,
+            objects,
+            journal,
+            status,
+            status_notifier,
+            commands,
+            session,
+            node,
+            plan: *plan,
+            slots,
+            epoch,
+            journalled: 0,
+            newest_status: None,
+            heartbeat: Instant::now(),
+            _hello: hello,
+        })
+    }
+
+    /// Name of the session.
+    pub fn session(&self) -> &str {
+        self.session.as_str()
+    }
+
+    /// Identifies this run and its published scene; every header carries it.
+    pub fn epoch(&self) -> u64 {
+        self.epoch
+    }
+
+    /// Frames in the pool.
+    pub fn frame_slots(&self) -> usize {
+        self.slots
+    }
+
+    /// Memory for a frame of `count` Gaussians, to be written in place. Never blocks.
+    pub fn loan_frame(&self, count: usize) -> Result<FrameLoan, LoanRefused> {
+        if count > self.plan.gaussian_count {
+            return Err(LoanRefused::TooLarge {
+                count,
+                max: self.plan.gaussian_count,
+            });
+        }
+        let loan = FrameLoan::new(
+            &self.frame,
+            &self.frame_notifier,
+            count,
+            self.epoch,
+            self.slots,
+        );
+        if let Err(LoanRefused::PoolInUse { .. }) = loan {
+            // Perhaps the readers that hold the pool are dead.
+            self.monitor.ask_cleanup();
+        }
+        loan
+    }
+
+    /// Like [`loan_frame`](Self::loan_frame), but waits up to `timeout` for readers to give memory back.
+    pub fn loan_frame_within(
+        &self,
+        count: usize,
+        timeout: Duration,
+    ) -> Result<FrameLoan, LoanRefused> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            match self.loan_frame(count) {
+                Err(LoanRefused::PoolInUse { .. }) if Instant::now() < deadline => {
+                    std::thread::sleep(Duration::from_millis(1));
+                    self.monitor.update_connections();
+                }
+                other => return other,
+            }
+        }
+    }
+
+    /// Publishes the objects of a step; `epoch` and `count` are filled in.
+    pub fn publish_objects(
+        &mut self,
+        header: &ObjectsHeader,
+        objects: &[ObjectState],
+    ) -> Result<(), PublishError> {
+        let header = ObjectsHeader {
+            epoch: self.epoch,
+            count: objects.len() as u32,
+            reserved: 0,
+            ..*header
+        };
+        copy_and_send(
+            &self.objects,
+            session::OBJECTS.name,
+            self.plan.object_count,
+            header,
+            objects,
+        )
+    }
+
+    /// Publishes commands that took effect at the start of `step`, in the order of their application.
+    pub fn publish_journal(
+        &mut self,
+        step: u64,
+        commands: &[AppliedCommand],
+    ) -> Result<(), PublishError> {
+        for chunk in commands.chunks(MAX_COMMANDS) {
+            let header = JournalHeader {
+                step,
+                epoch: self.epoch,
+                first: self.journalled,
+                count: chunk.len() as u32,
+                reserved: 0,
+            };
+            copy_and_send(
+                &self.journal,
+                session::JOURNAL.name,
+                MAX_COMMANDS,
+                header,
+                chunk,
+            )?;
+            self.journalled += chunk.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// Publishes the scene for clients of now and later, in place of a former one.
+    pub fn publish_scene(&mut self, scene: &SceneBlocks) -> Result<(), CreateError> {
+        let ports = scene.publish(&self.node, &self.session, self.epoch)?;
+        self.monitor.set_scene(ports);
+        Ok(())
+    }
+
+    /// Publishes the newest status; `heartbeat_ns`, `epoch` and `pid` are filled in.
+    pub fn update_status(&mut self, status: &Status) -> Result<(), PublishError> {
+        self.heartbeat = Instant::now();
+        let status = Status {
+            heartbeat_ns: monotonic_ns(),
+            epoch: self.epoch,
+            pid: std::process::id(),
+            ..*status
+        };
+        self.newest_status = Some(status);
+        copy_and_send(&self.status, session::STATUS.name, 1, (), &[status])?;
+        notify(&self.status_notifier);
+        Ok(())
+    }
+
+    /// Answers waiting requests: `answer` gives one [`Ack`](crate::schema::Ack) per command. Returns the
+    /// number of requests; at most 64 per call, so that a flood of them cannot stop the stepping.
+    pub fn poll_commands(
+        &mut self,
+        answer: impl FnMut(
+            &crate::schema::CommandHeader,
+            &[crate::schema::Command],
+        ) -> Vec<crate::schema::Ack>,
+    ) -> usize {
+        self.commands.poll(answer)
+    }
+
+    /// Sleeps until a request comes, a signal arrives or `timeout` is over; says whether to look for requests.
+    pub fn wait(&self, timeout: Duration) -> bool {
+        self.commands.wait(timeout)
+    }
+
+    /// To be called in every turn of the server's loop, also while paused: serves late joiners and keeps the
+    /// heartbeat going.
+    pub fn maintain(&mut self) {
+        self.monitor.update_connections();
+        if self.heartbeat.elapsed() >= HEARTBEAT_PERIOD
+            && let Some(status) = self.newest_status
+            && let Err(error) = self.update_status(&status)
+        {
+            tracing::warn!(%error, "no heartbeat");
+        }
+    }
+}
+
+/// Becomes the one server of the session.
+fn take_session(
+    node: &Node<Service>,
+    session: &SessionName,
+    epoch: u64,
+) -> Result<Arc<iceoryx2::port::publisher::Publisher<Service, Hello, ()>>, CreateError> {
+    const WHAT: &str = "make the hello service";
+    let failed = |reason: String| CreateError::Transport { what: WHAT, reason };
+    let service = session::hello(node, session, true)
+        .map_err(|error| CreateError::open(session.as_str(), WHAT, error))?;
+    for attempt in 0.. {
+        match service.publisher_builder().max_loaned_samples(1).create() {
+            Ok(publisher) => {
+                pool::reserve(publisher.id().value())?;
+                let hello = publisher
+                    .loan_uninit()
+                    .map_err(|error| failed(error.to_string()))?
+                    .write_payload(Hello::of_this_program(epoch));
+                hello.send().map_err(|error| failed(error.to_string()))?;
+                return Ok(Arc::new(publisher));
+            }
+            Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
+                let mut nodes = Vec::new();
+                let listed = service.nodes(|node| {
+                    nodes.push(node);
+                    iceoryx2::prelude::CallbackProgression::Continue
+                });
+                if let Some(pid) = session::server_pid(&nodes, Some(node.id())) {
+                    return Err(CreateError::AlreadyServed {
+                        session: session.as_str().into(),
+                        pid,
+                    });
+                }
+                // The former server died and its remains are being removed.
+                if attempt == 20 {
+                    return Err(failed(format!("a dead server is not removed ({listed:?})")));
+                }
+                node.try_cleanup_dead_nodes();
+                std::thread::sleep(Duration::from_millis(50));
+            }
+            Err(error) => return Err(failed(error.to_string())),
+        }
+    }
+    unreachable!("the loop returns")
+}
+
+fn sample_notifier(
+    node: &Node<Service>,
+    session: &SessionName,
+    stream: &'static str,
+) -> Result<Notifier<Service>, CreateError> {
+    session::event(node, session, stream, true)
+        .map_err(|error| CreateError::open(session.as_str(), "make an event service", error))?
+        .notifier_builder()
+        .default_event_id(EventId::new(EVENT_SAMPLE))
+        .create()
+        .map_err(|error| CreateError::Transport {
+            what: "make a notifier",
+            reason: error.to_string(),
+        })
+}
+
+/// A wake-up that fails only costs the sleeper time.
+fn notify(notifier: &Notifier<Service>) {
+    if let Err(error) = notifier.notify() {
+        tracing::debug!(?error, "a listener was not woken");
+    }
+}

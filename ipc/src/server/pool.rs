@@ -1,0 +1,174 @@
+//! Memory of the publishers: how much, and whether it is really there.
+//!
+//! iceoryx2 only reserves addresses. Without the steps here the first write to a full shared-memory mount
+//! kills the process with SIGBUS.
+
+use std::{fs, io, path::PathBuf};
+
+use rustix::fs::FallocateFlags;
+
+use super::{CreateError, SceneBlocks};
+use crate::schema::{AppliedCommand, GaussianState, MAX_COMMANDS, ObjectState, Status};
+
+/// Where Linux keeps POSIX shared memory.
+const SHM_DIR: &str = "/dev/shm";
+/// Frames that are worth having when they are small.
+const COMFORTABLE_BYTES: u64 = 256 << 20;
+/// One being written, one kept for late joiners, two each for two viewers, and some for a recorder's queue.
+const FEWEST_SLOTS: usize = 8;
+const USUAL_SLOTS: usize = 16;
+/// Two recorders with full queues and a few viewers.
+const MOST_SLOTS: usize = 160;
+/// Room for what iceoryx2 keeps per service and connection.
+const OVERHEAD_BYTES: u64 = 8 << 20;
+/// System header, frame header and alignment of a chunk.
+const CHUNK_OVERHEAD: usize = 192;
+
+/// Objects messages kept: a full queue of each depth, and what readers hold.
+pub(super) const OBJECTS_SLOTS: usize = 128;
+/// Journal messages kept: the history, and what readers hold.
+pub(super) const JOURNAL_SLOTS: usize = 320;
+/// Status messages kept.
+pub(super) const STATUS_SLOTS: usize = 72;
+
+/// What a session needs room for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PoolPlan {
+    /// Gaussians in a frame at most.
+    pub gaussian_count: usize,
+    /// Objects in a message at most.
+    pub object_count: usize,
+    /// Bytes of all scene blocks.
+    pub scene_bytes: u64,
+    /// Frames in the pool; `None` chooses by frame size and the memory there is (16 to 160, never below 8).
+    pub frame_slots: Option<usize>,
+}
+
+impl PoolPlan {
+    /// Room for the frames of `scene`.
+    pub fn new(scene: &SceneBlocks) -> Self {
+        Self {
+            gaussian_count: scene.gaussians.len(),
+            object_count: scene.objects.len(),
+            scene_bytes: scene.bytes(),
+            frame_slots: None,
+        }
+    }
+
+    fn frame_bytes(&self) -> u64 {
+        (self.gaussian_count * size_of::<GaussianState>() + CHUNK_OVERHEAD) as u64
+    }
+
+    /// Shared memory that the session takes with a pool of `slots` frames [byte].
+    pub fn required_bytes(&self, slots: usize) -> u64 {
+        let messages = |slots, item: usize, count| (slots * (item * count + CHUNK_OVERHEAD)) as u64;
+        slots as u64 * self.frame_bytes()
+            + messages(OBJECTS_SLOTS, size_of::<ObjectState>(), self.object_count)
+            + messages(JOURNAL_SLOTS, size_of::<AppliedCommand>(), MAX_COMMANDS)
+            + messages(STATUS_SLOTS, size_of::<Status>(), 1)
+            + self.scene_bytes
+            + OVERHEAD_BYTES
+    }
+
+    /// Frames in the pool, or why they do not fit.
+    pub(super) fn slots(&self, available: u64) -> Result<usize, CreateError> {
+        let usual = (COMFORTABLE_BYTES / self.frame_bytes()) as usize;
+        let wanted = self
+            .frame_slots
+            .unwrap_or(usual.clamp(USUAL_SLOTS, MOST_SLOTS));
+        let fewest = self.frame_slots.unwrap_or(FEWEST_SLOTS);
+        (fewest..=wanted)
+            .rev()
+            .find(|&slots| self.required_bytes(slots) <= available)
+            .ok_or(CreateError::ShmTooSmall {
+                required: self.required_bytes(fewest),
+                available,
+            })
+    }
+}
+
+/// Shared memory that can be taken now [byte]: free space of the mount, but no more than free memory.
+pub(super) fn available_bytes() -> u64 {
+    let mount = rustix::fs::statvfs(SHM_DIR).map_or(u64::MAX, |s| s.f_bavail * s.f_frsize);
+    mount.min(free_memory().unwrap_or(u64::MAX))
+}
+
+fn free_memory() -> Option<u64> {
+    let meminfo = fs::read_to_string("/proc/meminfo").ok()?;
+    let line = meminfo.lines().find(|l| l.starts_with("MemAvailable:"))?;
+    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib * 1024)
+}
+
+/// Makes the system set aside every page of the data segment of the port `id`.
+pub(super) fn reserve(id: u128) -> Result<(), CreateError> {
+    let Some(path) = data_file(id) else {
+        return Err(CreateError::Transport {
+            what: "find the memory of a publisher",
+            reason: format!("no file of port {id} in {SHM_DIR}"),
+        });
+    };
+    let failed = |error: io::Error| CreateError::Transport {
+        what: "reserve shared memory",
+        reason: format!("{}: {error}", path.display()),
+    };
+    let file = fs::OpenOptions::new()
+        .read(true)
+        .write(true)
+        .open(&path)
+        .map_err(failed)?;
+    let length = file.metadata().map_err(failed)?.len();
+    match rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, length) {
+        Ok(()) => Ok(()),
+        Err(rustix::io::Errno::NOSPC) => Err(CreateError::ShmTooSmall {
+            required: length,
+            available: available_bytes(),
+        }),
+        Err(error) => Err(failed(error.into())),
+    }
+}
+
+fn data_file(id: u128) -> Option<PathBuf> {
+    let suffix = format!("{id}.data");
+    let files = fs::read_dir(SHM_DIR).ok()?;
+    files
+        .filter_map(Result::ok)
+        .find(|file| file.file_name().to_string_lossy().ends_with(&suffix))
+        .map(|file| file.path())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PLAN: PoolPlan = PoolPlan {
+        gaussian_count: 100_000,
+        object_count: 3,
+        scene_bytes: 1 << 20,
+        frame_slots: None,
+    };
+
+    #[test]
+    fn the_pool_shrinks_with_the_memory_and_then_refuses() {
+        assert_eq!(PLAN.slots(u64::MAX).unwrap(), 41);
+        assert_eq!(PLAN.slots(PLAN.required_bytes(20)).unwrap(), 20);
+        assert_eq!(PLAN.slots(PLAN.required_bytes(FEWEST_SLOTS)).unwrap(), 8);
+        let too_small = PLAN.required_bytes(FEWEST_SLOTS) - 1;
+        let error = PLAN.slots(too_small).unwrap_err();
+        assert!(matches!(
+            error,
+            CreateError::ShmTooSmall { required, available }
+                if required == too_small + 1 && available == too_small
+        ));
+    }
+
+    #[test]
+    fn an_explicit_number_of_slots_is_kept_or_refused() {
+        let plan = PoolPlan {
+            frame_slots: Some(3),
+            ..PLAN
+        };
+        assert_eq!(plan.slots(u64::MAX).unwrap(), 3);
+        assert!(plan.slots(plan.required_bytes(2)).is_err());
+    }
+}

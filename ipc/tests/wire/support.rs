@@ -1,0 +1,125 @@
+//! What the tests share: a domain per test, a small scene, frames that can be told apart.
+
+use std::{
+    sync::atomic::{AtomicU32, Ordering},
+    time::Duration,
+};
+
+use bytemuck::Zeroable;
+use cosplat_ipc::{
+    Domain, ServerPorts,
+    schema::{FrameHeader, GaussianRest, GaussianState, ObjectInfo, SceneHeader, padded},
+    server::{PoolPlan, SceneBlocks},
+};
+
+/// Long enough for a loaded machine; only a hang reaches it.
+pub const PATIENCE: Duration = Duration::from_secs(20);
+/// Gaussians in the test scene.
+pub const COUNT: usize = 100;
+/// Text of the test scene's file.
+pub const SOURCE: &str = "name = \"test\"\n";
+
+/// A domain that no other test uses; its files go with it.
+pub struct TestDomain(pub Domain);
+
+impl TestDomain {
+    pub fn new() -> Self {
+        static NEXT: AtomicU32 = AtomicU32::new(0);
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        Self(Domain::named(&format!("t{}-{number}", std::process::id())).expect("a domain"))
+    }
+}
+
+impl std::ops::Deref for TestDomain {
+    type Target = Domain;
+    fn deref(&self) -> &Domain {
+        &self.0
+    }
+}
+
+impl Drop for TestDomain {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(self.root());
+        for file in std::fs::read_dir("/dev/shm")
+            .expect("shared memory")
+            .flatten()
+        {
+            if file
+                .file_name()
+                .to_string_lossy()
+                .starts_with(self.prefix())
+            {
+                let _ = std::fs::remove_file(file.path());
+            }
+        }
+    }
+}
+
+/// The parts of the test scene.
+pub struct TestScene {
+    gaussians: Vec<GaussianRest>,
+    sh: Vec<f32>,
+    objects: Vec<ObjectInfo>,
+    features: Vec<f32>,
+}
+
+impl TestScene {
+    pub fn new() -> Self {
+        let gaussian = |i| GaussianRest {
+            position: [i as f32, 0.0, 0.0],
+            opacity: 1.0,
+            ..GaussianRest::zeroed()
+        };
+        Self {
+            gaussians: (0..COUNT).map(gaussian).collect(),
+            sh: (0..COUNT * 3).map(|i| i as f32).collect(),
+            objects: vec![ObjectInfo {
+                gaussian_count: COUNT as u32,
+                name: padded("vase"),
+                ..ObjectInfo::zeroed()
+            }],
+            features: (0..COUNT * 2).map(|i| -(i as f32)).collect(),
+        }
+    }
+
+    pub fn blocks(&self) -> SceneBlocks<'_> {
+        SceneBlocks {
+            header: SceneHeader {
+                feature_dim: 2,
+                scene_hash: 7,
+                ..SceneHeader::default()
+            },
+            gaussians: &self.gaussians,
+            sh: &self.sh,
+            objects: &self.objects,
+            features: &self.features,
+            source: SOURCE,
+        }
+    }
+}
+
+/// A server of the test scene.
+pub fn serve(domain: &Domain, session: &str) -> ServerPorts {
+    let scene = TestScene::new();
+    let mut ports =
+        ServerPorts::create(domain, session, &PoolPlan::new(&scene.blocks())).expect("a server");
+    ports.publish_scene(&scene.blocks()).expect("a scene");
+    ports
+}
+
+/// Publishes the frame of `step`: every Gaussian carries the step in its place.
+pub fn send_frame(ports: &ServerPorts, step: u64) {
+    let mut loan = ports.loan_frame_within(COUNT, PATIENCE).expect("memory");
+    for (i, gaussian) in loan.gaussians_mut().iter_mut().enumerate() {
+        *gaussian = GaussianState {
+            position: [step as f32, i as f32, 0.0],
+            index: i as u32,
+            ..GaussianState::zeroed()
+        };
+    }
+    let header = FrameHeader {
+        step,
+        ..FrameHeader::default()
+    };
+    loan.send(&header).expect("sent");
+}
