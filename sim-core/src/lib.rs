@@ -14,6 +14,7 @@ pub mod num;
 pub mod reference;
 pub mod report;
 pub mod scene;
+pub mod scene_file;
 #[cfg(test)]
 mod test_scenes;
 

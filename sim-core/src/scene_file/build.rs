@@ -1,0 +1,530 @@
+//! [`SceneFile`] and its assets to a [`Scene`]: place, select, fill, bind, assemble.
+
+use std::error::Error;
+
+use glam::{DQuat, DVec3};
+
+use super::{
+    checks,
+    edit::{append, bounds, subset, transform},
+    error::{At, Finding, SceneErrors},
+    placement::Rigid,
+    report::{AssetReport, BuildReport},
+    sampling::{self, Body, Rest},
+    select::{Placed, longest_side},
+    spec::*,
+};
+use crate::{
+    assets::Gaussians,
+    scene::{Aabb, Fidelity, Object, Probe, ProbeKind, Scene},
+};
+
+/// Reads the asset file that a scene file names.
+pub type Load<'a> = dyn FnMut(&str) -> Result<Gaussians, Box<dyn Error + Send + Sync>> + 'a;
+
+/// One object to be, with its geometry in its own frame.
+struct Part<'f> {
+    spec: &'f ObjectSpec,
+    name: String,
+    body: usize,
+    world_from_body: Rigid,
+}
+
+/// Builds the scene that a file describes; `load` reads the asset files.
+///
+/// # Errors
+/// Everything that is wrong with the assets, selections and sizes, each with line and field.
+pub fn build(file: &SceneFile, load: &mut Load) -> Result<(Scene, BuildReport), SceneErrors> {
+    let mut builder = Builder {
+        file,
+        errors: Vec::new(),
+        report: BuildReport {
+            warnings: file.warnings.clone(),
+            ..BuildReport::default()
+        },
+        bodies: Vec::new(),
+        parts: Vec::new(),
+    };
+    let assets: Vec<_> = file.assets.iter().map(|a| builder.place(a, load)).collect();
+    for spec in &file.objects {
+        builder.add(spec, &assets);
+    }
+    builder.check_names();
+    SceneErrors::check(std::mem::take(&mut builder.errors))?;
+    builder.report_unselected(&assets);
+    let dx = builder.dx()?;
+    let scene = builder.assemble(dx);
+    SceneErrors::check(std::mem::take(&mut builder.errors))?;
+    let mut report = builder.report;
+    let places: Vec<&At> = builder.parts.iter().map(|p| &p.spec.at).collect();
+    checks::check(&scene, &places, &mut report)?;
+    Ok((scene, report))
+}
+
+struct Builder<'f> {
+    file: &'f SceneFile,
+    errors: Vec<Finding>,
+    report: BuildReport,
+    bodies: Vec<(BodyKey<'f>, Body)>,
+    parts: Vec<Part<'f>>,
+}
+
+/// Bodies with equal keys are equal: clones are filled once.
+#[derive(Clone, Debug, PartialEq)]
+struct BodyKey<'f> {
+    geometry: &'f Geometry,
+    shaping: (Axis, Size, Anchor),
+    rest: Option<Rest>,
+    /// Number of the part of a split object.
+    part: usize,
+}
+
+/// A placed asset and the rotation that its placement applied.
+type PlacedAsset = Option<(Placed, DQuat)>;
+
+impl<'f> Builder<'f> {
+    fn error(&mut self, at: &At, message: impl Into<String>) {
+        self.errors.push(Finding::new(at, message));
+    }
+
+    /// Reads an asset, leaves out what is nearly transparent and applies the asset's own placement.
+    fn place(&mut self, spec: &AssetSpec, load: &mut Load) -> PlacedAsset {
+        let loaded = match &spec.source {
+            AssetSource::Path(path) => load(path).map_err(|e| e.to_string()),
+            AssetSource::Builtin(name) => sampling::builtin(name).map_err(|e| e.to_string()),
+        };
+        let all = loaded.map_err(|e| self.error(&spec.at, e)).ok()?;
+        let keep = |&i: &usize| f64::from(all.opacity[i]) >= spec.min_opacity;
+        let kept: Vec<usize> = (0..all.len()).filter(keep).collect();
+        let mut gaussians = subset(&all, &kept);
+        let Some(raw) = bounds(&gaussians) else {
+            let count = all.len();
+            let message = format!(
+                "none of its {count} Gaussians reaches `min_opacity`, which is {}",
+                spec.min_opacity
+            );
+            self.error(&spec.at, message);
+            return None;
+        };
+        let mut rotation = match self.shape(&spec.placement, &mut gaussians, &spec.at) {
+            Some(rotation) => rotation,
+            None => return None,
+        };
+        let rigid = spec.placement.rigid();
+        transform(&mut gaussians, rigid.rotation, 1.0, rigid.translation);
+        rotation = rigid.rotation * rotation;
+        self.report.assets.push(AssetReport {
+            name: spec.name.clone(),
+            source: spec.source.clone(),
+            gaussians: all.len(),
+            transparent: all.len() - kept.len(),
+            raw_bounds: raw,
+            placed_bounds: bounds(&gaussians).unwrap_or(raw),
+        });
+        let index = kept.iter().map(|&i| i as u64).collect();
+        Some((Placed { gaussians, index }, rotation))
+    }
+
+    /// Applies `up`, `scale` or `height`, and `anchor`; the rotation is that of `up`.
+    fn shape(&mut self, placement: &Placement, g: &mut Gaussians, at: &At) -> Option<DQuat> {
+        let raw = bounds(g)?;
+        let factor = placement.factor(&raw);
+        if !(factor.is_finite() && factor > 0.0) {
+            self.error(
+                at,
+                "is flat along its up axis: give `scale` instead of `height`",
+            );
+            return None;
+        }
+        let up = placement.up.to_world_up();
+        transform(g, up, factor, DVec3::ZERO);
+        let anchor = placement.anchor_of(&bounds(g)?);
+        transform(g, DQuat::IDENTITY, 1.0, -anchor);
+        Some(up)
+    }
+
+    /// Adds the part or, for split objects, the parts of an object.
+    fn add(&mut self, spec: &'f ObjectSpec, assets: &[PlacedAsset]) {
+        let rest = match (spec.fidelity, &spec.geometry) {
+            (Fidelity::Static, _) => None,
+            (Fidelity::Mpm, Geometry::Shape { shape, .. }) => {
+                Some(Rest::Shape(shape.scaled(self.shape_factor(spec, shape))))
+            }
+            (Fidelity::Mpm, Geometry::Asset { .. }) => Some(match spec.particles {
+                ParticleMode::Filled => Rest::Filled,
+                ParticleMode::PerGaussian => Rest::PerGaussian,
+            }),
+        };
+        let placement = &spec.placement;
+        let key = |part| BodyKey {
+            geometry: &spec.geometry,
+            shaping: (placement.up, placement.size, placement.anchor),
+            rest,
+            part,
+        };
+        let bodies = match &spec.geometry {
+            Geometry::Shape { shape, color } => vec![self.shape_body(spec, shape, *color)],
+            Geometry::Asset {
+                asset,
+                select,
+                split,
+            } => {
+                // An asset that failed to load has been reported.
+                let Some((placed, rotation)) = &assets[*asset] else {
+                    return;
+                };
+                let others = self.selections(*asset, spec);
+                let chosen = match select {
+                    None => Ok((0..placed.gaussians.len()).collect()),
+                    Some(select) => placed
+                        .select(select, &others)
+                        .map_err(|message| self.error(&spec.geometry_at, message)),
+                };
+                let Ok(chosen) = chosen else { return };
+                let parts = match split {
+                    None => vec![chosen],
+                    Some(split) => match placed.split(&chosen, *split) {
+                        Ok(parts) => parts,
+                        Err(message) => return self.error(&spec.at, message),
+                    },
+                };
+                self.asset_bodies(spec, placed, *rotation, &parts)
+            }
+        };
+        let split = spec.is_split();
+        for (n, (body, world_from_body)) in bodies.into_iter().enumerate() {
+            let key = key(n);
+            let known = self.bodies.iter().position(|(k, _)| *k == key);
+            let body = known.unwrap_or_else(|| {
+                self.bodies.push((key, body));
+                self.bodies.len() - 1
+            });
+            let name = if split {
+                format!("{}_{n}", spec.name)
+            } else {
+                spec.name.clone()
+            };
+            self.parts.push(Part {
+                spec,
+                name,
+                body,
+                world_from_body,
+            });
+        }
+    }
+
+    /// The selections that other objects make from an asset.
+    fn selections(&self, asset: usize, besides: &ObjectSpec) -> Vec<&'f Select> {
+        let selection = |o: &'f ObjectSpec| match &o.geometry {
+            Geometry::Asset {
+                asset: a,
+                select: Some(select),
+                ..
+            } if *a == asset && !o.is_clone && o.name != besides.name => Some(select),
+            _ => None,
+        };
+        self.file.objects.iter().filter_map(selection).collect()
+    }
+
+    fn shape_factor(&self, spec: &ObjectSpec, shape: &Shape) -> f64 {
+        spec.placement.factor(&shape.bounds())
+    }
+
+    fn shape_body(&self, spec: &ObjectSpec, shape: &Shape, color: [f32; 3]) -> (Body, Rigid) {
+        let shape = shape.scaled(self.shape_factor(spec, shape));
+        let up = spec.placement.up.to_world_up();
+        let Aabb { min, max } = shape.bounds();
+        let corner = |i: usize| {
+            let pick = |a: usize| if i >> a & 1 == 0 { min[a] } else { max[a] };
+            (up * DVec3::new(pick(0), pick(1), pick(2))).to_array()
+        };
+        let turned = super::edit::bounds_of((0..8).map(corner));
+        let anchor = turned.map_or(DVec3::ZERO, |b| spec.placement.anchor_of(&b));
+        let shaped = Rigid {
+            rotation: up,
+            translation: -anchor,
+        };
+        let body = Body {
+            gaussians: Gaussians::default(),
+            bounds: shape.bounds(),
+            body_from_asset: DQuat::IDENTITY,
+            shape: Some((shape, color)),
+        };
+        (body, spec.placement.rigid().after(&shaped))
+    }
+
+    /// Bodies of the parts of an asset. All parts of a split object are shaped about their common box, so that
+    /// they stay together.
+    fn asset_bodies(
+        &mut self,
+        spec: &ObjectSpec,
+        placed: &Placed,
+        rotation: DQuat,
+        parts: &[Vec<usize>],
+    ) -> Vec<(Body, Rigid)> {
+        let mut all = subset(&placed.gaussians, &parts.concat());
+        let Some(up) = self.shape(&spec.placement, &mut all, &spec.at) else {
+            return Vec::new();
+        };
+        let mut first = 0;
+        let mut bodies = Vec::new();
+        for part in parts {
+            let range: Vec<usize> = (first..first + part.len()).collect();
+            first += part.len();
+            let gaussians = subset(&all, &range);
+            let Some(bounds) = bounds(&gaussians) else {
+                continue;
+            };
+            let body = Body {
+                gaussians,
+                bounds,
+                body_from_asset: up * rotation,
+                shape: None,
+            };
+            bodies.push((body, spec.placement.rigid()));
+        }
+        bodies
+    }
+
+    /// Splitting makes names; none of them may be taken.
+    fn check_names(&mut self) {
+        for (i, part) in self.parts.iter().enumerate() {
+            if let Some(other) = self.parts[..i].iter().find(|p| p.name == part.name) {
+                let message = format!(
+                    "object `{}` exists already: `{}` of line {} makes it by splitting",
+                    part.name, other.spec.name, other.spec.at.line
+                );
+                self.errors.push(Finding::new(&part.spec.at, message));
+            }
+        }
+        for probe in &self.file.probes {
+            let (ProbeKindSpec::Extent { object } | ProbeKindSpec::MaterialPoint { object, .. }) =
+                &probe.kind
+            else {
+                continue;
+            };
+            if !self.parts.iter().any(|p| p.name == *object) {
+                let names: Vec<&str> = self.parts.iter().map(|p| p.name.as_str()).collect();
+                let hint = super::error::suggest(object, names);
+                let message = format!("object `{object}` does not exist: {hint}");
+                self.errors.push(Finding::new(&probe.at, message));
+            }
+        }
+    }
+
+    /// Warns about Gaussians of an asset that no object shows, and about those that two selections share.
+    fn report_unselected(&mut self, assets: &[PlacedAsset]) {
+        for (a, placed) in assets.iter().enumerate() {
+            let Some((placed, _)) = placed else { continue };
+            let mut users = vec![0u32; placed.gaussians.len()];
+            let mut whole = false;
+            for object in &self.file.objects {
+                let Geometry::Asset { asset, select, .. } = &object.geometry else {
+                    continue;
+                };
+                if *asset != a || object.is_clone {
+                    continue;
+                }
+                let Some(select) = select else {
+                    whole = true;
+                    continue;
+                };
+                let others = self.selections(a, object);
+                for i in placed.select(select, &others).unwrap_or_default() {
+                    users[i] += 1;
+                }
+            }
+            let unused = users.iter().filter(|u| **u == 0).count();
+            let shared = users.iter().filter(|u| **u > 1).count();
+            let at = &self.file.assets[a].at;
+            if !whole && unused > 0 {
+                let message = format!(
+                    "{unused} of {} Gaussians belong to no object and are not shown: \
+                     an object with `select = {{ rest = true }}` and `fidelity = \"static\"` would show them",
+                    users.len()
+                );
+                self.report.warnings.push(Finding::new(at, message));
+            }
+            if shared > 0 {
+                let message = format!(
+                    "{shared} of {} Gaussians are selected by more than one object",
+                    users.len()
+                );
+                self.report.warnings.push(Finding::new(at, message));
+            }
+        }
+    }
+
+    /// Grid cell size [m].
+    fn dx(&mut self) -> Result<f64, SceneErrors> {
+        let simulated = |part: &&Part| part.spec.fidelity == Fidelity::Mpm;
+        let sides = self.parts.iter().filter(simulated);
+        let smallest = sides
+            .map(|p| longest_side(&self.bodies[p.body].1.bounds))
+            .fold(f64::INFINITY, f64::min);
+        let dx = match self.file.resolution {
+            Resolution::Dx(dx) => dx,
+            // A scene without simulated objects has a grid that nothing uses.
+            Resolution::CellsPerObject(_) if smallest == f64::INFINITY => 0.01,
+            Resolution::CellsPerObject(cells) => smallest / cells,
+        };
+        let mut cells = 0.0;
+        for part in self.parts.iter().filter(simulated) {
+            let b = &self.bodies[part.body].1.bounds;
+            cells += (0..3)
+                .map(|a| (b.max[a] - b.min[a]) / dx + 1.0)
+                .product::<f64>();
+        }
+        if !(dx > 0.0 && cells < sampling::MAX_CELLS) {
+            let message = format!(
+                "cells of {dx:.3e} m make {cells:.3e} cells in the boxes of the simulated objects, \
+                 expected less than {:.0e}: make them larger",
+                sampling::MAX_CELLS
+            );
+            let at = &self.file.resolution_at;
+            return Err(SceneErrors(vec![Finding::new(at, message)]));
+        }
+        Ok(dx)
+    }
+
+    fn assemble(&mut self, dx: f64) -> Scene {
+        let file = self.file;
+        let numerics = sampling::Numerics {
+            dx,
+            particles_per_cell: file.particles_per_cell,
+            seed: file.seed,
+        };
+        let mut sampled = Vec::new();
+        for (i, (key, body)) in self.bodies.iter().enumerate() {
+            let at = self.parts.iter().find(|p| p.body == i).map(|p| &p.spec.at);
+            let done = sampling::sample(body, key.rest, &numerics);
+            if let (Err(message), Some(at)) = (&done, at) {
+                self.errors.push(Finding::new(at, message.clone()));
+            }
+            sampled.push(done.unwrap_or_default());
+        }
+        let mut scene = Scene {
+            name: file.name.clone(),
+            gravity: file.gravity,
+            dx,
+            frame_rate: file.frame_rate,
+            cfl: file.cfl,
+            seed: file.seed,
+            domain: Aabb {
+                min: [0.0; 3],
+                max: [0.0; 3],
+            },
+            objects: Vec::new(),
+            colliders: file.colliders.iter().map(|(_, c)| c.clone()).collect(),
+            pinned_regions: file.pinned_regions.clone(),
+            particles: Default::default(),
+            gaussians: Gaussians {
+                sh_degree: sampled
+                    .iter()
+                    .map(|s| s.gaussians.sh_degree)
+                    .max()
+                    .unwrap_or(0),
+                feature_dim: sampled
+                    .iter()
+                    .map(|s| s.gaussians.feature_dim)
+                    .max()
+                    .unwrap_or(0),
+                ..Gaussians::default()
+            },
+            binding: Default::default(),
+            probes: Vec::new(),
+        };
+        for part in &self.parts {
+            let body = &self.bodies[part.body].1;
+            push(&mut scene, part, &sampled[part.body], body.body_from_asset);
+        }
+        scene.probes = file
+            .probes
+            .iter()
+            .map(|p| probe(p, &scene.objects))
+            .collect();
+        scene.domain = file.domain.unwrap_or_else(|| default_domain(&scene));
+        scene
+    }
+}
+
+/// Appends one object to the scene.
+fn push(scene: &mut Scene, part: &Part, sampled: &sampling::Sampled, body_from_asset: DQuat) {
+    let spec = part.spec;
+    let Rigid {
+        rotation,
+        translation,
+    } = part.world_from_body;
+    let (first_particle, first_gaussian) = (scene.particles.position.len(), scene.gaussians.len());
+    let particles = &sampled.particles;
+    let moved = particles
+        .position
+        .iter()
+        .map(|&p| part.world_from_body.point(p));
+    scene.particles.position.extend(moved);
+    scene.particles.volume.extend_from_slice(&particles.volume);
+    let mut gaussians = sampled.gaussians.clone();
+    transform(&mut gaussians, rotation, 1.0, translation);
+    append(&mut scene.gaussians, &gaussians);
+    let shifted = sampled.binding.particle.iter();
+    let shifted = shifted.map(|slots| slots.map(|p| p + first_particle as u32));
+    scene.binding.particle.extend(shifted);
+    scene
+        .binding
+        .weight
+        .extend_from_slice(&sampled.binding.weight);
+    let [x, y, z] = spec.angular_velocity;
+    let spin = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
+    let gradient = |i: usize, j: usize| spec.velocity_gradient[i][j] + spin[i][j];
+    scene.objects.push(Object {
+        name: part.name.clone(),
+        material: spec.material.clone(),
+        fidelity: spec.fidelity,
+        particles: first_particle..scene.particles.position.len(),
+        gaussians: first_gaussian..scene.gaussians.len(),
+        world_from_asset: (rotation * body_from_asset)
+            .normalize()
+            .as_quat()
+            .to_array(),
+        linear_velocity: spec.linear_velocity,
+        velocity_gradient: std::array::from_fn(|i| std::array::from_fn(|j| gradient(i, j))),
+    });
+}
+
+/// A probe with object numbers; names were checked before.
+fn probe(spec: &ProbeSpec, objects: &[Object]) -> Probe {
+    let number = |name: &str| objects.iter().position(|o| o.name == name).unwrap_or(0);
+    let kind = match &spec.kind {
+        ProbeKindSpec::Extent { object } => ProbeKind::Extent {
+            object: number(object),
+        },
+        ProbeKindSpec::Point { position } => ProbeKind::Point {
+            position: *position,
+        },
+        ProbeKindSpec::MaterialPoint { object, position } => ProbeKind::MaterialPoint {
+            object: number(object),
+            position: *position,
+        },
+    };
+    Probe {
+        name: spec.name.clone(),
+        kind,
+    }
+}
+
+/// The box of everything simulated, grown by ten times its diagonal to every side: room to fall and fly.
+fn default_domain(scene: &Scene) -> Aabb {
+    let particles = super::edit::bounds_of(scene.particles.position.iter().copied());
+    let Some(b) = particles.or_else(|| bounds(&scene.gaussians)) else {
+        return Aabb {
+            min: [-1.0; 3],
+            max: [1.0; 3],
+        };
+    };
+    let diagonal = DVec3::from(b.max).distance(DVec3::from(b.min));
+    let room = 10.0 * diagonal.max(scene.dx);
+    Aabb {
+        min: b.min.map(|x| x - room),
+        max: b.max.map(|x| x + room),
+    }
+}

@@ -1,0 +1,47 @@
+//! `scene.toml`: text to [`SceneFile`], and with the assets it names to a [`Scene`](crate::Scene).
+//!
+//! `docs/scene.md` is the reference of the format. Every error of a file is reported at once.
+
+mod build;
+mod checks;
+mod edit;
+mod error;
+mod limits;
+mod materials;
+mod objects;
+mod parse;
+mod placement;
+mod reader;
+mod report;
+mod sampling;
+mod select;
+mod shapes;
+mod spec;
+
+pub use build::{Load, build};
+pub use error::{At, Finding, SceneErrors};
+pub use report::{AssetReport, BuildReport};
+pub use spec::*;
+
+impl SceneFile {
+    /// Parses the text of a scene file and checks everything that can be checked without its assets.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the text, each with line and field.
+    pub fn parse(text: &str) -> Result<Self, SceneErrors> {
+        parse::parse(text)
+    }
+}
+
+impl ObjectSpec {
+    /// Whether this entry makes several objects, named `NAME_0`, `NAME_1`, ...
+    pub fn is_split(&self) -> bool {
+        let Geometry::Asset { split, .. } = &self.geometry else {
+            return false;
+        };
+        split.is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests;

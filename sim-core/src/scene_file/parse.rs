@@ -1,0 +1,281 @@
+//! Text to [`SceneFile`]: the top level, assets, colliders and probes.
+
+use toml::de::DeTable;
+
+use super::{
+    error::{At, Finding, SceneErrors, suggest},
+    limits as l,
+    objects::{self, Names},
+    placement,
+    reader::{Context, Entry, Table},
+    spec::{AssetSource, AssetSpec, ProbeKindSpec, ProbeSpec, Resolution, SceneFile},
+};
+use crate::scene::{Aabb, Collider, ColliderShape, Surface};
+
+/// The one version of the format.
+const VERSION: u64 = 1;
+
+/// Parses and checks a scene file; see [`SceneFile::parse`].
+pub(super) fn parse(text: &str) -> Result<SceneFile, SceneErrors> {
+    let context = Context::new(text);
+    let (root, syntax) = DeTable::parse_recoverable(text);
+    for error in &syntax {
+        let span = error.span().unwrap_or_default();
+        context.error(&context.at(&span, ""), error.message());
+    }
+    // What a recovering parser makes of a broken line would only raise misleading follow-up errors.
+    if !syntax.is_empty() {
+        SceneErrors::check(context.into_findings())?;
+        return Err(SceneErrors(Vec::new()));
+    }
+    let mut warnings = Vec::new();
+    let table = context.table(root.get_ref(), String::new(), 0..0);
+    let file = scene(&table, &mut warnings);
+    table.finish();
+    SceneErrors::check(context.into_findings())?;
+    Ok(SceneFile { warnings, ..file })
+}
+
+/// Values that cannot be read are replaced by defaults: the error is noted and the result thrown away.
+fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
+    if let Some(version) = table.required("version") {
+        version.integer(VERSION, VERSION);
+    }
+    let name = table.get("name").and_then(|e| e.text()).unwrap_or("scene");
+    let gravity = table
+        .get("gravity")
+        .and_then(|e| e.numbers(l::ACCELERATION));
+    let (resolution, resolution_at) = resolution(table);
+    let number = |key, bounds, default| {
+        let value = table.get(key).and_then(|e| e.number(bounds));
+        value.unwrap_or(default)
+    };
+    let particles_per_cell = number("particles_per_cell", l::PARTICLES_PER_CELL, 8.0);
+    if particles_per_cell < 4.0
+        && let Some(entry) = table.get("particles_per_cell")
+    {
+        let message = format!(
+            "{particles_per_cell} particles per cell tear apart under little stretch, expected 4 or more"
+        );
+        warnings.push(Finding::new(&entry.at, message));
+    }
+    let frame_rate = number("frame_rate", l::FRAME_RATE, 60.0);
+    let cfl = number("cfl", l::CFL, 0.5);
+    let seed = table
+        .get("seed")
+        .and_then(|e| e.integer(0, i64::MAX as u64));
+    let domain = table.get("domain").and_then(|e| e.table()).and_then(aabb);
+    let mut assets = assets(table);
+    let objects = objects::read(table, &mut assets, warnings);
+    let mut collider_names = Names::default();
+    let colliders = table.tables("colliders");
+    let colliders = colliders.iter().filter_map(|e| {
+        let table = e.table()?;
+        let at = table.at.clone();
+        Some((at, collider(table, &mut collider_names)?))
+    });
+    let colliders = colliders.collect();
+    let pinned = table.tables("pinned_regions");
+    let pinned_regions = pinned.iter().filter_map(|e| aabb(e.table()?)).collect();
+    let mut probe_names = Names::default();
+    let probes = table.tables("probes");
+    let probes = probes
+        .iter()
+        .filter_map(|e| probe(e.table()?, &mut probe_names, &objects))
+        .collect();
+    SceneFile {
+        name: name.into(),
+        gravity: gravity.unwrap_or([0.0, -9.81, 0.0]),
+        resolution,
+        resolution_at,
+        particles_per_cell,
+        frame_rate,
+        cfl,
+        seed: seed.unwrap_or(0),
+        domain,
+        assets,
+        objects,
+        colliders,
+        pinned_regions,
+        probes,
+        warnings: Vec::new(),
+    }
+}
+
+fn resolution(table: &Table) -> (Resolution, At) {
+    let default = (Resolution::CellsPerObject(16.0), At::default());
+    let Some((key, entry)) = table.one_of(&["dx", "cells_per_object"]) else {
+        return default;
+    };
+    let resolution = match key {
+        "dx" => entry.number(l::DX).map(Resolution::Dx),
+        _ => entry
+            .number(l::CELLS_PER_OBJECT)
+            .map(Resolution::CellsPerObject),
+    };
+    (resolution.unwrap_or(default.0), entry.at)
+}
+
+fn assets(table: &Table) -> Vec<AssetSpec> {
+    let mut names = Names::default();
+    let entries = table.tables("assets");
+    let mut read = |entry: &Entry| {
+        let table = entry.table()?;
+        let name = names.take(&table, "asset");
+        let source = asset_source(&table);
+        if source.is_none() {
+            table.error("has no source: give `path` or `builtin`");
+        }
+        let asset = AssetSpec {
+            name: name.unwrap_or_default(),
+            at: table.at.clone(),
+            source: source.unwrap_or(AssetSource::Builtin(String::new())),
+            min_opacity: min_opacity(&table),
+            placement: placement::read(&table),
+        };
+        table.finish();
+        Some(asset)
+    };
+    entries.iter().filter_map(&mut read).collect()
+}
+
+/// The `path` or `builtin` key.
+pub(super) fn asset_source(table: &Table) -> Option<AssetSource> {
+    let (key, entry) = table.one_of(&["path", "builtin"])?;
+    let text = entry.text().unwrap_or_default().to_owned();
+    Some(match key {
+        "path" => AssetSource::Path(text),
+        _ => AssetSource::Builtin(text),
+    })
+}
+
+/// The `min_opacity` key.
+pub(super) fn min_opacity(table: &Table) -> f64 {
+    let given = table.get("min_opacity").and_then(|e| e.number(l::OPACITY));
+    // Renderers skip what blends with less than 1/255.
+    given.unwrap_or(1.0 / 255.0)
+}
+
+/// A table with `min` and `max`.
+pub(super) fn aabb(table: Table) -> Option<Aabb> {
+    let corner = |key| table.required(key)?.numbers::<3>(l::POSITION);
+    let (min, max) = (corner("min"), corner("max"));
+    let (Some(min), Some(max)) = (min, max) else {
+        table.finish();
+        return None;
+    };
+    for (axis, name) in ["x", "y", "z"].iter().enumerate() {
+        if min[axis] >= max[axis] {
+            table.error(format!(
+                "min {name} is {} m, expected less than max {name}, which is {} m",
+                min[axis], max[axis]
+            ));
+        }
+    }
+    table.finish();
+    Some(Aabb { min, max })
+}
+
+fn collider(table: Table, names: &mut Names) -> Option<Collider> {
+    let name = names.take(&table, "collider");
+    if let Some(shape) = table.get("shape") {
+        shape.choice(&[("half_space", ())]);
+    }
+    let point = table.get("point").and_then(|e| e.numbers(l::POSITION));
+    let normal = table
+        .required("normal")
+        .and_then(|e| Some((e.numbers::<3>(l::DIRECTION)?, e)));
+    let normal = normal.and_then(|(n, entry)| {
+        let length = n.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if length < 1e-6 {
+            entry.error("has no direction, expected a vector that is not zero");
+            return None;
+        }
+        Some(n.map(|x| x / length))
+    });
+    let surface = table.get("surface").and_then(|e| {
+        e.choice(&[
+            ("sticky", Surface::Sticky),
+            ("slip", Surface::Slip),
+            ("separate", Surface::Separate),
+        ])
+    });
+    let friction = table.get("friction").and_then(|e| e.number(l::FRICTION));
+    table.finish();
+    Some(Collider {
+        name: name?,
+        shape: ColliderShape::HalfSpace {
+            point: point.unwrap_or_default(),
+            normal: normal?,
+        },
+        surface: surface.unwrap_or(Surface::Separate),
+        friction: friction.unwrap_or(0.0),
+    })
+}
+
+fn probe(
+    table: Table,
+    names: &mut Names,
+    objects: &[super::spec::ObjectSpec],
+) -> Option<ProbeSpec> {
+    let name = names.take(&table, "probe");
+    let at = table.at.clone();
+    #[derive(Clone, Copy)]
+    enum Kind {
+        Extent,
+        Point,
+        MaterialPoint,
+    }
+    let kind = table.required("kind").and_then(|e| {
+        e.choice(&[
+            ("extent", Kind::Extent),
+            ("point", Kind::Point),
+            ("material_point", Kind::MaterialPoint),
+        ])
+    });
+    let object = |required: bool| {
+        let entry = if required {
+            table.required("object")
+        } else {
+            None
+        };
+        let name = entry.as_ref()?.text()?;
+        let known = objects.iter().any(|o| {
+            // A split object makes names with a number behind.
+            o.name == name || (o.is_split() && name.starts_with(&format!("{}_", o.name)))
+        });
+        if !known {
+            let hint = suggest(name, objects.iter().map(|o| o.name.as_str()));
+            entry?.error(format!("object `{name}` does not exist: {hint}"));
+        }
+        Some(name.to_owned())
+    };
+    let position = |required: bool| {
+        if !required {
+            return None;
+        }
+        table.required("position")?.numbers(l::POSITION)
+    };
+    let kind = match kind {
+        Some(Kind::Extent) => object(true).map(|object| ProbeKindSpec::Extent { object }),
+        Some(Kind::Point) => position(true).map(|position| ProbeKindSpec::Point { position }),
+        Some(Kind::MaterialPoint) => {
+            let (object, position) = (object(true), position(true));
+            object
+                .zip(position)
+                .map(|(object, position)| ProbeKindSpec::MaterialPoint { object, position })
+        }
+        None => {
+            // The keys are known, whatever the kind was meant to be.
+            table.get("object");
+            table.get("position");
+            None
+        }
+    };
+    table.finish();
+    Some(ProbeSpec {
+        name: name?,
+        at,
+        kind: kind?,
+    })
+}
