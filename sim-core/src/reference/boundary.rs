@@ -1,14 +1,18 @@
 //! Velocity conditions at colliders and pinned regions.
 
 use super::contains;
-use crate::scene::{ColliderShape, Scene, Surface};
+use crate::scene::{Aabb, ColliderShape, Scene, Surface};
+
+/// Distance from a plane or box face below which a node counts as on it [cells]: scene coordinates are rounded,
+/// and a face meant to run through nodes shall do so.
+const ON_FACE: f64 = 1e-6;
 
 /// Velocity of the node at `x` after every collider, in order, and the pinned regions.
 pub(super) fn constrain(scene: &Scene, x: [f64; 3], mut v: [f64; 3]) -> [f64; 3] {
     for collider in &scene.colliders {
         let ColliderShape::HalfSpace { point, normal } = collider.shape;
         let r = std::array::from_fn(|i| x[i] - point[i]);
-        if dot(r, normal) < 0.0 {
+        if dot(r, normal) < -ON_FACE * scene.dx {
             v = slide(v, normal, collider.surface, collider.friction);
         }
     }

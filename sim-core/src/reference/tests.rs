@@ -156,7 +156,7 @@ fn bar(cells: usize) -> (f64, f64) {
     );
     scene.pinned_regions.push(Aabb {
         min: [-10.0 * dx, -10.0 * dx, -10.0 * dx],
-        max: [1e-6 * dx, 10.0 * dx, 10.0 * dx],
+        max: [0.0, 10.0 * dx, 10.0 * dx],
     });
     let mut world = ReferenceWorld::new(&scene);
     let k = std::f64::consts::PI / (2.0 * length);
