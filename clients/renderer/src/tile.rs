@@ -11,17 +11,18 @@ const BATCH: usize = 16;
 /// 2 to this power is below [`ALPHA_MIN`]; keeps the exponent in the range of [`exp2`].
 const NOTHING: f32 = -9.0;
 
-type Lanes = [f32; SIZE];
+/// One value per pixel of a row.
+type Row = [f32; SIZE];
 
 /// Pixels of one tile while they are blended.
-#[derive(Clone, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tile {
     left: usize,
     top: usize,
-    /// Fraction of the light behind that still passes, `[row][column]`.
-    transmittance: [Lanes; SIZE],
-    /// Light gathered so far, `[row][rgb][column]`.
-    light: [[Lanes; 3]; SIZE],
+    /// Fraction of the light behind that still passes, `[row][pixel]`.
+    transmittance: [Row; SIZE],
+    /// Light gathered so far, `[row][rgb][pixel]`.
+    light: [[Row; 3]; SIZE],
 }
 
 impl Tile {
@@ -38,6 +39,11 @@ impl Tile {
     /// Blends `members` of `ellipses`, nearest first.
     pub fn blend(&mut self, ellipses: &[Ellipse], members: &[u32]) {
         #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx512f") {
+            // SAFETY: the processor has AVX-512F.
+            return unsafe { self.blend_avx512(ellipses, members) };
+        }
+        #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has AVX2.
             return unsafe { self.blend_avx2(ellipses, members) };
@@ -50,6 +56,13 @@ impl Tile {
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn blend_avx2(&mut self, ellipses: &[Ellipse], members: &[u32]) {
+        self.blend_lanes(ellipses, members);
+    }
+
+    /// As [`Self::blend_avx2`], a row of a tile at once.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f")]
+    fn blend_avx512(&mut self, ellipses: &[Ellipse], members: &[u32]) {
         self.blend_lanes(ellipses, members);
     }
 
@@ -71,14 +84,20 @@ impl Tile {
         let [a, b, c] = ellipse.conic;
         let to_log2 = -0.5 * std::f32::consts::LOG2_E;
         let (xx, xy, yy) = (a * to_log2, 2.0 * b * to_log2, c * to_log2);
-        let (center, reach) = (ellipse.center[1] - self.top as f32, ellipse.reach[1]);
-        // Centres of pixel rows lie at half-integers.
-        let first = (center - reach - 0.5625).ceil().clamp(0.0, SIZE as f32) as usize;
-        let end = (center + reach + 0.5625).ceil().clamp(0.0, SIZE as f32) as usize;
-        let left = self.left as f32 + 0.5 - ellipse.center[0];
-        for row in first..end.min(SIZE) {
-            let dy = row as f32 + 0.5 - center;
+        let center = [
+            ellipse.center[0] - self.left as f32,
+            ellipse.center[1] - self.top as f32,
+        ];
+        // Centres of pixels lie at half-integers; a sixteenth covers the rounding of the reach.
+        let reach = ellipse.reach[1] + 0.0625;
+        let place = |at: f32| at.clamp(0.0, SIZE as f32) as usize;
+        let first = place((center[1] - reach - 0.5).ceil());
+        let end = place((center[1] + reach + 0.5).floor());
+        let left = 0.5 - center[0];
+        for row in first..end {
+            let dy = row as f32 + 0.5 - center[1];
             let (slope, level) = (xy * dy, yy * dy * dy);
+            let passes = &mut self.transmittance[row];
             let mut weight = [0.0; SIZE];
             for lane in 0..SIZE {
                 let dx = left + lane as f32;
@@ -91,14 +110,14 @@ impl Tile {
                 let alpha = ellipse.opacity * exp2(exponent);
                 let alpha = if alpha < ALPHA_MAX { alpha } else { ALPHA_MAX };
                 let alpha = if alpha >= ALPHA_MIN { alpha } else { 0.0 };
-                weight[lane] = alpha * self.transmittance[row][lane];
+                weight[lane] = alpha * passes[lane];
             }
             for lane in 0..SIZE {
-                self.transmittance[row][lane] -= weight[lane];
+                passes[lane] -= weight[lane];
             }
-            for channel in 0..3 {
+            for (light, color) in self.light[row].iter_mut().zip(ellipse.color) {
                 for lane in 0..SIZE {
-                    self.light[row][channel][lane] += ellipse.color[channel] * weight[lane];
+                    light[lane] += color * weight[lane];
                 }
             }
         }
@@ -119,10 +138,11 @@ impl Tile {
     pub fn write(&self, background: [f32; 3], width: usize, pixels: &mut [u8]) {
         let columns = SIZE.min(width - self.left);
         for (row, line) in pixels.chunks_exact_mut(3 * width).enumerate() {
+            let passes = &self.transmittance[row];
             let line = &mut line[3 * self.left..3 * (self.left + columns)];
             for (column, pixel) in line.chunks_exact_mut(3).enumerate() {
                 for channel in 0..3 {
-                    let behind = background[channel] * self.transmittance[row][column];
+                    let behind = background[channel] * passes[column];
                     let value = self.light[row][channel][column] + behind;
                     // The cast saturates: brighter than white is white.
                     pixel[channel] = (value * 255.0 + 0.5) as u8;
@@ -188,13 +208,20 @@ mod tests {
             })
             .collect();
         let members: Vec<u32> = (0..400).collect();
-        let mut portable = Tile::default();
-        portable.clear(0, 0);
-        let mut dispatched = portable.clone();
-        portable.blend_lanes(&ellipses, &members);
-        dispatched.blend(&ellipses, &members);
+        let blend = |how: fn(&mut Tile, &[Ellipse], &[u32])| {
+            let mut tile = Tile::default();
+            tile.clear(0, 0);
+            how(&mut tile, &ellipses, &members);
+            tile
+        };
+        let portable = blend(Tile::blend_lanes);
         assert!(portable.transmittance[8][8] < 0.5);
-        assert_eq!(portable.transmittance, dispatched.transmittance);
-        assert_eq!(portable.light, dispatched.light);
+        assert_eq!(portable, blend(Tile::blend));
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has AVX2.
+            let how = |tile: &mut Tile, e: &[Ellipse], m: &[u32]| unsafe { tile.blend_avx2(e, m) };
+            assert_eq!(portable, blend(how));
+        }
     }
 }
