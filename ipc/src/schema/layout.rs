@@ -187,7 +187,7 @@ wire_types! {
         24 count: u32,
         28 reserved: u32,
     }
-    "cosplat.v1.Status" Status: 216 align 8 {
+    "cosplat.v1.Status" Status: 224 align 8 {
         0 step: u64,
         8 sim_time: f64,
         16 heartbeat_ns: u64,
@@ -213,6 +213,8 @@ wire_types! {
         204 dt_object: u32,
         208 server_state: u32,
         212 pid: u32,
+        216 frame_readers: u32,
+        220 reserved: u32,
     }
 }
 

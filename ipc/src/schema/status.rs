@@ -58,6 +58,10 @@ pub struct Status {
     pub server_state: u32,
     /// Server's process id.
     pub pid: u32,
+    /// Readers of `frame`.
+    pub frame_readers: u32,
+    /// Zero.
+    pub reserved: u32,
 }
 
 /// The server is stepping.

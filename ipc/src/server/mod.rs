@@ -30,7 +30,7 @@ use crate::{
         AppliedCommand, FrameHeader, GaussianState, Hello, JournalHeader, MAX_COMMANDS,
         ObjectState, ObjectsHeader, Status,
     },
-    session::{self, EVENT_SAMPLE, SERVER_ROLE, SessionName},
+    session::{self, EVENT_SAMPLE, PubSub, SERVER_ROLE, SessionName},
 };
 use commands::CommandPort;
 use monitor::Monitor;
@@ -44,6 +44,7 @@ pub struct ServerPorts {
     // First, so that no other thread uses the ports when they go.
     monitor: Monitor,
     frame: Arc<Publisher<GaussianState, FrameHeader>>,
+    frame_service: PubSub<GaussianState, FrameHeader>,
     frame_notifier: Arc<Notifier<Service>>,
     objects: Arc<Publisher<ObjectState, ObjectsHeader>>,
     journal: Arc<Publisher<AppliedCommand, JournalHeader>>,
@@ -99,6 +100,10 @@ impl ServerPorts {
             1,
         )?;
         let status = publisher(&node, &session, session::STATUS, 1, pool::STATUS_SLOTS, 1)?;
+        let frame_service =
+            session::pub_sub(&node, &session, session::FRAME, false).map_err(|error| {
+                CreateError::open(session.as_str(), "find the frame service", error)
+            })?;
         let frame_notifier = Arc::new(sample_notifier(&node, &session, session::FRAME.name)?);
         let status_notifier = sample_notifier(&node, &session, session::STATUS.name)?;
         let commands = CommandPort::create(&node, &session)?;
@@ -115,6 +120,7 @@ impl ServerPorts {
         Ok(Self {
             monitor,
             frame,
+            frame_service,
             frame_notifier,
             objects,
             journal,
@@ -242,13 +248,15 @@ impl ServerPorts {
         Ok(())
     }
 
-    /// Publishes the newest status; `heartbeat_ns`, `epoch` and `pid` are filled in.
+    /// Publishes the newest status; `heartbeat_ns`, `epoch`, `pid` and `frame_readers` are filled in.
     pub fn update_status(&mut self, status: &Status) -> Result<(), PublishError> {
         self.heartbeat = Instant::now();
         let status = Status {
             heartbeat_ns: monotonic_ns(),
             epoch: self.epoch,
             pid: std::process::id(),
+            frame_readers: self.frame_service.dynamic_config().number_of_subscribers() as u32,
+            reserved: 0,
             ..*status
         };
         self.newest_status = Some(status);
