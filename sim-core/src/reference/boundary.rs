@@ -16,11 +16,14 @@ pub(super) fn constrain(scene: &Scene, x: [f64; 3], mut v: [f64; 3]) -> [f64; 3]
             v = slide(v, normal, collider.surface, collider.friction);
         }
     }
-    if scene
-        .pinned_regions
-        .iter()
-        .any(|region| contains(region, x))
-    {
+    let pinned = |region: &Aabb| {
+        let region = Aabb {
+            min: region.min.map(|x| x - ON_FACE * scene.dx),
+            max: region.max.map(|x| x + ON_FACE * scene.dx),
+        };
+        contains(&region, x)
+    };
+    if scene.pinned_regions.iter().any(pinned) {
         v = [0.0; 3];
     }
     v
