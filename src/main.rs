@@ -1,5 +1,6 @@
 //! The `cosplat` command line: one file per subcommand.
 
+mod ctl;
 mod progress;
 mod recover;
 mod signals;
@@ -19,6 +20,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Ctl(ctl::Args),
     Recover(recover::Args),
 }
 
@@ -31,6 +33,7 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .init();
     let outcome: anyhow::Result<()> = match Cli::parse().command {
+        Command::Ctl(args) => ctl::run(&args),
         Command::Recover(args) => recover::run(&args),
     };
     match outcome {

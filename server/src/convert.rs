@@ -1,6 +1,6 @@
 //! Between wire types and solver types: written by hand, so that neither side's layout leaks into the other.
 
-use cosplat_ipc::schema as wire;
+use cosplat_ipc::schema::{self as wire, padded};
 use cosplat_sim_core::{
     Action, ObjectState, Scene,
     materials::{Law, Material},
@@ -125,17 +125,6 @@ pub fn object_info(id: usize, object: &Object) -> wire::ObjectInfo {
     }
 }
 
-/// UTF-8 in a zero-padded field; cut at a character border when it does not fit.
-pub fn padded<const N: usize>(text: &str) -> [u8; N] {
-    let mut end = text.len().min(N);
-    while !text.is_char_boundary(end) {
-        end -= 1;
-    }
-    let mut field = [0; N];
-    field[..end].copy_from_slice(&text.as_bytes()[..end]);
-    field
-}
-
 /// Colour of degree-0 spherical harmonics with opacity, as eight-bit RGBA, for every Gaussian.
 pub fn base_colors(scene: &Scene) -> Vec<[u8; 4]> {
     const SH_C0: f32 = 0.282_094_79;
@@ -166,13 +155,6 @@ pub fn gaussian_objects(scene: &Scene) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn text_is_cut_at_a_character_border() {
-        assert_eq!(padded::<4>("abc"), *b"abc\0");
-        assert_eq!(padded::<4>("abc\u{e9}"), *b"abc\0");
-        assert_eq!(padded::<5>("abc\u{e9}"), *b"abc\xc3\xa9");
-    }
 
     #[test]
     fn unknown_enumeration_values_are_named() {

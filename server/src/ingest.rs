@@ -1,9 +1,9 @@
 //! Commands between their arrival and the step they take effect at.
 
-use cosplat_ipc::schema as wire;
+use cosplat_ipc::schema::{self as wire, padded};
 use cosplat_sim_core::{Action, Command, CommandError};
 
-use crate::convert::{Order, order_from_wire, padded};
+use crate::convert::{Order, order_from_wire};
 
 /// Commands that may wait at once; more are refused, so that a runaway client cannot eat the memory.
 pub const MAX_PENDING: usize = 4096;

@@ -1,0 +1,140 @@
+//! A controller attached to a session: resolves names, sends orders, reads the answers.
+
+use std::time::Duration;
+
+use cosplat_ipc::{
+    Domain,
+    client::{Client, CommandSender, ConnectError, SendError},
+    schema::{self as wire, MAX_COMMANDS, SceneHeader, str_from_padded},
+};
+
+use crate::{
+    order::{Lookup, Order, OrderError},
+    script::{Script, step_at},
+};
+
+/// Why orders were not carried out.
+#[derive(Debug, thiserror::Error)]
+pub enum ControlError {
+    /// Not attached.
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    /// A name is unknown.
+    #[error(transparent)]
+    Order(#[from] OrderError),
+    /// No answer.
+    #[error(transparent)]
+    Send(#[from] SendError),
+}
+
+/// The answer to one order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Answer {
+    /// Step at whose start it takes effect.
+    pub applied_at_step: u64,
+    /// Why it was refused, if it was.
+    pub refused: Option<String>,
+}
+
+/// A process that gives orders.
+pub struct Controller {
+    // Keeps the node alive for as long as the sender is in use.
+    _client: Client,
+    sender: CommandSender,
+    header: SceneHeader,
+    objects: Vec<String>,
+    timeout: Duration,
+}
+
+impl Controller {
+    /// Attaches to `session`; `timeout` bounds the attaching and every answer.
+    ///
+    /// # Errors
+    /// When there is no server, or one that does not speak this wire version.
+    pub fn connect(
+        domain: &Domain,
+        session: &str,
+        timeout: Duration,
+    ) -> Result<Controller, ControlError> {
+        let client = Client::connect(domain, session, "controller", timeout)?;
+        let scene = client.scene(timeout)?;
+        let objects = scene
+            .objects()
+            .iter()
+            .map(|info| str_from_padded(&info.name).unwrap_or_default().to_owned())
+            .collect();
+        Ok(Controller {
+            sender: client.commands()?,
+            header: *scene.header(),
+            objects,
+            timeout,
+            _client: client,
+        })
+    }
+
+    /// Names of the scene's objects, by id.
+    pub fn objects(&self) -> &[String] {
+        &self.objects
+    }
+
+    /// Sends orders, each to take effect at its step (0 = the next one), and waits for the answers.
+    ///
+    /// # Errors
+    /// When a name is unknown (then nothing is sent) or no answer comes. A refusal is an answer.
+    pub fn send(
+        &mut self,
+        orders: &[(u64, Order)],
+        preset: &dyn Fn(&str) -> Result<wire::MaterialSpec, String>,
+    ) -> Result<Vec<Answer>, ControlError> {
+        let lookup = Lookup {
+            objects: &self.objects,
+            preset,
+        };
+        let commands = orders
+            .iter()
+            .map(|(step, order)| {
+                let command = order.to_wire(&lookup)?;
+                Ok(wire::Command {
+                    apply_at_step: *step,
+                    ..command
+                })
+            })
+            .collect::<Result<Vec<_>, OrderError>>()?;
+        let mut answers = Vec::with_capacity(commands.len());
+        for chunk in commands.chunks(MAX_COMMANDS) {
+            answers.extend(self.sender.send(chunk, self.timeout)?.iter().map(answer));
+        }
+        Ok(answers)
+    }
+
+    /// Sends a whole script at once: the server keeps each order until its step.
+    ///
+    /// # Errors
+    /// As for [`send`](Self::send).
+    pub fn run(
+        &mut self,
+        script: &Script,
+        preset: &dyn Fn(&str) -> Result<wire::MaterialSpec, String>,
+    ) -> Result<Vec<Answer>, ControlError> {
+        let orders: Vec<_> = script
+            .order
+            .iter()
+            .map(|timed| {
+                let step = match timed.time {
+                    0.0 => 0,
+                    time => step_at(time, self.header.frame_rate),
+                };
+                (step, timed.order.clone())
+            })
+            .collect();
+        self.send(&orders, preset)
+    }
+}
+
+fn answer(ack: &wire::Ack) -> Answer {
+    let reason = || str_from_padded(&ack.reason).unwrap_or("no reason given");
+    Answer {
+        applied_at_step: ack.applied_at_step,
+        refused: (ack.status != wire::ACK_ACCEPTED).then(|| reason().to_owned()),
+    }
+}

@@ -1,0 +1,292 @@
+//! `cosplat ctl`: orders to a running simulation.
+
+use std::{path::PathBuf, time::Duration};
+
+use anyhow::{Context, bail};
+use clap::Subcommand;
+use cosplat_controller::{
+    Answer, Controller,
+    order::{MaterialRef, ObjectRef, Order},
+    script::Script,
+};
+use cosplat_ipc::{
+    Domain,
+    client::Client,
+    list_sessions,
+    schema::{MaterialSpec, SERVER_PAUSED, SERVER_STOPPING, Status},
+};
+use cosplat_sim_core::materials::Material;
+use serde_json::json;
+
+/// Give orders to a running simulation.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Session to talk to.
+    #[arg(long, default_value = "default", global = true)]
+    session: String,
+    /// Seconds to wait for the server and for its answers.
+    #[arg(long, value_name = "S", default_value_t = 5.0, global = true)]
+    timeout: f64,
+    /// Step at whose start the order takes effect; the next one without.
+    #[arg(long, value_name = "STEP", default_value_t = 0, global = true)]
+    at_step: u64,
+    /// Print one JSON object.
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    order: Ctl,
+}
+
+#[derive(Subcommand)]
+enum Ctl {
+    /// Give an object an impulse, as a whole or at a point.
+    Push {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Impulse X Y Z [N s].
+        #[arg(num_args = 3, allow_negative_numbers = true, required = true)]
+        impulse: Vec<f64>,
+        /// Point X Y Z [m] around which to push.
+        #[arg(long, num_args = 3, allow_negative_numbers = true)]
+        point: Option<Vec<f64>>,
+        /// Radius around the point [m].
+        #[arg(long, requires = "point")]
+        radius: Option<f64>,
+    },
+    /// Set an object's velocity.
+    SetVelocity {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Velocity X Y Z [m/s].
+        #[arg(num_args = 3, allow_negative_numbers = true, required = true)]
+        linear: Vec<f64>,
+        /// Angular velocity X Y Z [rad/s].
+        #[arg(long, num_args = 3, allow_negative_numbers = true)]
+        angular: Option<Vec<f64>>,
+    },
+    /// Set an object's material by preset name.
+    SetMaterial {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Preset name.
+        preset: String,
+    },
+    /// Set gravity.
+    Gravity {
+        /// Acceleration X Y Z [m/s^2].
+        #[arg(num_args = 3, allow_negative_numbers = true, required = true)]
+        gravity: Vec<f64>,
+    },
+    /// Stop stepping.
+    Pause,
+    /// Step again.
+    Resume,
+    /// Go back to the initial state.
+    Reset,
+    /// Shut the server down.
+    Stop,
+    /// Send the orders of a script, each at its simulated time.
+    Script {
+        /// TOML file of `[[order]]` tables.
+        file: PathBuf,
+    },
+    /// Show what the server is doing.
+    Status,
+    /// List running sessions.
+    List,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        args.timeout.is_finite() && args.timeout >= 0.0,
+        "--timeout is {}, expected a finite number of seconds >= 0",
+        args.timeout
+    );
+    let timeout = Duration::from_secs_f64(args.timeout);
+    let domain = Domain::from_env().context("cannot use the session folder")?;
+    match &args.order {
+        Ctl::List => list(&domain, args.json),
+        Ctl::Status => status(&domain, args, timeout),
+        Ctl::Script { file } => {
+            let text = std::fs::read_to_string(file)
+                .with_context(|| format!("cannot read {}", file.display()))?;
+            let script = Script::parse(&text).with_context(|| format!("in {}", file.display()))?;
+            let mut controller = Controller::connect(&domain, &args.session, timeout)?;
+            report(args, &controller.run(&script, &preset)?)
+        }
+        _ => {
+            let order = order(&args.order)?;
+            let mut controller = Controller::connect(&domain, &args.session, timeout)?;
+            report(args, &controller.send(&[(args.at_step, order)], &preset)?)
+        }
+    }
+}
+
+/// The order a subcommand stands for.
+fn order(ctl: &Ctl) -> anyhow::Result<Order> {
+    Ok(match ctl {
+        Ctl::Push {
+            object,
+            impulse,
+            point,
+            radius,
+        } => Order::Push {
+            object: object.clone(),
+            impulse: vector(impulse)?,
+            point: point.as_deref().map(vector).transpose()?,
+            radius: *radius,
+        },
+        Ctl::SetVelocity {
+            object,
+            linear,
+            angular,
+        } => Order::SetVelocity {
+            object: object.clone(),
+            linear: vector(linear)?,
+            angular: angular
+                .as_deref()
+                .map(vector)
+                .transpose()?
+                .unwrap_or_default(),
+        },
+        Ctl::SetMaterial { object, preset } => Order::SetMaterial {
+            object: object.clone(),
+            material: MaterialRef::Preset(preset.clone()),
+        },
+        Ctl::Gravity { gravity } => Order::Gravity {
+            gravity: vector(gravity)?,
+        },
+        Ctl::Pause => Order::Pause,
+        Ctl::Resume => Order::Resume,
+        Ctl::Reset => Order::Reset,
+        Ctl::Stop => Order::Stop,
+        Ctl::Script { .. } | Ctl::Status | Ctl::List => bail!("not an order"),
+    })
+}
+
+fn vector(numbers: &[f64]) -> anyhow::Result<[f64; 3]> {
+    numbers
+        .try_into()
+        .with_context(|| format!("{} numbers, expected 3", numbers.len()))
+}
+
+/// The wire form of a material preset.
+fn preset(name: &str) -> Result<MaterialSpec, String> {
+    let material = Material::preset(name).map_err(|error| error.to_string())?;
+    Ok(MaterialSpec {
+        law: material.law as u32,
+        reserved: 0,
+        youngs_modulus: material.youngs_modulus,
+        poisson_ratio: material.poisson_ratio,
+    })
+}
+
+/// Prints the answers; a refusal is a failure of the command.
+fn report(args: &Args, answers: &[Answer]) -> anyhow::Result<()> {
+    let refusals: Vec<_> = answers.iter().filter_map(|a| a.refused.as_ref()).collect();
+    if args.json {
+        let steps: Vec<_> = answers.iter().map(|a| a.applied_at_step).collect();
+        println!(
+            "{}",
+            json!({
+                "acknowledged": answers.len() - refusals.len(),
+                "refused": refusals,
+                "applied_at_step": steps,
+            })
+        );
+    } else {
+        for answer in answers.iter().filter(|a| a.refused.is_none()) {
+            println!("accepted, takes effect at step {}", answer.applied_at_step);
+        }
+    }
+    match refusals.first() {
+        None => Ok(()),
+        Some(reason) => bail!("refused: {reason}"),
+    }
+}
+
+fn list(domain: &Domain, json: bool) -> anyhow::Result<()> {
+    let sessions = list_sessions(domain);
+    if json {
+        let rows: Vec<_> = sessions
+            .iter()
+            .map(|s| json!({ "session": s.name, "pid": s.pid }))
+            .collect();
+        println!("{}", json!({ "sessions": rows }));
+    } else if sessions.is_empty() {
+        println!("no session is running; start one with: cosplat serve SCENE.toml");
+    } else {
+        for session in &sessions {
+            println!("{}  (process {})", session.name, session.pid);
+        }
+    }
+    Ok(())
+}
+
+fn status(domain: &Domain, args: &Args, timeout: Duration) -> anyhow::Result<()> {
+    let client = Client::connect(domain, &args.session, "controller", timeout)?;
+    let mut reader = client.status()?;
+    let status = reader
+        .next(timeout)?
+        .with_context(|| format!("session \"{}\" sent no status", args.session))?;
+    if args.json {
+        println!("{}", status_json(&status));
+    } else {
+        println!(
+            "{} at step {}, {:.3} s simulated: {:.1} steps/s, {:.2} x real time, dt {:.3e} s\n\
+             energy {:.4} J kinetic, {:.4} J elastic, {:.4} J potential\n\
+             {} frames published, {} skipped; {} commands accepted, {} refused; {} particles left, {} quarantined",
+            state_name(&status),
+            status.step,
+            status.sim_time,
+            status.steps_per_second,
+            status.real_time_factor,
+            status.dt,
+            status.kinetic_energy,
+            status.elastic_energy,
+            status.potential_energy,
+            status.frames_published,
+            status.frames_skipped,
+            status.commands_accepted,
+            status.commands_refused,
+            status.particles_left,
+            status.particles_quarantined,
+        );
+    }
+    Ok(())
+}
+
+fn state_name(status: &Status) -> &'static str {
+    match status.server_state {
+        SERVER_PAUSED => "paused",
+        SERVER_STOPPING => "stopping",
+        _ => "running",
+    }
+}
+
+fn status_json(status: &Status) -> serde_json::Value {
+    json!({
+        "state": state_name(status),
+        "step": status.step,
+        "sim_time": status.sim_time,
+        "steps_per_second": status.steps_per_second,
+        "real_time_factor": status.real_time_factor,
+        "modelled_fraction": status.modelled_fraction,
+        "dt": status.dt,
+        "kinetic_energy": status.kinetic_energy,
+        "elastic_energy": status.elastic_energy,
+        "potential_energy": status.potential_energy,
+        "linear_momentum": status.linear_momentum,
+        "angular_momentum": status.angular_momentum,
+        "frames_published": status.frames_published,
+        "frames_skipped": status.frames_skipped,
+        "rollbacks": status.rollbacks,
+        "particles_left": status.particles_left,
+        "particles_quarantined": status.particles_quarantined,
+        "commands_accepted": status.commands_accepted,
+        "commands_refused": status.commands_refused,
+        "state_hash": format!("{:016x}", status.state_hash),
+        "pid": status.pid,
+    })
+}
