@@ -11,8 +11,9 @@ use iceoryx2::prelude::*;
 
 use crate::Service;
 
-/// Longest root path [byte]: sockets below it must fit the 108 bytes of a Unix socket address.
-pub const MAX_ROOT_LENGTH: usize = 40;
+/// Longest root path and prefix together [byte]: with `/`, an id of 39 digits and `.event` a socket's path must
+/// fit the 107 bytes of a Unix address.
+pub const MAX_ROOT_LENGTH: usize = 107 - 1 - 39 - 6;
 
 /// A group of processes that see each other's sessions, and nobody else's.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,12 +26,14 @@ pub struct Domain {
 #[derive(Debug, thiserror::Error)]
 pub enum DomainError {
     /// The root path leaves no room for socket names.
-    #[error("the root path {} has {length} bytes, at most {MAX_ROOT_LENGTH} are possible: choose a shorter COSPLAT_DOMAIN", path.display())]
+    #[error("the root path {} has {length} bytes, at most {max} are possible: choose a shorter COSPLAT_DOMAIN", path.display())]
     RootTooLong {
         /// The path.
         path: PathBuf,
         /// Its length [byte].
         length: usize,
+        /// Possible length [byte].
+        max: usize,
     },
     /// The root path is relative or holds characters that iceoryx2 does not accept.
     #[error("the root path {} is not usable: expected an absolute path of plain characters", path.display())]
@@ -77,13 +80,7 @@ impl Domain {
     /// root folder, anything else for [`named`](Self::named).
     pub fn from_env() -> Result<Self, DomainError> {
         match std::env::var("COSPLAT_DOMAIN") {
-            Ok(value) if value.starts_with('/') => {
-                // Files in shared memory have one name space, so two roots need two prefixes.
-                let hash = value.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
-                    (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-                });
-                Self::new(value, &format!("{}{:08x}_", user_prefix(), hash as u32))
-            }
+            Ok(value) if value.starts_with('/') => Self::new(value, &user_prefix()),
             Ok(value) if !value.is_empty() => Self::named(&value),
             _ => Self::new(user_root(), &user_prefix()),
         }
@@ -92,20 +89,22 @@ impl Domain {
     /// A domain beside the user's own, for tests and separate groups; `name` is 1 to 24 of `a-z A-Z 0-9 - _`.
     pub fn named(name: &str) -> Result<Self, DomainError> {
         check_name(name, 24)?;
-        Self::new(
-            format!("{}-{name}", user_root()),
-            &format!("{}{name}_", user_prefix()),
-        )
+        Self::new(format!("{}-{name}", user_root()), &user_prefix())
     }
 
-    /// A domain with an explicit root folder and prefix of its files in shared memory. Two domains with
-    /// different roots need different prefixes.
+    /// A domain with an explicit root folder, which separates it from other domains, and an explicit prefix of
+    /// its files in shared memory.
     pub fn new(root: impl Into<PathBuf>, prefix: &str) -> Result<Self, DomainError> {
         let root = root.into();
         check_name(prefix, 64)?;
         let length = root.as_os_str().len();
-        if length > MAX_ROOT_LENGTH {
-            return Err(DomainError::RootTooLong { path: root, length });
+        let max = MAX_ROOT_LENGTH.saturating_sub(prefix.len());
+        if length > max {
+            return Err(DomainError::RootTooLong {
+                path: root,
+                length,
+                max,
+            });
         }
         if !root.is_absolute() || iceoryx_path(&root).is_none() {
             return Err(DomainError::BadRoot { path: root });
@@ -220,6 +219,7 @@ fn user_root() -> String {
     format!("/tmp/cosplat-{}", rustix::process::getuid().as_raw())
 }
 
+/// Files in shared memory belong to users, so each user has names of their own.
 fn user_prefix() -> String {
     format!("cosplat_{}_", rustix::process::getuid().as_raw())
 }
@@ -234,4 +234,68 @@ fn check_name(name: &str, max: usize) -> Result<(), DomainError> {
 
 fn iceoryx_path(path: &FsPath) -> Option<Path> {
     Path::new(path.as_os_str().as_encoded_bytes()).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_root_that_leaves_no_room_for_sockets_is_refused_and_the_longest_works() {
+        let prefix = "cosplat_test_".to_string();
+        let root = |length: usize| {
+            let start = format!("/tmp/cplen{}", std::process::id());
+            PathBuf::from(format!("{start}{}", "x".repeat(length - start.len())))
+        };
+        let max = MAX_ROOT_LENGTH - prefix.len();
+        let error = Domain::new(root(max + 1), &prefix).expect_err("too long");
+        assert!(error.to_string().contains(&format!(
+            "has {} bytes, at most {max} are possible",
+            max + 1
+        )));
+        let domain = Domain::new(root(max), &prefix).expect("a domain");
+        let plan = crate::server::PoolPlan::default();
+        // Makes sockets.
+        let ports = crate::ServerPorts::create(&domain, &"s".repeat(64), &plan);
+        assert!(ports.is_ok(), "{:?}", ports.err());
+        drop(ports);
+        fs::remove_dir_all(domain.root()).expect("removed");
+    }
+
+    #[test]
+    fn odd_names_are_refused() {
+        for name in ["", "a b", "a/b", "ü", &"x".repeat(25)] {
+            assert!(matches!(
+                Domain::named(name),
+                Err(DomainError::BadName { .. })
+            ));
+        }
+        assert!(matches!(
+            Domain::new("relative", "p"),
+            Err(DomainError::BadRoot { .. })
+        ));
+    }
+
+    #[test]
+    fn a_folder_of_another_user_is_refused() {
+        if !rustix::process::getuid().is_root() {
+            // Anybody else: the root folder of the system is root's.
+            let domain = Domain::new("/", "p").expect("a domain");
+            let error = domain.join("test").expect_err("not ours");
+            assert!(matches!(error, DomainError::ForeignRoot { owner: 0, .. }));
+            return;
+        }
+        let root = PathBuf::from(format!("/tmp/cpown{}", std::process::id()));
+        fs::create_dir(&root).expect("made");
+        std::os::unix::fs::chown(&root, Some(12345), None).expect("given away");
+        let error = Domain::new(&root, "p")
+            .expect("a domain")
+            .join("test")
+            .expect_err("not ours");
+        assert!(matches!(
+            error,
+            DomainError::ForeignRoot { owner: 12345, .. }
+        ));
+        fs::remove_dir(&root).expect("removed");
+    }
 }

@@ -129,7 +129,7 @@ pub(super) fn reserve(id: u128) -> Result<(), CreateError> {
 }
 
 fn data_file(id: u128) -> Option<PathBuf> {
-    let suffix = format!("{id}.data");
+    let suffix = format!("_{id}.data");
     let files = fs::read_dir(SHM_DIR).ok()?;
     files
         .filter_map(Result::ok)
