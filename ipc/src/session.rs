@@ -1,10 +1,11 @@
 //! The services of one session: names, quality of service, and what can go wrong when one is opened.
 
-use std::fmt::Debug;
+use std::{fmt::Debug, time::Duration};
 
 use iceoryx2::{
     identifiers::UniqueNodeId,
     node::NodeView,
+    port::listener::{Listener, ListenerWaitError},
     prelude::*,
     service::{
         builder::{
@@ -243,6 +244,22 @@ pub(crate) fn event(
         .max_notifiers(2 * MAX_SUBSCRIBERS)
         .max_nodes(MAX_NODES)
         .open_or_create()?)
+}
+
+/// Collects events for up to `timeout`; an interrupt is an error.
+pub(crate) fn listen(
+    listener: &Listener<Service>,
+    timeout: Duration,
+    mut heard: impl FnMut(usize),
+) -> Result<(), ListenerWaitError> {
+    let callback = |event: EventActivation| heard(event.id.as_value());
+    // A socket takes a timeout that rounds to zero for "for ever".
+    if timeout < Duration::from_micros(10) {
+        listener.try_wait(callback)?;
+    } else {
+        listener.timed_wait(callback, timeout)?;
+    }
+    Ok(())
 }
 
 /// The `command` request-response service.

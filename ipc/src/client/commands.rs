@@ -168,9 +168,7 @@ impl CommandSender {
                 });
             }
             // Errors are interrupts: the answer is still worth its time.
-            let _ = self
-                .listener
-                .timed_wait(|_| {}, left.min(Duration::from_millis(50)));
+            let _ = session::listen(&self.listener, left.min(Duration::from_millis(50)), |_| {});
         }
     }
 }

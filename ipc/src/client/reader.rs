@@ -191,11 +191,7 @@ impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
                 return Ok(None);
             }
             // An interrupt ends the wait, so that the program can look at its signals.
-            if self
-                .listener
-                .timed_wait(|_| {}, left.min(LONGEST_WAIT))
-                .is_err()
-            {
+            if session::listen(&self.listener, left.min(LONGEST_WAIT), |_| {}).is_err() {
                 return Ok(None);
             }
         }

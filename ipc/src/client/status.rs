@@ -66,7 +66,7 @@ impl StatusReader {
             }
             let left = deadline.saturating_duration_since(Instant::now());
             let wait = left.min(Duration::from_millis(20));
-            if left.is_zero() || self.listener.timed_wait(|_| {}, wait).is_err() {
+            if left.is_zero() || session::listen(&self.listener, wait, |_| {}).is_err() {
                 return Ok(None);
             }
         }

@@ -88,10 +88,7 @@ impl CommandPort {
         loop {
             let mut request = false;
             let left = deadline.saturating_duration_since(Instant::now());
-            let heard = self.listener.timed_wait(
-                |event| request |= event.id.as_value() == EVENT_REQUEST,
-                left,
-            );
+            let heard = session::listen(&self.listener, left, |id| request |= id == EVENT_REQUEST);
             // An interrupt counts as a wake-up, so that the program can look at its signals.
             if request || heard.is_err() {
                 return true;
