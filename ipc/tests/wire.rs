@@ -2,6 +2,9 @@
 
 mod wire {
     mod attach;
+    mod child;
     mod commands;
+    mod crash;
+    mod shm;
     mod support;
 }

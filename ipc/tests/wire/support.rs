@@ -26,7 +26,8 @@ impl TestDomain {
     pub fn new() -> Self {
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        Self(Domain::named(&format!("t{}-{number}", std::process::id())).expect("a domain"))
+        let name = format!("cpt{}_{number}_", std::process::id());
+        Self(Domain::new(format!("/tmp/{name}"), &name).expect("a domain"))
     }
 }
 

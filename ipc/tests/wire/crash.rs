@@ -1,0 +1,146 @@
+//! Processes that die, and others that do not mind.
+
+use std::time::{Duration, Instant};
+
+use cosplat_ipc::{Client, client::heartbeat_age, schema::Command, server::LoanRefused};
+
+use super::{
+    child::Process,
+    support::{COUNT, PATIENCE, TestDomain, send_frame, serve},
+};
+
+#[test]
+fn clients_carry_on_when_the_server_is_killed_and_started_again() {
+    let domain = TestDomain::new();
+    let mut server = Process::start(&[], &domain, "serve", "phoenix");
+    server.hear().expect("a server");
+    let client = Client::connect(&domain, "phoenix", "test", PATIENCE).expect("attached");
+    let mut reader = client.frames(64).expect("a reader");
+    let mut objects = client.frames(1).expect("another reader");
+    let mut status = client.status().expect("a status reader");
+    let mut sender = client.commands().expect("a sender");
+    let scene = client.scene(PATIENCE).expect("a scene");
+    let command = [Command::default()];
+
+    let mut first_epoch = 0;
+    for round in 0..3 {
+        let mut epoch = 0;
+        let mut step = 0;
+        let mut rounds_frames = 0;
+        while rounds_frames < 50 {
+            let frame = reader.next(PATIENCE).expect("readable").expect("a frame");
+            if rounds_frames == 0 && round > 0 && !frame.is_new_run() {
+                // Left in the queue by the former server.
+                continue;
+            }
+            if rounds_frames == 0 {
+                assert_eq!(frame.is_new_run(), round > 0);
+                epoch = frame.header().epoch;
+                assert!(epoch > first_epoch);
+                first_epoch = epoch;
+            } else {
+                assert_eq!(frame.header().epoch, epoch);
+                assert_eq!(frame.header().step, step + 1);
+            }
+            step = frame.header().step;
+            assert_eq!(frame.gaussians()[1].position, [step as f32, 1.0, 0.0]);
+            rounds_frames += 1;
+        }
+        assert_eq!(reader.runs(), round + 1);
+        assert_eq!(reader.missed(), 0);
+        assert!(objects.next(PATIENCE).expect("readable").is_some());
+        assert!(status.is_server_alive().expect("readable"));
+        let acks = sender.send(&command, PATIENCE).expect("answers");
+        assert_eq!(acks[0].sequence, 2 * round + 1);
+        assert_eq!(
+            client.scene(PATIENCE).expect("a scene").header().epoch,
+            epoch
+        );
+
+        server.kill();
+        let newest = status.newest().expect("readable").expect("a status");
+        let start = Instant::now();
+        while status.is_server_alive().expect("readable") {
+            assert!(start.elapsed() < PATIENCE, "the heartbeat does not stop");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        assert!(heartbeat_age(&newest) >= Duration::from_secs(1));
+        assert!(sender.send(&command, Duration::from_millis(50)).is_err());
+        server = Process::start(&[], &domain, "serve", "phoenix");
+        server.hear().expect("a server");
+    }
+    // What was mapped before the first death is still there.
+    assert_eq!(scene.gaussians().len(), COUNT);
+    assert_eq!(scene.gaussians()[5].position[0], 5.0);
+}
+
+#[test]
+fn killed_readers_give_back_what_they_held() {
+    let domain = TestDomain::new();
+    let ports = serve(&domain, "holders");
+    let client = Client::connect(&domain, "holders", "test", PATIENCE).expect("attached");
+    let mut reader = client.frames(64).expect("a reader");
+    let mut step = 0;
+    for _ in 0..10 {
+        let mut holder = Process::start(&[], &domain, "hold", "holders");
+        // The holder takes one frame, keeps it, and lets its queue fill.
+        step += 1;
+        send_frame(&ports, step);
+        assert!(holder.hear().expect("a holder").starts_with("holding"));
+        for _ in 0..64 {
+            step += 1;
+            send_frame(&ports, step);
+        }
+        holder.kill();
+        // More frames than the pool has: they fit only when the dead give theirs back.
+        for _ in 0..ports.frame_slots() {
+            step += 1;
+            send_frame(&ports, step);
+            while reader.next(Duration::ZERO).expect("readable").is_some() {}
+        }
+    }
+    assert!(step > 10 * 160);
+}
+
+#[test]
+fn a_full_pool_is_said_and_recovers_when_the_stuck_reader_dies() {
+    let domain = TestDomain::new();
+    let ports = serve(&domain, "stuck");
+    let slots = ports.frame_slots();
+    // Enough readers with full queues to take the whole pool.
+    let client = Client::connect(&domain, "stuck", "test", PATIENCE).expect("attached");
+    let mut loans = Vec::new();
+    let mut holders = Vec::new();
+    let mut step = 0;
+    while slots - loans.len() > 66 {
+        loans.push(ports.loan_frame(COUNT).expect("memory"));
+    }
+    let mut holder = Process::start(&[], &domain, "hold", "stuck");
+    step += 1;
+    send_frame(&ports, step);
+    assert!(holder.hear().expect("a holder").starts_with("holding"));
+    holders.push(holder);
+    let refused = loop {
+        match ports.loan_frame(COUNT) {
+            Ok(loan) => {
+                assert!(loans.len() <= slots);
+                // Half of them go out, half stay loans: both count.
+                if step % 2 == 0 {
+                    loans.push(loan);
+                } else {
+                    loan.send(&Default::default()).expect("sent");
+                }
+                step += 1;
+            }
+            Err(refused) => break refused,
+        }
+    };
+    assert_eq!(refused, LoanRefused::PoolInUse { slots });
+    assert!(refused.to_string().contains(&slots.to_string()));
+    drop(loans);
+    holders.clear();
+    send_frame(&ports, 1000);
+    let mut reader = client.frames(1).expect("a reader");
+    let frame = reader.next(PATIENCE).expect("readable").expect("a frame");
+    assert_eq!(frame.header().step, 1000);
+}
