@@ -2,6 +2,7 @@
 
 mod recording {
     pub mod damage;
+    pub mod elsewhere;
     pub mod read_back;
     pub mod synthetic;
 }
