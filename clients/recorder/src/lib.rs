@@ -1,10 +1,14 @@
 //! Recorder client: every published step into an MCAP file, and the way back.
 //!
 //! Reading order: what a message looks like ([`messages`], [`point_cloud`], [`ply`]), how a file is written
-//! ([`writer`]), read ([`reader`]) and repaired ([`recover`](mod@recover)). The file format is `docs/recording-format.md`.
+//! ([`writer`]), read ([`reader`]) and repaired ([`recover`](mod@recover)), and the process that does it live
+//! ([`client`]). The file format is `docs/recording-format.md`.
 
+pub mod client;
 mod error;
+mod latency;
 pub mod messages;
+mod pipeline;
 pub mod ply;
 pub mod point_cloud;
 pub mod reader;

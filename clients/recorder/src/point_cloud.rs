@@ -63,32 +63,35 @@ pub fn fields() -> Vec<PackedElementField> {
     fields
 }
 
-/// Appends the message for one frame to `out`: a prefix of about 400 bytes and one copy of the Gaussians.
-pub fn encode(log_time_ns: u64, gaussians: &[GaussianState], out: &mut Vec<u8>) {
+/// First part of a message: the Gaussians. Protobuf fields come in any order, and this one needs no time.
+pub(crate) fn encode_points(gaussians: &[GaussianState], out: &mut Vec<u8>) {
     let bytes: &[u8] = bytemuck::cast_slice(gaussians);
-    out.extend_from_slice(
-        &PointCloud {
-            timestamp: Some(timestamp(log_time_ns)),
-            frame_id: WORLD_FRAME.to_owned(),
-            pose: Some(Pose {
-                position: Some(Vector3::default()),
-                orientation: Some(Quaternion {
-                    w: 1.0,
-                    ..Default::default()
-                }),
-            }),
-            point_stride: STRIDE as u32,
-            fields: fields(),
-            data: Default::default(),
-        }
-        .encode_to_vec(),
-    );
+    out.reserve(bytes.len() + 1024);
     encode_key(DATA_FIELD, WireType::LengthDelimited, out);
     encode_varint(bytes.len() as u64, out);
     out.extend_from_slice(bytes);
 }
 
-/// The Gaussians of a message made by [`encode`].
+/// Second part of a message: what the bytes mean.
+pub(crate) fn encode_description(log_time_ns: u64, out: &mut Vec<u8>) {
+    let description = PointCloud {
+        timestamp: Some(timestamp(log_time_ns)),
+        frame_id: WORLD_FRAME.to_owned(),
+        pose: Some(Pose {
+            position: Some(Vector3::default()),
+            orientation: Some(Quaternion {
+                w: 1.0,
+                ..Default::default()
+            }),
+        }),
+        point_stride: STRIDE as u32,
+        fields: fields(),
+        data: Default::default(),
+    };
+    out.extend_from_slice(&description.encode_to_vec());
+}
+
+/// The Gaussians of a message of `/gaussians`.
 ///
 /// # Errors
 /// A sentence when the message is no point cloud or its layout is not that of [`GaussianState`].
@@ -145,7 +148,8 @@ mod tests {
     #[test]
     fn a_cloud_of_another_layout_is_refused() {
         let mut message = Vec::new();
-        encode(0, &[GaussianState::default(); 3], &mut message);
+        encode_points(&[GaussianState::default(); 3], &mut message);
+        encode_description(0, &mut message);
         assert_eq!(decode(&message).unwrap().len(), 3);
         let mut other = PointCloud::decode(&message[..]).unwrap();
         other.point_stride = 48;

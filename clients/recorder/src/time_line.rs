@@ -1,5 +1,9 @@
 //! Clocks of a recording: simulated time as message time, and the wall clock.
 
+use std::time::SystemTime;
+
+use cosplat_ipc::monotonic_ns;
+
 /// Simulated time as the file's time line, which never runs backwards: after a reset or a restart of the server the
 /// clock goes on one frame after the last message.
 #[derive(Debug, Default)]
@@ -39,19 +43,12 @@ impl TimeLine {
     }
 }
 
-/// `CLOCK_MONOTONIC` [ns].
-pub(crate) fn monotonic_ns() -> u64 {
-    clock_ns(rustix::time::ClockId::Monotonic) as u64
-}
-
 /// Unix time minus `CLOCK_MONOTONIC` [ns].
 pub(crate) fn wall_offset() -> i64 {
-    clock_ns(rustix::time::ClockId::Realtime) - clock_ns(rustix::time::ClockId::Monotonic)
-}
-
-fn clock_ns(clock: rustix::time::ClockId) -> i64 {
-    let time = rustix::time::clock_gettime(clock);
-    time.tv_sec * 1_000_000_000 + time.tv_nsec
+    let wall = SystemTime::now()
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .map_or(0, |since| since.as_nanos() as i64);
+    wall - monotonic_ns() as i64
 }
 
 #[cfg(test)]

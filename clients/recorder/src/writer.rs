@@ -5,10 +5,12 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+use cosplat_ipc::monotonic_ns;
 use cosplat_ipc::schema::{
-    AppliedCommand, FrameHeader, GaussianRest, GaussianState, ObjectInfo, ObjectState,
-    ObjectsHeader, SceneHeader, Status, WIRE_VERSION,
+    AppliedCommand, FrameHeader, GaussianState, ObjectState, ObjectsHeader, Status, TextError,
+    WIRE_VERSION,
 };
+use cosplat_ipc::server::SceneBlocks;
 use foxglove::messages::{FrameTransform, FrameTransforms, Quaternion, Vector3};
 use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
 use prost::Message;
@@ -18,7 +20,7 @@ use crate::RecordingError;
 use crate::messages::{GapRecord, JournalRecord, ObjectsRecord, StatusRecord};
 use crate::ply::PlyScene;
 use crate::point_cloud::{self, WORLD_FRAME, timestamp};
-use crate::time_line::{TimeLine, monotonic_ns, wall_offset};
+use crate::time_line::{TimeLine, wall_offset};
 use crate::topics::*;
 
 /// How chunks are compressed. Moving splats shrink by 0 % (lz4) to 10 % (zstd), at a third of the speed.
@@ -54,23 +56,6 @@ impl Default for WriterOptions {
     }
 }
 
-/// What does not change from step to step, as the `scene` blocks bring it.
-#[derive(Clone, Copy)]
-pub struct SceneBlocks<'a> {
-    /// Header of the blocks.
-    pub header: &'a SceneHeader,
-    /// Gaussians at rest.
-    pub gaussians: &'a [GaussianRest],
-    /// Spherical harmonics `[gaussian][coefficient][rgb]`.
-    pub sh: &'a [f32],
-    /// Semantic features `[gaussian][feature_dim]`; empty for none.
-    pub features: &'a [f32],
-    /// Object table.
-    pub objects: &'a [ObjectInfo],
-    /// Source text of the scene; empty when unknown.
-    pub source: &'a [u8],
-}
-
 /// Output of every MCAP writer here. The buffer is small: frames are larger and pass it by.
 pub(crate) type Mcap = mcap::Writer<BufWriter<File>>;
 
@@ -100,6 +85,14 @@ pub(crate) fn create(
         .map_err(|e| RecordingError::write(path, e))
 }
 
+/// Step and times of a message [ns].
+#[derive(Clone, Copy)]
+struct Stamp {
+    step: u64,
+    log_time: u64,
+    publish_time: u64,
+}
+
 /// A recording being written. Call [`finish`](Self::finish) at the end; a file whose writer was killed is repaired by
 /// [`recover`](crate::recover::recover).
 pub struct RecordingWriter {
@@ -114,8 +107,6 @@ pub struct RecordingWriter {
     /// Wall clock minus `CLOCK_MONOTONIC` [ns].
     wall_offset: i64,
     attached_scene: Option<u64>,
-    /// Reused for every message.
-    buffer: Vec<u8>,
 }
 
 impl RecordingWriter {
@@ -141,7 +132,6 @@ impl RecordingWriter {
             time: TimeLine::default(),
             wall_offset: wall_offset(),
             attached_scene: None,
-            buffer: Vec::new(),
         })
     }
 
@@ -154,7 +144,7 @@ impl RecordingWriter {
         session: &str,
         scene: &SceneBlocks,
     ) -> Result<(), RecordingError> {
-        let header = scene.header;
+        let header = &scene.header;
         if header.frame_rate > 0.0 {
             self.time.period = (1e9 / header.frame_rate) as u64;
         }
@@ -180,10 +170,10 @@ impl RecordingWriter {
         put("log_time_ns", self.time.now().to_string());
         put("wall_time_ns", self.wall_now().to_string());
         for object in scene.objects {
-            put(&format!("object.{}.name", object.id), text(&object.name));
+            put(&format!("object.{}.name", object.id), name(object.name()));
             put(
                 &format!("object.{}.material", object.id),
-                text(&object.material),
+                name(object.material()),
             );
         }
         let record = Metadata {
@@ -213,7 +203,7 @@ impl RecordingWriter {
             .and_then(|()| self.mcap.finish_attachment())
             .map_err(|e| RecordingError::write(&self.path, e))?;
         self.bytes += ply.encoded_len();
-        self.attach(SCENE_TOML, "application/toml", scene.source)?;
+        self.attach(SCENE_TOML, "application/toml", scene.source.as_bytes())?;
         let binary = "application/octet-stream";
         self.attach(
             SCENE_GAUSSIANS,
@@ -257,19 +247,30 @@ impl RecordingWriter {
         gaussians: &[GaussianState],
         status: Option<&Status>,
     ) -> Result<(), RecordingError> {
-        let log_time = self.time.at(header.sim_time);
-        let published = header.publish_ns.saturating_add_signed(self.wall_offset);
-        let record = StatusRecord::new(header, status);
+        let mut points = Vec::new();
+        point_cloud::encode_points(gaussians, &mut points);
+        self.encoded_frame(header, &mut points, status)
+    }
+
+    /// Like [`frame`](Self::frame), for Gaussians that [`point_cloud::encode_points`] has copied already.
+    pub(crate) fn encoded_frame(
+        &mut self,
+        header: &FrameHeader,
+        points: &mut Vec<u8>,
+        status: Option<&Status>,
+    ) -> Result<(), RecordingError> {
+        let stamp = Stamp {
+            step: header.step,
+            log_time: self.time.at(header.sim_time),
+            publish_time: header.publish_ns.saturating_add_signed(self.wall_offset),
+        };
         self.json(
             self.channels.status,
-            header.step,
-            log_time,
-            published,
-            &record,
+            stamp,
+            &StatusRecord::new(header, status),
         )?;
-        self.buffer.clear();
-        point_cloud::encode(log_time, gaussians, &mut self.buffer);
-        self.put(self.channels.gaussians, header.step, log_time, published)?;
+        point_cloud::encode_description(stamp.log_time, points);
+        self.put(self.channels.gaussians, stamp, points)?;
         match self.pending >= self.chunk_bytes {
             true => self.flush(),
             false => Ok(()),
@@ -285,17 +286,23 @@ impl RecordingWriter {
         header: &ObjectsHeader,
         objects: &[ObjectState],
     ) -> Result<(), RecordingError> {
-        let log_time = self.time.at(header.sim_time);
-        let now = self.wall_now();
-        let record = ObjectsRecord::new(header, objects);
-        self.json(self.channels.objects, header.step, log_time, now, &record)?;
+        let stamp = Stamp {
+            step: header.step,
+            log_time: self.time.at(header.sim_time),
+            publish_time: self.wall_now(),
+        };
+        self.json(
+            self.channels.objects,
+            stamp,
+            &ObjectsRecord::new(header, objects),
+        )?;
         let transforms = objects
             .iter()
             .map(|object| {
                 let [x, y, z] = object.com;
                 let [qx, qy, qz, qw] = object.rotation;
                 FrameTransform {
-                    timestamp: Some(timestamp(log_time)),
+                    timestamp: Some(timestamp(stamp.log_time)),
                     parent_frame_id: WORLD_FRAME.to_owned(),
                     child_frame_id: format!("object/{}", object.id),
                     translation: Some(Vector3 { x, y, z }),
@@ -308,10 +315,8 @@ impl RecordingWriter {
                 }
             })
             .collect();
-        self.buffer.clear();
-        self.buffer
-            .extend_from_slice(&FrameTransforms { transforms }.encode_to_vec());
-        self.put(self.channels.transforms, header.step, log_time, now)
+        let message = FrameTransforms { transforms }.encode_to_vec();
+        self.put(self.channels.transforms, stamp, &message)
     }
 
     /// Records a command as it was applied. Its time is that of the newest step written before.
@@ -319,14 +324,8 @@ impl RecordingWriter {
     /// # Errors
     /// When the file cannot be written.
     pub fn journal(&mut self, entry: &AppliedCommand) -> Result<(), RecordingError> {
-        let record = JournalRecord::from(entry);
-        self.json(
-            self.channels.journal,
-            entry.step,
-            self.time.now(),
-            self.wall_now(),
-            &record,
-        )
+        let stamp = self.stamp_now(entry.step);
+        self.json(self.channels.journal, stamp, &JournalRecord::from(entry))
     }
 
     /// Records that steps are missing.
@@ -334,13 +333,8 @@ impl RecordingWriter {
     /// # Errors
     /// When the file cannot be written.
     pub fn gap(&mut self, gap: &GapRecord) -> Result<(), RecordingError> {
-        self.json(
-            self.channels.gaps,
-            gap.from_step,
-            self.time.now(),
-            self.wall_now(),
-            gap,
-        )
+        let stamp = self.stamp_now(gap.from_step);
+        self.json(self.channels.gaps, stamp, gap)
     }
 
     /// Ends the open chunk and hands everything to the operating system: from here on the death of this process
@@ -369,35 +363,35 @@ impl RecordingWriter {
     fn json(
         &mut self,
         channel: u16,
-        step: u64,
-        log_time: u64,
-        publish_time: u64,
+        stamp: Stamp,
         record: &impl Serialize,
     ) -> Result<(), RecordingError> {
-        self.buffer.clear();
-        serde_json::to_writer(&mut self.buffer, record)
+        let message = serde_json::to_vec(record)
             .map_err(|e| RecordingError::write(&self.path, std::io::Error::other(e)))?;
-        self.put(channel, step, log_time, publish_time)
+        self.put(channel, stamp, &message)
     }
 
-    fn put(
-        &mut self,
-        channel_id: u16,
-        step: u64,
-        log_time: u64,
-        publish_time: u64,
-    ) -> Result<(), RecordingError> {
+    fn put(&mut self, channel_id: u16, stamp: Stamp, message: &[u8]) -> Result<(), RecordingError> {
         let header = MessageHeader {
             channel_id,
-            sequence: step as u32,
-            log_time,
-            publish_time,
+            sequence: stamp.step as u32,
+            log_time: stamp.log_time,
+            publish_time: stamp.publish_time,
         };
-        self.pending += self.buffer.len() as u64;
-        self.bytes += self.buffer.len() as u64;
+        self.pending += message.len() as u64;
+        self.bytes += message.len() as u64;
         self.mcap
-            .write_to_known_channel(&header, &self.buffer)
+            .write_to_known_channel(&header, message)
             .map_err(|e| RecordingError::write(&self.path, e))
+    }
+
+    /// For messages that have no time of their own.
+    fn stamp_now(&self, step: u64) -> Stamp {
+        Stamp {
+            step,
+            log_time: self.time.now(),
+            publish_time: self.wall_now(),
+        }
     }
 
     fn wall_now(&self) -> u64 {
@@ -405,8 +399,7 @@ impl RecordingWriter {
     }
 }
 
-/// Text of a zero-padded field.
-fn text(padded: &[u8]) -> String {
-    let end = padded.iter().position(|&b| b == 0).unwrap_or(padded.len());
-    String::from_utf8_lossy(&padded[..end]).into_owned()
+/// Text from another process; what is no text is left out.
+fn name(text: Result<&str, TextError>) -> String {
+    text.unwrap_or_default().to_owned()
 }

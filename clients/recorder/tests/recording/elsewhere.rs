@@ -123,7 +123,7 @@ fn the_reference_reader_finds_every_step_once_and_bit_for_bit() {
             json!(["object/2", objects[2].com[0], objects[2].rotation[3]])
         );
         assert_eq!(report["ply"], "ply\nformat binary_little_endian 1.0\n");
-        assert_eq!(report["toml"], std::str::from_utf8(SCENE_SOURCE).unwrap());
+        assert_eq!(report["toml"], SCENE_SOURCE);
         assert_eq!(report["metadata"][0]["session"], "test");
         assert_eq!(report["message_count"], 4 * steps + commands.len() as u64);
     }

@@ -67,7 +67,7 @@ fn everything_published_comes_back_bit_for_bit() {
                 SCENE_OBJECTS
             ]
         );
-        assert_eq!(attachments[1].1, SCENE_SOURCE);
+        assert_eq!(attachments[1].1, SCENE_SOURCE.as_bytes());
         assert_eq!(attachments[2].1, bytemuck::cast_slice::<_, u8>(&RUN.rest()));
         assert_eq!(attachments[3].1, bytemuck::cast_slice::<_, u8>(&RUN.sh()));
         assert_eq!(

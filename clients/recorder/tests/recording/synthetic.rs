@@ -4,10 +4,11 @@ use std::path::Path;
 
 use cosplat_ipc::schema::{
     AppliedCommand, COMMAND_IMPULSE, Command, FRAME_FLAG_LAST, FrameHeader, GaussianRest,
-    GaussianState, ObjectInfo, ObjectState, ObjectsHeader, SceneHeader, Status,
+    GaussianState, ObjectInfo, ObjectState, ObjectsHeader, SceneHeader, Status, padded,
 };
+use cosplat_ipc::server::SceneBlocks;
 use cosplat_recorder::reader::{Event, Recording};
-use cosplat_recorder::writer::{RecordingWriter, SceneBlocks, WriterOptions};
+use cosplat_recorder::writer::{RecordingWriter, WriterOptions};
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 
@@ -19,7 +20,7 @@ pub struct Run {
     pub epoch: u64,
 }
 
-pub const SCENE_SOURCE: &[u8] = b"version = 1\n# made up\n";
+pub const SCENE_SOURCE: &str = "version = 1\n# made up\n";
 const OBJECTS: u32 = 3;
 const FRAME_RATE: f64 = 60.0;
 
@@ -138,13 +139,13 @@ impl Run {
     }
 
     pub fn begin(&self, writer: &mut RecordingWriter) {
-        let (header, rest, sh) = (self.scene_header(), self.rest(), self.sh());
+        let (rest, sh, objects) = (self.rest(), self.sh(), self.object_table());
         let scene = SceneBlocks {
-            header: &header,
+            header: self.scene_header(),
             gaussians: &rest,
             sh: &sh,
             features: &[],
-            objects: &self.object_table(),
+            objects: &objects,
             source: SCENE_SOURCE,
         };
         writer.begin_epoch("test", &scene).unwrap();
@@ -194,10 +195,4 @@ impl Run {
         }
         steps
     }
-}
-
-fn padded<const N: usize>(text: &str) -> [u8; N] {
-    let mut bytes = [0; N];
-    bytes[..text.len()].copy_from_slice(text.as_bytes());
-    bytes
 }

@@ -1,0 +1,365 @@
+//! The recorder as a process: attach to a session, take every step, write it, carry on when the server restarts.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use cosplat_ipc::client::{
+    ConnectError, Frame, FrameReader, JournalReader, Message, ObjectsReader, ReadError, SceneView,
+    StatusReader,
+};
+use cosplat_ipc::schema::{
+    AppliedCommand, FRAME_FLAG_LAST, JournalHeader, ObjectState, ObjectsHeader,
+};
+use cosplat_ipc::{Client, Domain, monotonic_ns};
+use serde::Serialize;
+
+use crate::RecordingError;
+use crate::latency::Latencies;
+use crate::messages::{GapReason, GapRecord, Hex64};
+use crate::pipeline::{Pipeline, WriterEnded};
+use crate::writer::{RecordingWriter, WriterOptions};
+
+/// Frames that wait in shared memory at most.
+const QUEUE_DEPTH: usize = 64;
+/// How often the loop looks at its stop flag.
+const TICK: Duration = Duration::from_millis(100);
+/// How long the scene of a restarted server may take.
+const SCENE_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// What to record, and where.
+#[derive(Clone, Debug)]
+pub struct RecordOptions {
+    /// Where the session is.
+    pub domain: Domain,
+    /// Name of the session.
+    pub session: String,
+    /// The recording.
+    pub output: PathBuf,
+    /// How it is written.
+    pub writer: WriterOptions,
+    /// How long to wait for a server at the start.
+    pub wait: Duration,
+    /// Stop after this time (wall clock, from the attachment on); `None` for the end of the session.
+    pub duration: Option<Duration>,
+}
+
+/// Why recording failed. What was written stays readable after `recover`.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// No server, or one that cannot be understood.
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    /// The stream broke.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The file cannot be written.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// No thread for the writer.
+    #[error("cannot start the writing thread: {0}")]
+    Thread(std::io::Error),
+}
+
+/// Quantiles of the time from sending a frame to its receipt.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct LatencyUs {
+    /// Median [us]; `None` without a frame.
+    pub p50: Option<f64>,
+    /// 99th percentile [us].
+    pub p99: Option<f64>,
+}
+
+/// What was recorded.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Summary {
+    /// Frames in the recording.
+    pub frames_recorded: u64,
+    /// Step of the first frame.
+    pub first_step: Option<u64>,
+    /// Step of the last frame.
+    pub last_step: Option<u64>,
+    /// Interruptions, each with a message in `/gaps`.
+    pub gaps: u64,
+    /// Steps missing in them, as far as known.
+    pub missed_steps: u64,
+    /// Messages and attachments [bytes].
+    pub bytes: u64,
+    /// From the server's send to our receipt.
+    pub latency_us: LatencyUs,
+    /// Applied commands recorded.
+    pub journal_entries: u64,
+    /// Applied commands that came too fast to be recorded.
+    pub journal_missed: u64,
+    /// Runs of the server seen.
+    pub server_runs: u64,
+}
+
+/// Records a session until its last frame, until `stop` is set, or for the given time. `progress` is called
+/// after every frame, with everything but bytes and latencies up to date.
+///
+/// # Errors
+/// When no server is found in time, a stream breaks, or the file cannot be written.
+pub fn record(
+    options: &RecordOptions,
+    stop: &AtomicBool,
+    mut progress: impl FnMut(&Summary),
+) -> Result<Summary, RecordError> {
+    if !options.writer.overwrite && options.output.exists() {
+        let path = options.output.clone();
+        return Err(RecordingError::Exists { path }.into());
+    }
+    let client = connect(options, stop)?;
+    let mut streams = Streams::open(&client)?;
+    let scene = client.scene(options.wait)?;
+    let writer = RecordingWriter::create(&options.output, &options.writer)?;
+    let mut recorder = Recorder {
+        epoch: scene.header().epoch,
+        pipeline: Pipeline::start(writer, &options.session).map_err(RecordError::Thread)?,
+        latencies: Latencies::default(),
+        attached_ns: monotonic_ns(),
+        summary: Summary::default(),
+        client,
+    };
+    let outcome = recorder.run(&mut streams, scene, options.duration, stop, &mut progress);
+    let mut summary = recorder.summary;
+    // The writer's own reason comes first: the loop only sees that the writer is gone.
+    summary.bytes = recorder.pipeline.finish()?;
+    match outcome {
+        Ok(()) | Err(Interrupted::Writer) => {}
+        Err(Interrupted::Stream(error)) => return Err(error.into()),
+    }
+    summary.latency_us = LatencyUs {
+        p50: recorder.latencies.quantile_us(0.5),
+        p99: recorder.latencies.quantile_us(0.99),
+    };
+    Ok(summary)
+}
+
+/// Attaches in short attempts, so that `stop` is heard.
+fn connect(options: &RecordOptions, stop: &AtomicBool) -> Result<Client, ConnectError> {
+    let deadline = Instant::now() + options.wait;
+    loop {
+        let left = deadline.saturating_duration_since(Instant::now());
+        let attempt = Client::connect(
+            &options.domain,
+            &options.session,
+            "recorder",
+            left.min(TICK),
+        );
+        let may_come = matches!(
+            attempt,
+            Err(ConnectError::NoServer { .. } | ConnectError::Timeout { .. })
+        );
+        if !may_come || left.is_zero() || stop.load(Ordering::Relaxed) {
+            return attempt;
+        }
+    }
+}
+
+/// What ends the loop early.
+enum Interrupted {
+    Writer,
+    Stream(ReadError),
+}
+
+impl From<WriterEnded> for Interrupted {
+    fn from(_: WriterEnded) -> Self {
+        Self::Writer
+    }
+}
+
+impl From<ReadError> for Interrupted {
+    fn from(error: ReadError) -> Self {
+        Self::Stream(error)
+    }
+}
+
+/// Everything that the recorder reads.
+struct Streams {
+    frames: FrameReader,
+    objects: ObjectsReader,
+    journal: JournalReader,
+    status: StatusReader,
+    next_objects: Option<Message<ObjectState, ObjectsHeader>>,
+    next_journal: Option<Message<AppliedCommand, JournalHeader>>,
+}
+
+impl Streams {
+    fn open(client: &Client) -> Result<Self, ConnectError> {
+        Ok(Self {
+            frames: client.frames(QUEUE_DEPTH)?,
+            objects: client.objects(QUEUE_DEPTH)?,
+            journal: client.journal()?,
+            status: client.status()?,
+            next_objects: None,
+            next_journal: None,
+        })
+    }
+}
+
+struct Recorder {
+    client: Client,
+    pipeline: Pipeline,
+    /// Of the scene recorded last.
+    epoch: u64,
+    /// Frames sent before say nothing about latency: they waited for us as history.
+    attached_ns: u64,
+    latencies: Latencies,
+    summary: Summary,
+}
+
+impl Recorder {
+    fn run(
+        &mut self,
+        streams: &mut Streams,
+        scene: SceneView,
+        duration: Option<Duration>,
+        stop: &AtomicBool,
+        progress: &mut impl FnMut(&Summary),
+    ) -> Result<(), Interrupted> {
+        self.pipeline.epoch(scene)?;
+        let start = Instant::now();
+        let is_over =
+            || stop.load(Ordering::Relaxed) || duration.is_some_and(|d| start.elapsed() >= d);
+        while !is_over() {
+            let frame = match streams.frames.next(TICK) {
+                Ok(Some(frame)) => frame,
+                Ok(None) => continue,
+                Err(error) => {
+                    tolerate(error)?;
+                    continue;
+                }
+            };
+            let received_ns = monotonic_ns();
+            let header = *frame.header();
+            if header.publish_ns >= self.attached_ns {
+                self.latencies
+                    .add(received_ns.saturating_sub(header.publish_ns));
+            }
+            self.gaps(&frame, stop)?;
+            self.accompany(streams, (header.epoch, header.step))?;
+            let status = streams.status.newest().unwrap_or_default();
+            self.pipeline.frame(&header, frame.gaussians(), status)?;
+            // The frame's memory goes back to the server here.
+            drop(frame);
+            self.summary.frames_recorded += 1;
+            self.summary.first_step.get_or_insert(header.step);
+            self.summary.last_step = Some(header.step);
+            self.summary.server_runs = streams.frames.runs();
+            progress(&self.summary);
+            if header.flags & FRAME_FLAG_LAST != 0 {
+                break;
+            }
+        }
+        // Commands that took effect after the last frame, such as the one that ended the session.
+        self.accompany(streams, (u64::MAX, u64::MAX))
+    }
+
+    /// Notes what is missing before `frame`; opens a new epoch where the server was started anew.
+    fn gaps(&mut self, frame: &Frame, stop: &AtomicBool) -> Result<(), Interrupted> {
+        let header = frame.header();
+        let gap = match (frame.is_new_run(), frame.missed()) {
+            (true, _) => Some(GapRecord {
+                epoch: Hex64(self.epoch),
+                from_step: self
+                    .summary
+                    .last_step
+                    .map_or(0, |step| step.wrapping_add(1)),
+                to_step: None,
+                reason: GapReason::ServerRestarted,
+            }),
+            (false, 0) => None,
+            (false, missed) => Some(GapRecord {
+                epoch: Hex64(header.epoch),
+                from_step: header.step.wrapping_sub(missed),
+                to_step: Some(header.step.wrapping_sub(1)),
+                reason: GapReason::Missed,
+            }),
+        };
+        if let Some(gap) = gap {
+            self.summary.gaps += 1;
+            self.summary.missed_steps += frame.missed();
+            self.pipeline.gap(gap)?;
+        }
+        if header.epoch != self.epoch {
+            self.epoch = header.epoch;
+            match self.scene_of(header.epoch, stop) {
+                Some(scene) => self.pipeline.epoch(scene)?,
+                None => tracing::warn!(
+                    "the restarted server published no scene: its frames are recorded without"
+                ),
+            }
+        }
+        Ok(())
+    }
+
+    /// The scene of `epoch`, once it is published.
+    fn scene_of(&self, epoch: u64, stop: &AtomicBool) -> Option<SceneView> {
+        let deadline = Instant::now() + SCENE_TIMEOUT;
+        while Instant::now() < deadline && !stop.load(Ordering::Relaxed) {
+            match self.client.scene(TICK) {
+                Ok(scene) if scene.header().epoch == epoch => return Some(scene),
+                Ok(_) => std::thread::sleep(TICK / 10),
+                Err(error) => tracing::debug!("{error}"),
+            }
+        }
+        None
+    }
+
+    /// Takes the commands and objects that belong to the steps up to `until` (epoch, step).
+    fn accompany(&mut self, streams: &mut Streams, until: (u64, u64)) -> Result<(), Interrupted> {
+        let Streams {
+            journal,
+            objects,
+            next_journal,
+            next_objects,
+            ..
+        } = streams;
+        while let Some(message) = take(
+            next_journal,
+            || journal.next(Duration::ZERO),
+            |m| (m.header().epoch, m.header().step) <= until,
+        )? {
+            self.summary.journal_missed += message.missed();
+            for entry in message.items() {
+                self.pipeline.journal(entry)?;
+                self.summary.journal_entries += 1;
+            }
+        }
+        while let Some(message) = take(
+            next_objects,
+            || objects.next(Duration::ZERO),
+            |m| (m.header().epoch, m.header().step) <= until,
+        )? {
+            self.pipeline.objects(message.header(), message.items())?;
+        }
+        Ok(())
+    }
+}
+
+/// The next message if it is due; otherwise it waits in `next`.
+fn take<M>(
+    next: &mut Option<M>,
+    receive: impl FnOnce() -> Result<Option<M>, ReadError>,
+    is_due: impl FnOnce(&M) -> bool,
+) -> Result<Option<M>, Interrupted> {
+    if next.is_none() {
+        match receive() {
+            Ok(message) => *next = message,
+            Err(error) => tolerate(error)?,
+        }
+    }
+    Ok(next.take_if(|message| is_due(message)))
+}
+
+/// A malformed message is dropped and named; anything else ends the recording.
+fn tolerate(error: ReadError) -> Result<(), ReadError> {
+    match error {
+        ReadError::Malformed { .. } => {
+            tracing::warn!("{error}");
+            Ok(())
+        }
+        other => Err(other),
+    }
+}
