@@ -2,6 +2,7 @@
 
 mod ctl;
 mod progress;
+mod record;
 mod recover;
 mod signals;
 
@@ -21,6 +22,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Ctl(ctl::Args),
+    Record(record::Args),
     Recover(recover::Args),
 }
 
@@ -34,6 +36,7 @@ fn main() -> ExitCode {
         .init();
     let outcome: anyhow::Result<()> = match Cli::parse().command {
         Command::Ctl(args) => ctl::run(&args),
+        Command::Record(args) => record::run(&args),
         Command::Recover(args) => recover::run(&args),
     };
     match outcome {

@@ -43,7 +43,9 @@ enum CompressionName {
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text.parse().map_err(|_| format!("expected seconds, found {text:?}"))?;
+    let seconds: f64 = text
+        .parse()
+        .map_err(|_| format!("expected seconds, found {text:?}"))?;
     Duration::try_from_secs_f64(seconds).map_err(|e| e.to_string())
 }
 

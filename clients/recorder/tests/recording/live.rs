@@ -1,0 +1,495 @@
+//! The recorder attached to a serving process: nothing missed, nothing unsaid, killed and restarted at will.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use cosplat_ipc::schema::{FrameHeader, Status};
+use cosplat_ipc::server::{PoolPlan, SceneBlocks};
+use cosplat_ipc::{Domain, ServerPorts};
+use cosplat_recorder::RecordingError;
+use cosplat_recorder::client::{RecordError, RecordOptions, Summary, record};
+use cosplat_recorder::messages::GapReason;
+use cosplat_recorder::reader::{Event, Recording};
+use cosplat_recorder::recover::recover;
+use cosplat_recorder::topics::GAUSSIANS_TOPIC;
+use cosplat_recorder::writer::WriterOptions;
+use rand_core::Rng;
+use rand_pcg::Pcg32;
+
+use super::synthetic::{Run, SCENE_SOURCE};
+
+/// Long enough for a loaded machine; only a hang reaches it.
+const PATIENCE: Duration = Duration::from_secs(30);
+const SESSION: &str = "live";
+
+/// A domain that no other test uses; its files go with it.
+struct TestDomain {
+    name: String,
+    domain: Domain,
+}
+
+impl TestDomain {
+    fn new() -> Self {
+        static NEXT: AtomicU32 = AtomicU32::new(0);
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("r{}-{number}", std::process::id());
+        let domain = Domain::named(&name).unwrap();
+        Self { name, domain }
+    }
+}
+
+impl Drop for TestDomain {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(self.domain.root());
+        for file in std::fs::read_dir("/dev/shm").unwrap().flatten() {
+            if file
+                .file_name()
+                .to_string_lossy()
+                .starts_with(self.domain.prefix())
+            {
+                let _ = std::fs::remove_file(file.path());
+            }
+        }
+    }
+}
+
+/// A server without a simulation: it publishes the frames of a made-up run.
+struct Server {
+    ports: ServerPorts,
+    run: Run,
+}
+
+impl Server {
+    fn start(domain: &Domain, steps: u64, gaussians: usize) -> Self {
+        let mut run = Run {
+            steps,
+            gaussians,
+            epoch: 0,
+        };
+        let (rest, sh, objects) = (run.rest(), run.sh(), run.object_table());
+        let scene = SceneBlocks {
+            header: run.scene_header(),
+            gaussians: &rest,
+            sh: &sh,
+            objects: &objects,
+            features: &[],
+            source: SCENE_SOURCE,
+        };
+        let mut ports = ServerPorts::create(domain, SESSION, &PoolPlan::new(&scene)).unwrap();
+        ports.publish_scene(&scene).unwrap();
+        run.epoch = ports.epoch();
+        Self { ports, run }
+    }
+
+    /// Publishes one step: commands, objects, status, and last the frame.
+    fn publish(&mut self, step: u64) {
+        if let Some(command) = self.run.command(step) {
+            self.ports.publish_journal(step, &[command]).unwrap();
+        }
+        let (header, objects) = self.run.objects(step);
+        self.ports.publish_objects(&header, &objects).unwrap();
+        let status = Status {
+            step,
+            ..Default::default()
+        };
+        self.ports.update_status(&status).unwrap();
+        // Like a server that waits for slow recorders rather than skip a frame.
+        let mut loan = self
+            .ports
+            .loan_frame_within(self.run.gaussians, PATIENCE)
+            .unwrap();
+        loan.gaussians_mut().copy_from_slice(&self.run.frame(step));
+        loan.send(&self.run.header(step)).unwrap();
+        self.ports.maintain();
+    }
+
+    /// Publishes the first step, which is kept for late joiners, and the others once a recorder is there.
+    fn publish_all(&mut self, recording: &Path, steps: impl Iterator<Item = u64>) {
+        self.publish(0);
+        wait_for("the recording to begin", || recording.exists());
+        for step in steps {
+            self.publish(step);
+            std::thread::sleep(Duration::from_micros(200));
+        }
+    }
+}
+
+fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !is_there() {
+        assert!(start.elapsed() < PATIENCE, "waited too long for {what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn options(domain: &Domain, output: &Path) -> RecordOptions {
+    RecordOptions {
+        domain: domain.clone(),
+        session: SESSION.into(),
+        output: output.into(),
+        writer: WriterOptions {
+            chunk_bytes: 200_000,
+            ..Default::default()
+        },
+        wait: PATIENCE,
+        duration: None,
+    }
+}
+
+/// Records in a thread of this process while `serve` publishes.
+fn record_while(options: &RecordOptions, stop: &AtomicBool, serve: impl FnOnce()) -> Summary {
+    std::thread::scope(|scope| {
+        let recorder = scope.spawn(|| record(options, stop, |_| {}));
+        serve();
+        recorder.join().unwrap().unwrap()
+    })
+}
+
+#[test]
+fn every_step_of_a_session_is_recorded_with_its_commands_and_objects() {
+    let domain = TestDomain::new();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut server = Server::start(&domain.domain, 1500, 100);
+    let run = server.run;
+    let stop = AtomicBool::new(false);
+    let summary = record_while(&options(&domain.domain, &path), &stop, || {
+        server.publish_all(&path, 1..run.steps);
+    });
+    assert_eq!(summary.frames_recorded, run.steps);
+    assert_eq!(
+        (summary.first_step, summary.last_step),
+        (Some(0), Some(run.steps - 1))
+    );
+    assert_eq!(
+        (summary.gaps, summary.missed_steps, summary.journal_missed),
+        (0, 0, 0)
+    );
+    assert_eq!(summary.server_runs, 1);
+    let latency = summary.latency_us;
+    assert!(
+        latency.p50.unwrap() > 0.0 && latency.p99 >= latency.p50,
+        "{latency:?}"
+    );
+
+    assert_eq!(run.checked_steps(&path), (0..run.steps).collect::<Vec<_>>());
+    let (mut objects, mut journal) = (Vec::new(), Vec::new());
+    let mut frames_seen = 0;
+    for event in Recording::open(&path).unwrap() {
+        match event.unwrap() {
+            Event::Frame(frame) => frames_seen = frame.header.step + 1,
+            Event::Objects(header, states) => objects.push((header, states)),
+            Event::Journal(entry) => {
+                assert_eq!(
+                    entry.step, frames_seen,
+                    "commands precede the frame that shows them"
+                );
+                journal.push(entry);
+            }
+            Event::Gap(gap) => panic!("{gap:?}"),
+            _ => {}
+        }
+    }
+    assert_eq!(
+        journal,
+        (0..run.steps)
+            .filter_map(|s| run.command(s))
+            .collect::<Vec<_>>()
+    );
+    assert_eq!(summary.journal_entries, journal.len() as u64);
+    assert_eq!(
+        objects,
+        (0..run.steps).map(|s| run.objects(s)).collect::<Vec<_>>()
+    );
+}
+
+#[test]
+fn steps_that_the_server_skips_are_recorded_as_a_gap() {
+    let domain = TestDomain::new();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut server = Server::start(&domain.domain, 20, 50);
+    let run = server.run;
+    let summary = record_while(
+        &options(&domain.domain, &path),
+        &AtomicBool::new(false),
+        || {
+            server.publish_all(&path, (1..10).chain(15..20));
+        },
+    );
+    assert_eq!((summary.gaps, summary.missed_steps), (1, 5));
+    assert_eq!(
+        run.checked_steps(&path),
+        (0..10).chain(15..20).collect::<Vec<_>>()
+    );
+    let gaps: Vec<_> = Recording::open(&path)
+        .unwrap()
+        .filter_map(|event| match event.unwrap() {
+            Event::Gap(gap) => Some((gap.from_step, gap.to_step, gap.reason)),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(gaps, [(10, Some(14), GapReason::Missed)]);
+}
+
+#[test]
+fn a_server_started_anew_is_followed_into_the_same_file() {
+    let domain = TestDomain::new();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut first = Server::start(&domain.domain, u64::MAX, 50);
+    let stop = AtomicBool::new(false);
+    let mut epochs = Vec::new();
+    let summary = record_while(&options(&domain.domain, &path), &stop, || {
+        first.publish_all(&path, 1..100);
+        epochs.push(first.run.epoch);
+        drop(first);
+        let mut second = Server::start(&domain.domain, 60, 80);
+        epochs.push(second.run.epoch);
+        (0..60).for_each(|step| second.publish(step));
+        // Held until the recorder has read the scene and ended at the last frame.
+        wait_for("the recorder to end", || mcap_is_finished(&path));
+    });
+    assert_eq!(summary.frames_recorded, 160);
+    assert_eq!((summary.gaps, summary.server_runs), (1, 2));
+
+    let (mut steps, mut scenes, mut gaps) = (Vec::new(), Vec::new(), Vec::new());
+    for event in Recording::open(&path).unwrap() {
+        match event.unwrap() {
+            Event::Frame(frame) => steps.push((frame.header.epoch, frame.header.step)),
+            Event::Metadata { values, .. } => {
+                scenes.push((values["epoch"].clone(), values["gaussian_count"].clone()));
+            }
+            Event::Gap(gap) => gaps.push((gap.epoch.0, gap.from_step, gap.to_step, gap.reason)),
+            _ => {}
+        }
+    }
+    let expected = (0..100)
+        .map(|s| (epochs[0], s))
+        .chain((0..60).map(|s| (epochs[1], s)));
+    assert_eq!(steps, expected.collect::<Vec<_>>());
+    let scene = |epoch: u64, count: &str| (format!("{epoch:016x}"), count.to_owned());
+    assert_eq!(scenes, [scene(epochs[0], "50"), scene(epochs[1], "80")]);
+    assert_eq!(gaps, [(epochs[0], 100, None, GapReason::ServerRestarted)]);
+}
+
+fn mcap_is_finished(path: &Path) -> bool {
+    let bytes = std::fs::read(path).unwrap();
+    matches!(mcap::Summary::read(&bytes), Ok(Some(_)))
+}
+
+#[test]
+fn a_stopped_recorder_leaves_a_finished_file() {
+    let domain = TestDomain::new();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut server = Server::start(&domain.domain, u64::MAX, 50);
+    let run = server.run;
+    let stop = AtomicBool::new(false);
+    let summary = record_while(&options(&domain.domain, &path), &stop, || {
+        server.publish_all(&path, 1..40);
+        stop.store(true, Ordering::Relaxed);
+    });
+    assert_eq!(
+        run.checked_steps(&path).len() as u64,
+        summary.frames_recorded
+    );
+    assert!(mcap_is_finished(&path));
+
+    let timed = RecordOptions {
+        output: folder.path().join("timed.mcap"),
+        duration: Some(Duration::from_millis(50)),
+        ..options(&domain.domain, &path)
+    };
+    let summary = record(&timed, &AtomicBool::new(false), |_| {}).unwrap();
+    assert_eq!(
+        summary.first_step,
+        Some(39),
+        "a late joiner gets the newest frame"
+    );
+    assert_eq!(
+        summary.latency_us.p50, None,
+        "what waited for us says nothing about latency"
+    );
+}
+
+#[test]
+fn without_a_server_no_file_is_left_and_an_existing_one_stays() {
+    let domain = TestDomain::new();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let hasty = RecordOptions {
+        wait: Duration::from_millis(50),
+        ..options(&domain.domain, &path)
+    };
+    let error = record(&hasty, &AtomicBool::new(false), |_| {}).unwrap_err();
+    assert!(
+        error.to_string().contains("no server for session \"live\""),
+        "{error}"
+    );
+    assert!(!path.exists());
+    std::fs::write(&path, "precious").unwrap();
+    let error = record(&hasty, &AtomicBool::new(false), |_| {}).unwrap_err();
+    assert!(
+        matches!(error, RecordError::Recording(RecordingError::Exists { .. })),
+        "{error}"
+    );
+    assert_eq!(std::fs::read(&path).unwrap(), b"precious");
+}
+
+#[test]
+fn a_full_disk_ends_the_recording_and_not_the_server() {
+    let domain = TestDomain::new();
+    let mut server = Server::start(&domain.domain, 200, 2000);
+    let mut to_full_disk = options(&domain.domain, "/dev/full".as_ref());
+    to_full_disk.writer.overwrite = true;
+    std::thread::scope(|scope| {
+        let recorder = scope.spawn(|| record(&to_full_disk, &AtomicBool::new(false), |_| {}));
+        server.publish_all("/dev/full".as_ref(), 1..200);
+        let error = recorder.join().unwrap().unwrap_err();
+        assert!(error.to_string().contains("No space left"), "{error}");
+    });
+}
+
+/// Names domain and output to the child process that records.
+const CHILD: &str = "COSPLAT_TEST_RECORDER";
+
+#[test]
+fn a_recorder_killed_at_any_moment_costs_at_most_the_open_chunk() {
+    if let Ok(order) = std::env::var(CHILD) {
+        record_as_child(&order);
+        return;
+    }
+    let domain = TestDomain::new();
+    let folder = tempfile::tempdir().unwrap();
+    let mut rng = Pcg32::new(20_260_801, 1);
+    let mut server = Server::start(&domain.domain, u64::MAX, 500);
+    let run = server.run;
+    let mut step = 0;
+    let mut kept = 0;
+    for round in 0..8 {
+        let path = folder.path().join(format!("{round}.mcap"));
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "--nocapture"])
+            .arg("recording::live::a_recorder_killed_at_any_moment_costs_at_most_the_open_chunk")
+            .env(CHILD, format!("{} {}", domain.name, path.display()))
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let frames = std::sync::Arc::new(AtomicU32::new(0));
+        let counter = frames.clone();
+        let output = BufReader::new(child.stdout.take().unwrap());
+        let listener = std::thread::spawn(move || {
+            for line in output.lines().map_while(Result::ok) {
+                counter.fetch_add(u32::from(line == "frame"), Ordering::Relaxed);
+            }
+        });
+        // A chunk holds 6 frames of 32 kB: these moments lie in all parts of it.
+        let moment = 3 + rng.next_u32() % 60;
+        wait_for("the child to record", || {
+            server.publish(step);
+            step += 1;
+            frames.load(Ordering::Relaxed) >= moment
+        });
+        child.kill().unwrap();
+        child.wait().unwrap();
+        listener.join().unwrap();
+
+        let bytes = std::fs::read(&path).unwrap();
+        let in_finished_chunks = steps_in_finished_chunks(&bytes);
+        let recovered = folder.path().join(format!("{round}.recovered.mcap"));
+        let report = recover(&path, &recovered, false).unwrap();
+        assert!(!report.was_intact);
+        assert_eq!(report.chunks_damaged, 0);
+        assert_eq!((report.attachments, report.metadata), (5, 1));
+        let steps = run.checked_steps(&recovered);
+        assert!(steps.windows(2).all(|w| w[1] == w[0] + 1), "{steps:?}");
+        assert!(
+            steps.starts_with(&in_finished_chunks),
+            "{steps:?} lacks some of {in_finished_chunks:?}"
+        );
+        kept += in_finished_chunks.len();
+    }
+    assert!(
+        kept > 50,
+        "only {kept} frames in finished chunks: the test kills too early"
+    );
+}
+
+fn record_as_child(order: &str) {
+    let (domain, output) = order.split_once(' ').unwrap();
+    let options = options(&Domain::named(domain).unwrap(), &PathBuf::from(output));
+    let outcome = record(&options, &AtomicBool::new(false), |_| println!("frame"));
+    panic!("the recorder ended before it was killed: {outcome:?}");
+}
+
+/// Steps of the frames in chunks that were finished, by nothing but the lengths in the file.
+fn steps_in_finished_chunks(bytes: &[u8]) -> Vec<u64> {
+    let mut steps = Vec::new();
+    let mut topics = std::collections::BTreeMap::new();
+    let mut at = mcap::MAGIC.len();
+    while at + 9 <= bytes.len() {
+        let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
+        let Some(body) = length
+            .checked_add(at + 9)
+            .and_then(|end| bytes.get(at + 9..end))
+        else {
+            break;
+        };
+        if let mcap::records::Record::Chunk { data, .. } =
+            mcap::parse_record(bytes[at], body).unwrap()
+        {
+            for record in mcap::read::LinearReader::sans_magic(&data) {
+                match record.unwrap() {
+                    mcap::records::Record::Channel(channel) => {
+                        topics.insert(channel.id, channel.topic);
+                    }
+                    mcap::records::Record::Message { header, .. }
+                        if topics[&header.channel_id] == GAUSSIANS_TOPIC =>
+                    {
+                        steps.push(u64::from(header.sequence));
+                    }
+                    _ => {}
+                }
+            }
+        }
+        at += 9 + length;
+    }
+    steps
+}
+
+/// The figures of a frame header that a server fills in itself are not those of the made-up run.
+#[test]
+fn the_recorded_header_is_the_published_one() {
+    let domain = TestDomain::new();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut server = Server::start(&domain.domain, 3, 10);
+    let run = server.run;
+    let before = cosplat_ipc::monotonic_ns();
+    record_while(
+        &options(&domain.domain, &path),
+        &AtomicBool::new(false),
+        || {
+            server.publish_all(&path, 1..3);
+        },
+    );
+    let after = cosplat_ipc::monotonic_ns();
+    for event in Recording::open(&path).unwrap() {
+        if let Event::Frame(frame) = event.unwrap() {
+            let header = FrameHeader {
+                publish_ns: 0,
+                ..frame.header
+            };
+            let expected = FrameHeader {
+                publish_ns: 0,
+                ..run.header(frame.header.step)
+            };
+            assert_eq!(header, expected);
+            assert!((before..=after).contains(&frame.header.publish_ns));
+        }
+    }
+}
