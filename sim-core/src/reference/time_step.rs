@@ -32,7 +32,12 @@ impl TimeStep {
     };
 }
 
-/// `cfl` times the smallest of: the isolated-particle limit at the current tangent, `dx / |v|`, `1 / |C|`.
+/// Largest `|v| dt` [cells].
+const MAX_TRAVEL: f64 = 0.5;
+/// Largest `dt |C|`.
+const MAX_STRAIN: f64 = 0.4;
+
+/// Smallest of: `cfl` times the isolated-particle limit at the current tangent, and the kinematic limits.
 pub(super) fn time_step(scene: &Scene, materials: &[Material], particles: &Particles) -> TimeStep {
     let mut smallest = TimeStep::FRAME;
     for (id, (object, material)) in scene.objects.iter().zip(materials).enumerate() {
@@ -65,13 +70,13 @@ pub(super) fn time_step(scene: &Scene, materials: &[Material], particles: &Parti
         let rho0 = object.material.density;
         let sound = critical_dt(material.law, lambda, mu, rho0, scene.dx, &bounds);
         for (dt, limit) in [
-            (sound, DtLimit::Sound),
-            (scene.dx / speed, DtLimit::Velocity),
-            (1.0 / rate, DtLimit::Deformation),
+            (scene.cfl * sound, DtLimit::Sound),
+            (MAX_TRAVEL * scene.dx / speed, DtLimit::Velocity),
+            (MAX_STRAIN / rate, DtLimit::Deformation),
         ] {
-            if scene.cfl * dt < smallest.dt {
+            if dt < smallest.dt {
                 smallest = TimeStep {
-                    dt: scene.cfl * dt,
+                    dt,
                     limit,
                     object: Some(id),
                 };
