@@ -1,11 +1,14 @@
 //! Renderer client: a CPU tile rasteriser over the shared frame, PNG and MP4 out.
 //!
 //! In reading order: [`camera`] says where the picture is taken from, [`sh`] gives a Gaussian its colour in that
-//! direction, [`project`] turns it into an ellipse in pixels, [`raster`] sorts and blends the ellipses.
+//! direction, [`project`] turns it into an ellipse in pixels, [`raster`] sorts and blends the ellipses; [`client`] does
+//! so for the frames of a running session and hands the pictures to [`png`](mod@png) and [`mp4`].
 
 pub mod camera;
+pub mod client;
 pub mod image;
 pub mod mp4;
+mod output;
 pub mod png;
 pub mod project;
 pub mod raster;
@@ -13,8 +16,9 @@ pub mod sh;
 mod tile;
 
 pub use camera::Camera;
+pub use client::run;
 pub use image::Image;
-pub use raster::picture;
+pub use raster::{Projected, picture};
 pub use sh::Harmonics;
 
 #[cfg(test)]

@@ -23,21 +23,45 @@ pub fn picture(
     camera: &Camera,
     background: [f32; 3],
 ) -> Image {
-    let (width, height) = (camera.width as usize, camera.height as usize);
-    let mut rgb = vec![0; 3 * width * height];
-    let ellipses = front_to_back(gaussians, &Projection::new(camera, sh));
-    let strips = strips(&ellipses, height);
-    // `max(1)`: chunks of zero bytes are not allowed, and a picture without pixels has none.
-    rgb.par_chunks_mut((3 * width * SIZE).max(1))
-        .zip(&strips)
-        .enumerate()
-        .for_each(|(row, (pixels, members))| {
-            draw_strip(&ellipses, members, row, width, background, pixels);
-        });
-    Image {
-        width: camera.width,
-        height: camera.height,
-        rgb,
+    Projected::new(gaussians, sh, camera).draw(background)
+}
+
+/// A frame as seen by a camera, not drawn yet: all that a picture needs of the frame's memory, which can be given back.
+#[derive(Clone, Debug)]
+pub struct Projected {
+    /// Nearest first.
+    ellipses: Vec<Ellipse>,
+    width: u32,
+    height: u32,
+}
+
+impl Projected {
+    /// First half of [`picture`].
+    pub fn new(gaussians: &[GaussianState], sh: Option<Harmonics>, camera: &Camera) -> Self {
+        Self {
+            ellipses: front_to_back(gaussians, &Projection::new(camera, sh)),
+            width: camera.width,
+            height: camera.height,
+        }
+    }
+
+    /// Second half of [`picture`].
+    pub fn draw(&self, background: [f32; 3]) -> Image {
+        let (width, height) = (self.width as usize, self.height as usize);
+        let mut rgb = vec![0; 3 * width * height];
+        let strips = strips(&self.ellipses, height);
+        // `max(1)`: chunks of zero bytes are not allowed, and a picture without pixels has none.
+        rgb.par_chunks_mut((3 * width * SIZE).max(1))
+            .zip(&strips)
+            .enumerate()
+            .for_each(|(row, (pixels, members))| {
+                draw_strip(&self.ellipses, members, row, width, background, pixels);
+            });
+        Image {
+            width: self.width,
+            height: self.height,
+            rgb,
+        }
     }
 }
 

@@ -1,0 +1,284 @@
+//! The renderer process: frames of a session in, pictures out, without ever holding the server up.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use cosplat_ipc::client::{ConnectError, Frame, FrameReader, ReadError, SceneView};
+use cosplat_ipc::schema::{FRAME_FLAG_LAST, SceneHeader};
+use cosplat_ipc::{Client, Domain};
+use glam::Vec3;
+use serde::Serialize;
+
+use crate::camera::{Camera, Orbit, up_from_gravity};
+use crate::mp4::Mp4Error;
+use crate::output::{Outputs, Written};
+use crate::png::PngError;
+use crate::{Harmonics, Projected};
+
+/// Colour behind the splats, sRGB: light enough to show dark ones, dark enough to show white ones.
+pub const BACKGROUND: [f32; 3] = [0.93; 3];
+/// How long one wait lasts before the stop flag is looked at [s].
+const GLANCE: Duration = Duration::from_millis(100);
+/// A server that publishes frames has published its scene; this long a delay means that it died in between.
+const SCENE_PATIENCE: Duration = Duration::from_secs(10);
+
+/// What to render, and where to.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Domain of the session.
+    pub domain: Domain,
+    /// Name of the session.
+    pub session: String,
+    /// How long to wait for the server to appear.
+    pub patience: Duration,
+    /// Pixels per row, 1..=16384 (a video: 16..=3840).
+    pub width: u32,
+    /// Rows, 1..=16384 (a video: 16..=2160).
+    pub height: u32,
+    /// Where to look from; the scene's bounds and gravity fill in the rest.
+    pub orbit: Orbit,
+    /// Folder for `frame_STEP.png` files.
+    pub png: Option<PathBuf>,
+    /// A PNG file for the first frame of every such many steps; 0 counts as 1.
+    pub every: u64,
+    /// Video file.
+    pub mp4: Option<PathBuf>,
+    /// Video frames per simulated second, 1..=1000.
+    pub fps: f64,
+    /// Stop after this many rendered frames.
+    pub frames: Option<u64>,
+}
+
+/// State of the work after a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Step of the frame.
+    pub step: u64,
+    /// Its simulated time [s].
+    pub sim_time: f64,
+    /// Frames rendered so far.
+    pub frames_rendered: u64,
+    /// Frames published since attaching and not looked at, because a newer one was there.
+    pub frames_missed: u64,
+    /// Runs of the server seen.
+    pub runs: u64,
+}
+
+/// What a run of the renderer did.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Summary {
+    /// Frames rendered.
+    pub frames_rendered: u64,
+    /// Frames published since attaching and not looked at, because a newer one was there.
+    pub frames_missed: u64,
+    /// Runs of the server seen: more than 1 after a restart.
+    pub runs: u64,
+    /// Step of the last frame.
+    pub last_step: u64,
+    /// Simulated time of the last frame [s].
+    pub sim_time: f64,
+    /// Mean time to render a frame [ms], without waiting and encoding.
+    pub render_ms: f64,
+    /// PNG files written.
+    pub pictures: u64,
+    /// The newest of them.
+    pub last_picture: Option<PathBuf>,
+    /// The video, if it has any frame.
+    pub video: Option<PathBuf>,
+    /// Its frames.
+    pub video_frames: u64,
+}
+
+/// Why rendering ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// No server, or none that we understand.
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    /// The frames cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// A picture cannot be written.
+    #[error(transparent)]
+    Png(#[from] PngError),
+    /// The video cannot be written.
+    #[error(transparent)]
+    Mp4(#[from] Mp4Error),
+    /// A folder cannot be made.
+    #[error("cannot make the folder {path}: {source}")]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+}
+
+/// Renders the session of `options` until its last frame, `options.frames`, or `stop`; files are complete whichever it
+/// was, and also after an error. `on_frame` hears of every frame that was rendered.
+///
+/// It always takes the newest frame, so that a slow renderer skips frames and the server never waits; it stays when the
+/// server goes, and carries on with the next one of that name.
+///
+/// # Errors
+/// When there is no server within `options.patience`, or a file cannot be written.
+pub fn run(
+    options: &Options,
+    stop: &AtomicBool,
+    mut on_frame: impl FnMut(&Progress),
+) -> Result<Summary, RenderError> {
+    let mut outputs = Outputs::open(options)?;
+    let mut summary = Summary::default();
+    let watched = watch(options, stop, &mut outputs, &mut summary, &mut on_frame);
+    let Written {
+        pictures,
+        last_picture,
+        video,
+        video_frames,
+    } = outputs.finish()?;
+    watched?;
+    if summary.frames_rendered > 0 {
+        summary.render_ms /= summary.frames_rendered as f64;
+    }
+    Ok(Summary {
+        pictures,
+        last_picture,
+        video,
+        video_frames,
+        ..summary
+    })
+}
+
+/// The loop of [`run`]; adds up the time of rendering in `render_ms`.
+fn watch(
+    options: &Options,
+    stop: &AtomicBool,
+    outputs: &mut Outputs,
+    summary: &mut Summary,
+    on_frame: &mut impl FnMut(&Progress),
+) -> Result<(), RenderError> {
+    let Some((client, mut reader)) = attach(options, stop)? else {
+        return Ok(());
+    };
+    let mut scene: Option<SceneView> = None;
+    let goal = options.frames.unwrap_or(u64::MAX);
+    while summary.frames_rendered < goal && !stop.load(Ordering::Relaxed) {
+        let frame = match reader.next(GLANCE) {
+            Ok(Some(frame)) => frame,
+            Ok(None) => continue,
+            Err(error @ ReadError::Malformed { .. }) => {
+                tracing::warn!(%error, "frame left out");
+                continue;
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let header = *frame.header();
+        if scene.as_ref().map(|scene| scene.header().epoch) != Some(header.epoch) {
+            // Not two at a time: the server keeps room for few.
+            drop(scene.take());
+            scene = read_scene(&client, header.epoch, stop);
+        }
+        let Some(scene) = &scene else {
+            continue;
+        };
+        let is_last = header.flags & FRAME_FLAG_LAST != 0;
+        let wanted = outputs.wants(header.step, header.sim_time, frame.is_new_run(), is_last);
+        if wanted.anything() {
+            let camera = camera(options, scene.header());
+            let start = Instant::now();
+            let projected = project(frame, scene, &camera);
+            let image = projected.draw(BACKGROUND);
+            summary.render_ms += start.elapsed().as_secs_f64() * 1e3;
+            outputs.write(wanted, header.step, image)?;
+            summary.frames_rendered += 1;
+        } else {
+            drop(frame);
+        }
+        summary.frames_missed = reader.missed();
+        summary.runs = reader.runs();
+        summary.last_step = header.step;
+        summary.sim_time = header.sim_time;
+        if wanted.anything() {
+            on_frame(&Progress {
+                step: header.step,
+                sim_time: header.sim_time,
+                frames_rendered: summary.frames_rendered,
+                frames_missed: summary.frames_missed,
+                runs: summary.runs,
+            });
+        }
+        if is_last {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Takes from the frame what the picture needs, and gives its memory back.
+fn project(frame: Frame, scene: &SceneView, camera: &Camera) -> Projected {
+    // Without directional coefficients the frame's own colour says it all.
+    let sh = match scene.header().sh_degree {
+        0 => None,
+        degree => Harmonics::new(degree, scene.sh()),
+    };
+    Projected::new(frame.gaussians(), sh, camera)
+}
+
+/// The camera for a scene.
+pub fn camera(options: &Options, scene: &SceneHeader) -> Camera {
+    Camera::orbit(
+        [
+            Vec3::from_array(scene.bounds_min),
+            Vec3::from_array(scene.bounds_max),
+        ],
+        up_from_gravity(scene.gravity),
+        options.orbit,
+        options.width,
+        options.height,
+    )
+}
+
+/// Waits for the server; `None` when stopped before it came.
+fn attach(
+    options: &Options,
+    stop: &AtomicBool,
+) -> Result<Option<(Client, FrameReader)>, RenderError> {
+    let deadline = Instant::now() + options.patience;
+    loop {
+        let error = match Client::connect(&options.domain, &options.session, "view", GLANCE) {
+            // One frame deep: the newest.
+            Ok(client) => {
+                let reader = client.frames(1)?;
+                return Ok(Some((client, reader)));
+            }
+            Err(error @ (ConnectError::NoServer { .. } | ConnectError::Timeout { .. })) => error,
+            Err(error) => return Err(error.into()),
+        };
+        if stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        if Instant::now() >= deadline {
+            return Err(error.into());
+        }
+    }
+}
+
+/// The scene that frames of `epoch` belong to; `None` when the server is gone before it could be read, or when stopped.
+fn read_scene(client: &Client, epoch: u64, stop: &AtomicBool) -> Option<SceneView> {
+    let deadline = Instant::now() + SCENE_PATIENCE;
+    while !stop.load(Ordering::Relaxed) {
+        let reason = match client.scene(GLANCE) {
+            Ok(scene) if scene.header().epoch == epoch => return Some(scene),
+            // The frame is a leftover of a server that was replaced.
+            Ok(scene) if scene.header().epoch > epoch => return None,
+            Ok(_) => "only the scene of an older run is there".to_owned(),
+            Err(error) => error.to_string(),
+        };
+        if Instant::now() >= deadline {
+            tracing::warn!(reason, "no scene: frames left out");
+            return None;
+        }
+    }
+    None
+}
