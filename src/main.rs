@@ -5,6 +5,7 @@ mod progress;
 mod record;
 mod recover;
 mod signals;
+mod view;
 
 use std::process::ExitCode;
 
@@ -24,6 +25,7 @@ enum Command {
     Ctl(ctl::Args),
     Record(record::Args),
     Recover(recover::Args),
+    View(view::Args),
 }
 
 fn main() -> ExitCode {
@@ -38,6 +40,7 @@ fn main() -> ExitCode {
         Command::Ctl(args) => ctl::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Recover(args) => recover::run(&args),
+        Command::View(args) => view::run(&args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
