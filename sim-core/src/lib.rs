@@ -11,6 +11,7 @@ pub mod mat3;
 pub mod materials;
 pub mod moments;
 pub mod num;
+pub mod probe;
 pub mod reference;
 pub mod report;
 pub mod scene;
