@@ -15,12 +15,21 @@ use super::{
     spec::*,
 };
 use crate::{
-    assets::Gaussians,
+    assets::{
+        Gaussians, Paint, ReadReport,
+        generate::{self, Style},
+    },
     scene::{Aabb, Fidelity, Object, Probe, ProbeKind, Scene},
 };
 
 /// Reads the asset file that a scene file names.
-pub type Load<'a> = dyn FnMut(&str) -> Result<Gaussians, Box<dyn Error + Send + Sync>> + 'a;
+pub type Load<'a> =
+    dyn FnMut(&str) -> Result<(Gaussians, ReadReport), Box<dyn Error + Send + Sync>> + 'a;
+
+/// Gaussians that a shape shows when the file does not say how dense.
+const DEFAULT_GAUSSIANS: f64 = 5000.0;
+/// Most Gaussians of one shape.
+const MAX_GAUSSIANS: f64 = 5e6;
 
 /// One object to be, with its geometry in its own frame.
 struct Part<'f> {
@@ -91,9 +100,20 @@ impl<'f> Builder<'f> {
     fn place(&mut self, spec: &AssetSpec, load: &mut Load) -> PlacedAsset {
         let loaded = match &spec.source {
             AssetSource::Path(path) => load(path).map_err(|e| e.to_string()),
-            AssetSource::Builtin(name) => sampling::builtin(name).map_err(|e| e.to_string()),
+            AssetSource::Builtin(name) => generate::builtin(name)
+                .map(|g| (g, ReadReport::default()))
+                .map_err(|e| e.to_string()),
         };
-        let all = loaded.map_err(|e| self.error(&spec.at, e)).ok()?;
+        let (all, read) = loaded.map_err(|e| self.error(&spec.at, e)).ok()?;
+        if read.dropped.total() > 0 {
+            let message = format!(
+                "{} of {} Gaussians of the file are bad and left out: {}",
+                read.dropped.total(),
+                read.count,
+                read.dropped
+            );
+            self.report.warnings.push(Finding::new(&spec.at, message));
+        }
         let keep = |&i: &usize| f64::from(all.opacity[i]) >= spec.min_opacity;
         let kept: Vec<usize> = (0..all.len()).filter(keep).collect();
         let mut gaussians = subset(&all, &kept);
@@ -106,13 +126,9 @@ impl<'f> Builder<'f> {
             self.error(&spec.at, message);
             return None;
         };
-        let mut rotation = match self.shape(&spec.placement, &mut gaussians, &spec.at) {
-            Some(rotation) => rotation,
-            None => return None,
-        };
+        let up = self.shape(&spec.placement, &mut gaussians, &spec.at)?;
         let rigid = spec.placement.rigid();
         transform(&mut gaussians, rigid.rotation, 1.0, rigid.translation);
-        rotation = rigid.rotation * rotation;
         self.report.assets.push(AssetReport {
             name: spec.name.clone(),
             source: spec.source.clone(),
@@ -122,7 +138,7 @@ impl<'f> Builder<'f> {
             placed_bounds: bounds(&gaussians).unwrap_or(raw),
         });
         let index = kept.iter().map(|&i| i as u64).collect();
-        Some((Placed { gaussians, index }, rotation))
+        Some((Placed { gaussians, index }, rigid.rotation * up))
     }
 
     /// Applies `up`, `scale` or `height`, and `anchor`; the rotation is that of `up`.
@@ -163,7 +179,11 @@ impl<'f> Builder<'f> {
             part,
         };
         let bodies = match &spec.geometry {
-            Geometry::Shape { shape, color } => vec![self.shape_body(spec, shape, *color)],
+            Geometry::Shape {
+                shape,
+                color,
+                gaussian_spacing,
+            } => vec![self.shape_body(spec, shape, *color, *gaussian_spacing)],
             Geometry::Asset {
                 asset,
                 select,
@@ -230,7 +250,13 @@ impl<'f> Builder<'f> {
         spec.placement.factor(&shape.bounds())
     }
 
-    fn shape_body(&self, spec: &ObjectSpec, shape: &Shape, color: [f32; 3]) -> (Body, Rigid) {
+    fn shape_body(
+        &mut self,
+        spec: &ObjectSpec,
+        shape: &Shape,
+        color: [f32; 3],
+        spacing: Option<f64>,
+    ) -> (Body, Rigid) {
         let shape = shape.scaled(self.shape_factor(spec, shape));
         let up = spec.placement.up.to_world_up();
         let Aabb { min, max } = shape.bounds();
@@ -244,11 +270,23 @@ impl<'f> Builder<'f> {
             rotation: up,
             translation: -anchor,
         };
+        let spacing = spacing.unwrap_or((shape.area() / DEFAULT_GAUSSIANS).sqrt());
+        let count = shape.area() / (spacing * spacing);
+        if count > MAX_GAUSSIANS {
+            let message = format!(
+                "`gaussian_spacing` of {spacing} m makes {count:.1e} Gaussians, expected at most {MAX_GAUSSIANS:.0e}"
+            );
+            self.error(&spec.geometry_at, message);
+        }
+        let style = Style {
+            spacing: spacing.max((shape.area() / MAX_GAUSSIANS).sqrt()),
+            paint: Paint::Plain(color),
+            seed: self.file.seed,
+        };
         let body = Body {
-            gaussians: Gaussians::default(),
+            gaussians: shape.surface(&style),
             bounds: shape.bounds(),
-            body_from_asset: DQuat::IDENTITY,
-            shape: Some((shape, color)),
+            body_from_asset: up,
         };
         (body, spec.placement.rigid().after(&shaped))
     }
@@ -279,7 +317,6 @@ impl<'f> Builder<'f> {
                 gaussians,
                 bounds,
                 body_from_asset: up * rotation,
-                shape: None,
             };
             bodies.push((body, spec.placement.rigid()));
         }

@@ -385,9 +385,12 @@ fn shape(table: Table) -> Option<Geometry> {
         }
     };
     let color = table.get("color").and_then(|e| e.numbers::<3>(l::COLOR));
+    let spacing = table.get("gaussian_spacing");
+    let gaussian_spacing = spacing.and_then(|e| e.number(l::LENGTH));
     table.finish();
     Some(Geometry::Shape {
         shape: shape?,
+        gaussian_spacing,
         color: color.unwrap_or([0.6, 0.6, 0.6]).map(|c| c as f32),
     })
 }

@@ -10,7 +10,10 @@ use super::{
     reader::{Context, Entry, Table},
     spec::{AssetSource, AssetSpec, ProbeKindSpec, ProbeSpec, Resolution, SceneFile},
 };
-use crate::scene::{Aabb, Collider, ColliderShape, Surface};
+use crate::{
+    assets::generate::BUILTINS,
+    scene::{Aabb, Collider, ColliderShape, Surface},
+};
 
 /// The one version of the format.
 const VERSION: u64 = 1;
@@ -145,7 +148,13 @@ pub(super) fn asset_source(table: &Table) -> Option<AssetSource> {
     let text = entry.text().unwrap_or_default().to_owned();
     Some(match key {
         "path" => AssetSource::Path(text),
-        _ => AssetSource::Builtin(text),
+        _ => {
+            if !text.is_empty() && !BUILTINS.contains(&text.as_str()) {
+                let hint = suggest(&text, BUILTINS);
+                entry.error(format!("builtin `{text}` does not exist: {hint}"));
+            }
+            AssetSource::Builtin(text)
+        }
     })
 }
 

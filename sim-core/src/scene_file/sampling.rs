@@ -4,7 +4,7 @@ use glam::DQuat;
 
 use super::spec::Shape;
 use crate::{
-    assets::{AssetError, Gaussians},
+    assets::Gaussians,
     scene::{Aabb, BINDING_NEIGHBORS, Binding, RestParticles},
 };
 
@@ -14,14 +14,12 @@ pub(super) const MAX_CELLS: f64 = 1e8;
 
 /// Geometry of an object before its rigid motion to the world.
 pub(super) struct Body {
-    /// Its Gaussians; none yet for shapes.
+    /// Its Gaussians.
     pub gaussians: Gaussians,
     /// Box of the Gaussian centres or of the shape [m].
     pub bounds: Aabb,
     /// Rotation applied to the asset so far.
     pub body_from_asset: DQuat,
-    /// The shape and its colour.
-    pub shape: Option<(Shape, [f32; 3])>,
 }
 
 /// Where the particles of a body come from.
@@ -51,14 +49,6 @@ pub(super) struct Sampled {
     pub binding: Binding,
 }
 
-/// The generated asset of that name.
-pub(super) fn builtin(name: &str) -> Result<Gaussians, AssetError> {
-    Err(AssetError::UnknownBuiltin {
-        name: name.into(),
-        known: "none".into(),
-    })
-}
-
 /// Particles of a body (none when `rest` is none), its Gaussians, and how these follow the particles.
 pub(super) fn sample(
     body: &Body,
@@ -85,7 +75,8 @@ pub(super) fn sample(
         }
     };
     Ok(Sampled {
-        gaussians,
+        // Nothing to show before Gaussians can be bound to particles.
+        gaussians: Gaussians::default(),
         particles,
         binding: Binding::default(),
     })

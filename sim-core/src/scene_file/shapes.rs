@@ -4,7 +4,13 @@ use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::spec::Shape;
-use crate::scene::{Aabb, RestParticles};
+use crate::{
+    assets::{
+        Gaussians,
+        generate::{self, Style},
+    },
+    scene::{Aabb, RestParticles},
+};
 
 /// Particles are moved off their lattice site by at most this part of the spacing along each axis: enough to
 /// break the alignment with the grid, too little to leave the shape or to bring two of them together.
@@ -41,6 +47,31 @@ impl Shape {
                 size: [x, z],
                 thickness,
             } => x * thickness * z,
+        }
+    }
+
+    /// Exact surface area [m^2].
+    pub fn area(&self) -> f64 {
+        use std::f64::consts::PI;
+        let of_box = |[x, y, z]: [f64; 3]| 2.0 * (x * y + y * z + z * x);
+        match *self {
+            Self::Box { size } => of_box(size),
+            Self::Sphere { radius } => 4.0 * PI * radius * radius,
+            Self::Cylinder { radius, height } => 2.0 * PI * radius * (radius + height),
+            Self::Slab {
+                size: [x, z],
+                thickness,
+            } => of_box([x, thickness, z]),
+        }
+    }
+
+    /// Gaussians that show it.
+    pub(super) fn surface(&self, style: &Style) -> Gaussians {
+        match *self {
+            Self::Box { size } => generate::surface_box(size, style),
+            Self::Sphere { radius } => generate::surface_sphere(radius, style),
+            Self::Cylinder { radius, height } => generate::surface_cylinder(radius, height, style),
+            Self::Slab { size, thickness } => generate::surface_slab(size, thickness, style),
         }
     }
 

@@ -178,8 +178,10 @@ pub enum Geometry {
     Shape {
         /// Which.
         shape: Shape,
-        /// Colour of its Gaussians, linear RGB 0..=1.
+        /// Colour of its Gaussians, RGB 0..=1.
         color: [f32; 3],
+        /// Distance between its Gaussians [m]; derived from its area when absent.
+        gaussian_spacing: Option<f64>,
     },
 }
 

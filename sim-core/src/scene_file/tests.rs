@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    assets::Gaussians,
+    assets::{Gaussians, ReadReport},
     scene::{Fidelity, Scene},
 };
 
@@ -25,7 +25,9 @@ fn assert_one_error(text: &str, line: usize, field: &str, words: &[&str]) {
     }
 }
 
-fn no_assets(path: &str) -> Result<Gaussians, Box<dyn std::error::Error + Send + Sync>> {
+fn no_assets(
+    path: &str,
+) -> Result<(Gaussians, ReadReport), Box<dyn std::error::Error + Send + Sync>> {
     Err(format!("{path}: no such file").into())
 }
 
