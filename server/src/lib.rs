@@ -2,4 +2,5 @@
 
 pub mod convert;
 pub mod ingest;
+pub mod load;
 pub mod pace;
