@@ -42,7 +42,13 @@ pub(super) fn parse(text: &str) -> Result<SceneFile, SceneErrors> {
 /// Values that cannot be read are replaced by defaults: the error is noted and the result thrown away.
 fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
     if let Some(version) = table.required("version") {
-        version.integer(VERSION, VERSION);
+        let given = version.integer(0, u64::MAX);
+        if given.is_some_and(|v| v != VERSION) {
+            version.error(format!(
+                "is {}, and this program reads version {VERSION}",
+                given.unwrap_or_default()
+            ));
+        }
     }
     let name = table.get("name").and_then(|e| e.text()).unwrap_or("scene");
     let gravity = table

@@ -140,7 +140,7 @@ fn broken_toml_says_where() {
 #[test]
 fn a_file_of_another_version_is_refused() {
     let text = BALL.replace("version = 1", "version = 2");
-    assert_one_error(&text, 1, "version", &["is 2", "1 to 1"]);
+    assert_one_error(&text, 1, "version", &["is 2", "reads version 1"]);
     let text = BALL.replace("version = 1", "");
     assert_one_error(&text, 1, "", &["`version` is missing"]);
 }
