@@ -5,6 +5,7 @@ mod progress;
 mod record;
 mod recover;
 mod signals;
+mod simulate;
 mod view;
 
 use std::process::ExitCode;
@@ -25,6 +26,7 @@ enum Command {
     Ctl(ctl::Args),
     Record(record::Args),
     Recover(recover::Args),
+    Simulate(simulate::Args),
     View(view::Args),
 }
 
@@ -40,13 +42,16 @@ fn main() -> ExitCode {
         Command::Ctl(args) => ctl::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Recover(args) => recover::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
         Command::View(args) => view::run(&args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
-            ExitCode::FAILURE
+            // Like a wrong command line: the input has to change before another try makes sense.
+            let bad_input = error.is::<cosplat_server::load::LoadError>();
+            ExitCode::from(if bad_input { 2 } else { 1 })
         }
     }
 }

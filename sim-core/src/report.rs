@@ -63,7 +63,8 @@ pub struct Timings {
 }
 
 /// What limited the time step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
 #[repr(u32)]
 pub enum DtLimit {
     /// The frame's own length.
@@ -78,7 +79,7 @@ pub enum DtLimit {
 }
 
 /// Moments of one object (paper equation 2, with inertia and spin).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct ObjectState {
     /// Mass [kg]; 0 for static objects.
     pub mass: f64,

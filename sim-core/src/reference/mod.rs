@@ -52,6 +52,17 @@ pub struct Particles {
 }
 
 impl Particles {
+    /// Borrowed for moments and probes.
+    pub fn arrays(&self) -> ParticleArrays<'_, f64> {
+        ParticleArrays {
+            volume: &self.volume,
+            position: &self.position,
+            velocity: &self.velocity,
+            affine: &self.affine,
+            deformation: &self.deformation,
+        }
+    }
+
     fn at_rest(scene: &Scene) -> Self {
         let count = scene.particles.position.len();
         let mut particles = Self {
@@ -249,13 +260,7 @@ impl ReferenceWorld {
 
     /// Moments of every object.
     pub fn objects(&self) -> Vec<crate::ObjectState> {
-        let particles = ParticleArrays {
-            volume: &self.particles.volume,
-            position: &self.particles.position,
-            velocity: &self.particles.velocity,
-            affine: &self.particles.affine,
-            deformation: &self.particles.deformation,
-        };
+        let particles = self.particles.arrays();
         self.scene
             .objects
             .iter()

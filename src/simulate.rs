@@ -1,0 +1,295 @@
+//! `cosplat simulate`: a batch run without shared memory, one JSON line per frame.
+
+use std::{
+    collections::BTreeMap,
+    fs::File,
+    io::{self, BufWriter, Write},
+    path::{Path, PathBuf},
+    sync::atomic::Ordering,
+    time::Instant,
+};
+
+use anyhow::{Context, bail};
+use cosplat_server::load::load_scene;
+use cosplat_sim_core::{
+    DtLimit, ObjectState, ReferenceWorld, Scene, StepReport,
+    probe::{Measured, Probes},
+};
+use serde::Serialize;
+
+use crate::{progress, signals};
+
+/// Run a scene without shared memory and report every frame as a JSON line.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The scene file.
+    scene: PathBuf,
+    /// Simulated seconds to run; rounded up to whole frames.
+    #[arg(long, value_parser = positive)]
+    duration: f64,
+    /// Where the lines go [default: standard output, as with '-'].
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// Use the scalar double-precision reference solver: slow, for comparison.
+    #[arg(long)]
+    f64: bool,
+    /// Print the summary as one JSON object (with --report FILE).
+    #[arg(long)]
+    json: bool,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (1e-9..=1e6).contains(&value) => Ok(value),
+        _ => Err("expected a number of seconds, 1e-9 to 1e6".into()),
+    }
+}
+
+/// One frame of the report. `docs/scene.md` explains the fields.
+#[derive(Serialize)]
+struct Line<'a> {
+    step: u64,
+    sim_time: f64,
+    dt: f64,
+    dt_min: f64,
+    dt_limit: DtLimit,
+    dt_object: Option<&'a str>,
+    substeps: u32,
+    rollbacks: u32,
+    particle_updates: u64,
+    particle_updates_full: u64,
+    modelled_fraction: f64,
+    left_domain: &'a [u32],
+    quarantined: &'a [u32],
+    kinetic_energy: f64,
+    elastic_energy: f64,
+    potential_energy: f64,
+    linear_momentum: [f64; 3],
+    angular_momentum: [f64; 3],
+    /// Absent for the reference solver, which has none.
+    state_hash: Option<String>,
+    objects: Vec<ObjectLine<'a>>,
+    probes: BTreeMap<&'a str, Option<Measured>>,
+}
+
+#[derive(Serialize)]
+struct ObjectLine<'a> {
+    name: &'a str,
+    #[serde(flatten)]
+    state: ObjectState,
+}
+
+/// What a finished run comes to.
+#[derive(Serialize)]
+struct Summary {
+    scene: String,
+    frames: u64,
+    sim_seconds: f64,
+    wall_seconds: f64,
+    particles: usize,
+    substeps: u64,
+    rollbacks: u64,
+    particle_updates: u64,
+    particle_updates_full: u64,
+    left_domain: usize,
+    quarantined: usize,
+    state_hash: Option<String>,
+    warnings: Vec<String>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When the scene cannot be used or the report cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let loaded = load_scene(&args.scene)?;
+    let scene = &loaded.scene;
+    let warnings: Vec<String> = loaded
+        .report
+        .warnings
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    for warning in &warnings {
+        eprintln!("warning: {}: {warning}", args.scene.display());
+    }
+    let file = args.report.as_deref().filter(|p| *p != Path::new("-"));
+    let mut out: Box<dyn Write> = match file {
+        Some(path) => Box::new(BufWriter::new(
+            File::create(path).with_context(|| format!("cannot write {}", path.display()))?,
+        )),
+        None => Box::new(BufWriter::new(io::stdout().lock())),
+    };
+    let mut summary = Summary {
+        scene: scene.name.clone(),
+        frames: 0,
+        sim_seconds: 0.0,
+        wall_seconds: 0.0,
+        particles: scene.particles.position.len(),
+        substeps: 0,
+        rollbacks: 0,
+        particle_updates: 0,
+        particle_updates_full: 0,
+        left_domain: 0,
+        quarantined: 0,
+        state_hash: None,
+        warnings,
+    };
+    let mut world = World::Reference(Box::new(ReferenceWorld::new(scene)));
+    match simulate(args, scene, &mut world, &mut out, &mut summary) {
+        // Who reads standard output has seen enough: `| head` is no failure.
+        Err(error) if is_broken_pipe(&error) => return Ok(()),
+        outcome => outcome?,
+    }
+    if args.json && file.is_some() {
+        println!("{}", serde_json::to_string(&summary)?);
+    } else {
+        let text = summary_text(&summary);
+        if file.is_some() {
+            println!("{text}");
+        } else {
+            eprintln!("{text}");
+        }
+    }
+    Ok(())
+}
+
+fn simulate(
+    args: &Args,
+    scene: &Scene,
+    world: &mut World,
+    out: &mut dyn Write,
+    summary: &mut Summary,
+) -> anyhow::Result<()> {
+    let stop = signals::stop_flag()?;
+    // A duration of whole frames must not gain one by rounding.
+    let frames = (args.duration * scene.frame_rate - 1e-6).ceil().max(1.0) as u64;
+    let probes = Probes::new(scene);
+    let bar = progress::bar("frames", frames);
+    let start = Instant::now();
+    for frame in 0..frames {
+        if stop.load(Ordering::Relaxed) {
+            out.flush()?;
+            bail!("interrupted after {frame} of {frames} frames, which are in the report");
+        }
+        let report = world.step(1.0 / scene.frame_rate);
+        let line = line(scene, &report, world.measure(&probes));
+        serde_json::to_writer(&mut *out, &line)?;
+        out.write_all(b"\n")?;
+        summary.frames = frame + 1;
+        summary.sim_seconds = report.sim_time;
+        summary.wall_seconds = start.elapsed().as_secs_f64();
+        summary.substeps += u64::from(report.substeps);
+        summary.rollbacks += u64::from(report.rollbacks);
+        summary.particle_updates += report.particle_updates;
+        summary.particle_updates_full += report.particle_updates_full;
+        summary.left_domain += report.left_domain.len();
+        summary.quarantined += report.quarantined.len();
+        summary.state_hash = line.state_hash;
+        bar.set_message(format!(
+            "{:.2} s, {:.2} x real time",
+            report.sim_time,
+            report.sim_time / summary.wall_seconds
+        ));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    out.flush()?;
+    Ok(())
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let kind = |e: &(dyn std::error::Error + 'static)| {
+        let io = e.downcast_ref::<io::Error>().map(io::Error::kind);
+        let json = e.downcast_ref::<serde_json::Error>();
+        io.or(json.and_then(serde_json::Error::io_error_kind))
+    };
+    error
+        .chain()
+        .any(|e| kind(e) == Some(io::ErrorKind::BrokenPipe))
+}
+
+fn line<'a>(
+    scene: &'a Scene,
+    report: &'a StepReport,
+    probes: Vec<(&'a str, Option<Measured>)>,
+) -> Line<'a> {
+    let name = |i: usize| scene.objects.get(i).map_or("", |o| o.name.as_str());
+    let objects = report.objects.iter().enumerate();
+    Line {
+        step: report.step,
+        sim_time: report.sim_time,
+        dt: report.dt,
+        dt_min: report.dt_min,
+        dt_limit: report.dt_limit,
+        dt_object: report.dt_object.map(name),
+        substeps: report.substeps,
+        rollbacks: report.rollbacks,
+        particle_updates: report.particle_updates,
+        particle_updates_full: report.particle_updates_full,
+        modelled_fraction: fraction(report.particle_updates, report.particle_updates_full),
+        left_domain: &report.left_domain,
+        quarantined: &report.quarantined,
+        kinetic_energy: report.kinetic_energy,
+        elastic_energy: report.elastic_energy,
+        potential_energy: report.potential_energy,
+        linear_momentum: report.linear_momentum,
+        angular_momentum: report.angular_momentum,
+        state_hash: (report.state_hash != 0).then(|| format!("{:016x}", report.state_hash)),
+        objects: objects
+            .map(|(i, state)| ObjectLine {
+                name: name(i),
+                state: *state,
+            })
+            .collect(),
+        probes: probes.into_iter().collect(),
+    }
+}
+
+/// Updates done over those of full MPM; 1 when there was nothing to do.
+fn fraction(done: u64, full: u64) -> f64 {
+    if full == 0 {
+        1.0
+    } else {
+        done as f64 / full as f64
+    }
+}
+
+fn summary_text(s: &Summary) -> String {
+    let rate = s.particle_updates as f64 / s.wall_seconds.max(1e-9);
+    format!(
+        "{}: {} frames, {:.3} s simulated in {:.2} s ({:.2} x real time), {} particles, {} substeps, \
+         {:.2} million particle-substeps/s, {} rollbacks, {} left the domain, {} quarantined, state {}",
+        s.scene,
+        s.frames,
+        s.sim_seconds,
+        s.wall_seconds,
+        s.sim_seconds / s.wall_seconds.max(1e-9),
+        s.particles,
+        s.substeps,
+        rate / 1e6,
+        s.rollbacks,
+        s.left_domain,
+        s.quarantined,
+        s.state_hash.as_deref().unwrap_or("without hash")
+    )
+}
+
+/// One of the solvers.
+enum World {
+    Reference(Box<ReferenceWorld>),
+}
+
+impl World {
+    fn step(&mut self, frame_dt: f64) -> StepReport {
+        match self {
+            Self::Reference(world) => world.step(frame_dt, &[]),
+        }
+    }
+
+    fn measure<'p>(&self, probes: &'p Probes) -> Vec<(&'p str, Option<Measured>)> {
+        match self {
+            Self::Reference(world) => probes.measure(&world.particles.arrays()),
+        }
+    }
+}
