@@ -6,20 +6,27 @@
 
 pub mod assets;
 pub mod command;
+mod grid;
 pub mod kinematics;
 pub mod mat3;
 pub mod materials;
 pub mod moments;
 pub mod num;
+mod particles;
 pub mod probe;
 pub mod reference;
 pub mod report;
 pub mod scene;
 pub mod scene_file;
+pub mod simd;
+mod step;
 #[cfg(test)]
 mod test_scenes;
+mod world;
 
 pub use command::{Action, Command, CommandError};
 pub use reference::ReferenceWorld;
 pub use report::{DtLimit, ObjectState, StepReport};
 pub use scene::Scene;
+pub use simd::Isa;
+pub use world::{World, WorldError};

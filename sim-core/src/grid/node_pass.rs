@@ -1,0 +1,164 @@
+//! Grid pass: sum the tiles in fixed order, momentum to velocity, gravity, boundaries.
+
+use rayon::prelude::*;
+
+use super::{Boundary, Grid, NONE, NodeBlock, Tile, Velocities, topology::OFFSETS};
+use crate::{
+    particles::BLOCK,
+    simd::{F32x16, Isa, Lanes, Portable},
+};
+
+#[cfg(target_arch = "x86_64")]
+use crate::simd::{Avx2, Avx512};
+
+/// Nodes lighter than this share of the heaviest particle stay at rest: their weights are denormal noise.
+const LIGHTEST: f32 = 1e-24;
+
+/// Node blocks per task at least.
+const TASK: usize = 16;
+
+/// Turns tiles into node velocities, `gravity` in [cells/s^2]. Returns the largest velocity component before
+/// boundaries [cells/s], NaN or infinite when a node is.
+pub(crate) fn node_pass(
+    isa: Isa,
+    grid: &mut Grid,
+    boundary: &Boundary,
+    dt: f32,
+    gravity: [f32; 3],
+) -> f32 {
+    let Grid {
+        tiles,
+        nodes,
+        velocities,
+        ..
+    } = grid;
+    let tiles = tiles.as_slice();
+    let kick = gravity.map(|g| dt * g);
+    // Magnitudes are compared as integers: NaN is then the largest of all and cannot get lost.
+    let largest = nodes
+        .par_iter()
+        .zip(velocities.par_iter_mut())
+        .with_min_len(TASK)
+        .map(|(block, out)| {
+            let largest = match isa {
+                #[cfg(target_arch = "x86_64")]
+                // SAFETY: a world is only made with an instruction set that the processor has.
+                Isa::Avx512 => unsafe { node_block_avx512(block, tiles, kick, out) },
+                #[cfg(target_arch = "x86_64")]
+                // SAFETY: a world is only made with an instruction set that the processor has.
+                Isa::Avx2 => unsafe { node_block_avx2(block, tiles, kick, out) },
+                _ => node_block::<Portable>(block, tiles, kick, out),
+            };
+            if block.constrained {
+                constrain(block, boundary, out);
+            }
+            largest
+        })
+        .max()
+        .unwrap_or(0);
+    f32::from_bits(largest)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
+unsafe fn node_block_avx512(
+    block: &NodeBlock,
+    tiles: &[Tile],
+    kick: [f32; 3],
+    out: &mut Velocities,
+) -> u32 {
+    node_block::<Avx512>(block, tiles, kick, out)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+unsafe fn node_block_avx2(
+    block: &NodeBlock,
+    tiles: &[Tile],
+    kick: [f32; 3],
+    out: &mut Velocities,
+) -> u32 {
+    node_block::<Avx2>(block, tiles, kick, out)
+}
+
+/// Sums one node block and divides; returns the largest magnitude of a velocity component as bits.
+#[inline(always)]
+fn node_block<V: Lanes>(
+    block: &NodeBlock,
+    tiles: &[Tile],
+    kick: [f32; 3],
+    out: &mut Velocities,
+) -> u32 {
+    let zero = V::broadcast(0.0);
+    let truth = |of: fn(usize) -> bool| {
+        let lanes = F32x16(std::array::from_fn(|i| f32::from(u8::from(of(i)))));
+        zero.lt(V::load(&lanes))
+    };
+    let first_two_nodes = truth(|i| i < 8);
+    let velocity = truth(|i| i % 4 < 3);
+    let mut sum = [zero; 16];
+    for (offset, &tile) in OFFSETS.iter().zip(&block.tiles) {
+        if tile == NONE {
+            continue;
+        }
+        let tile = &tiles[tile as usize];
+        // Node n of this block is node n - 4 offset of the particle block, whose nodes in use are `used`.
+        let overlap = |a: usize| {
+            let (low, high) = tile.cells[a];
+            let shift = BLOCK * offset[a];
+            (
+                (low - 1 + shift).max(0)..=(high + 1 + shift).min(BLOCK - 1),
+                shift,
+            )
+        };
+        let ((rows_x, dx), (rows_y, dy)) = (overlap(0), overlap(1));
+        if overlap(2).0.is_empty() {
+            continue;
+        }
+        for i in rows_x {
+            for j in rows_y.clone() {
+                let at = Tile::at((i - dx + 2) as usize, (j - dy + 2) as usize, 0);
+                let row = &mut sum[(BLOCK * i + j) as usize];
+                // SAFETY: i - dx + 2 and j - dy + 2 are in 0..8 because the cells of a tile are in -1..=4; reads
+                // start at most two nodes before and end two nodes behind the nodes, where tiles are padded.
+                let read = |k: isize| unsafe {
+                    V::load_at(tile.floats.as_ptr().offset(at as isize + 4 * k))
+                };
+                *row = *row
+                    + match offset[2] {
+                        0 => read(2),
+                        1 => V::select(first_two_nodes, zero, read(-2)),
+                        _ => V::select(first_two_nodes, read(6), zero),
+                    };
+            }
+        }
+    }
+    let kick = [kick[0], kick[1], kick[2], 0.0];
+    // SAFETY: the array is 4 floats long.
+    let kick = unsafe { V::repeat_quarter(kick.as_ptr()) };
+    let one = V::broadcast(1.0);
+    let mut largest = zero;
+    for (row, to) in sum.iter().zip(&mut out.0) {
+        let mass = row.fourth();
+        let occupied = V::broadcast(LIGHTEST).lt(mass);
+        let v = *row / V::select(occupied, mass, one) + kick;
+        let v = V::select(velocity & occupied, v, zero);
+        v.store(to);
+        largest = largest.larger_magnitude(v);
+    }
+    largest.largest_magnitude_bits()
+}
+
+/// Applies colliders and pinned regions to the nodes of a block, one by one.
+fn constrain(block: &NodeBlock, boundary: &Boundary, out: &mut Velocities) {
+    for (row, nodes) in out.0.iter_mut().enumerate() {
+        for (k, node) in nodes.0.chunks_exact_mut(4).enumerate() {
+            let local = [row / 4, row % 4, k];
+            let x = std::array::from_fn(|a| f64::from(BLOCK * block.index[a] + local[a] as i32));
+            let v = [node[0], node[1], node[2]].map(f64::from);
+            for (to, from) in node.iter_mut().zip(boundary.constrain(x, v)) {
+                *to = from as f32;
+            }
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Quadratic B-spline weights of 16 particles at once.
+
+use crate::{
+    grid::Tile,
+    simd::{F32x16, LANES, Lanes},
+};
+
+/// Adding 1.5 * 2^23 rounds a float to the nearest integer and leaves that integer in the low mantissa bits.
+const ROUNDER: f32 = 12_582_912.0;
+
+/// Where 16 particles sit among the nodes of a tile, and how they weigh them.
+pub(crate) struct Stencil<V> {
+    /// Index of the cell (nearest node) along each axis, -1..=4.
+    pub cell: [V; 3],
+    /// Distance from the nearest node [cells], within 1/2.
+    pub d: [V; 3],
+    /// Weights of the nodes -1, 0, 1 along each axis.
+    pub w: [[V; 3]; 3],
+}
+
+/// Memory form of what a loop over the lanes of a [`Stencil`] reads.
+pub(crate) struct Weights {
+    /// Index of the stencil's first float in the tile.
+    pub first: [u32; LANES],
+    /// Per quarter-transposed particle: weights of the nodes -1, 0, 1 along z and a zero.
+    pub z: [F32x16; 4],
+}
+
+/// Where the quarter of particle `lane` lies in four quarter-transposed vectors [floats].
+#[inline(always)]
+pub(crate) fn quarter_of(lane: usize) -> usize {
+    lane % 4 * LANES + lane / 4 * 4
+}
+
+impl<V: Lanes> Stencil<V> {
+    /// Stencils of particles at `x` relative to the block's centre.
+    #[inline(always)]
+    pub fn new(x: [V; 3]) -> Self {
+        let half = V::splat(0.5);
+        let rounder = V::broadcast(ROUNDER);
+        // The clamp never acts on particles within the drift margin; it keeps NaN inside the tile.
+        let cell = x.map(|x| {
+            ((x + V::splat(1.5)) + rounder - rounder)
+                .max(V::splat(-1.0))
+                .min(V::splat(4.0))
+        });
+        let d: [V; 3] = std::array::from_fn(|a| x[a] - (cell[a] - V::splat(1.5)));
+        let w = d.map(|d| {
+            let (low, high) = (half - d, half + d);
+            [
+                half * low * low,
+                (-d).mul_add(d, V::splat(0.75)),
+                half * high * high,
+            ]
+        });
+        Self { cell, d, w }
+    }
+
+    /// Writes out what loops over particles read.
+    #[inline(always)]
+    pub fn weights(&self) -> Weights {
+        let [i, j, k] = self.cell;
+        // First node of the stencil: cell - 1 in block terms, cell + 1 in the tile.
+        let node = i
+            .mul_add(V::splat(8.0), j)
+            .mul_add(V::splat(8.0), k + V::broadcast(ROUNDER));
+        let mut first = [0; LANES];
+        node.store_bits(&mut first);
+        let origin = Tile::at(1, 1, 1) as u32;
+        for first in &mut first {
+            *first = (*first)
+                .wrapping_sub(ROUNDER.to_bits())
+                .wrapping_mul(4)
+                .wrapping_add(origin);
+        }
+        let mut z = [F32x16::ZERO; 4];
+        let [a, b, c] = self.w[2];
+        for (to, from) in z
+            .iter_mut()
+            .zip(V::transpose_quarters([a, b, c, V::broadcast(0.0)]))
+        {
+            from.store(to);
+        }
+        Weights { first, z }
+    }
+}
+
+/// Stores a vector in a fresh piece of memory, for one-lane reads.
+#[inline(always)]
+pub(crate) fn stored<V: Lanes>(v: V) -> F32x16 {
+    let mut out = F32x16::ZERO;
+    v.store(&mut out);
+    out
+}
+
+/// Node offset along z of each quarter: -1, 0, 1 and a fourth that no weight reaches.
+#[inline(always)]
+pub(crate) fn z_offsets<V: Lanes>() -> V {
+    V::load(&F32x16([
+        -1.0, -1.0, -1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0,
+    ]))
+}

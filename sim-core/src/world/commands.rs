@@ -1,0 +1,311 @@
+//! Commands: checked before anything changes, then applied at the start of a frame.
+
+use std::borrow::Cow;
+
+use super::World;
+use crate::{
+    command::{Action, Command, CommandError},
+    mat3::{cross, dot},
+    materials::{
+        Material,
+        limits::{DeformationBounds, critical_dt},
+    },
+    particles::{NO_PARTICLE, position_in_cells},
+    scene::Fidelity,
+    simd::LANES,
+};
+
+/// Substeps of a frame that the fastest commanded motion may need.
+const MOTION_SUBSTEPS: f64 = 4096.0;
+/// Substeps of a frame that the stiffest commanded material may need at rest.
+const MATERIAL_SUBSTEPS: f64 = 65_536.0;
+/// Largest commanded gravity [m/s^2].
+const MAX_GRAVITY: f64 = 1e4;
+/// Largest coordinate of a commanded point, and radius [m].
+const MAX_LENGTH: f64 = 1e6;
+
+fn finite(field: &'static str, values: &[f64]) -> Result<(), CommandError> {
+    match values.iter().find(|value| !value.is_finite()) {
+        Some(&value) => Err(CommandError::NotFinite { field, value }),
+        None => Ok(()),
+    }
+}
+
+fn within(field: &'static str, value: f64, min: f64, max: f64) -> Result<(), CommandError> {
+    finite(field, &[value])?;
+    if (min..=max).contains(&value) {
+        return Ok(());
+    }
+    Err(CommandError::OutOfRange {
+        field,
+        value,
+        min,
+        max,
+    })
+}
+
+fn length(v: [f64; 3]) -> f64 {
+    dot(v, v).sqrt()
+}
+
+/// What an accepted action does to particles.
+enum Effect<'a> {
+    /// The same velocity change [m/s] for these particles, a sorted list, or for all of the object.
+    Push {
+        object: usize,
+        change: [f64; 3],
+        particles: Option<Vec<u32>>,
+    },
+    Velocity {
+        object: usize,
+        linear: [f64; 3],
+        angular: [f64; 3],
+    },
+    Material {
+        object: usize,
+        material: Cow<'a, Material>,
+    },
+    Gravity([f64; 3]),
+    Reset,
+}
+
+impl World {
+    /// Judges an action against the current state.
+    ///
+    /// # Errors
+    /// [`CommandError`] names what is wrong and what is expected.
+    pub fn check(&self, action: &Action) -> Result<(), CommandError> {
+        self.effect(action).map(|_| ())
+    }
+
+    /// Applies commands in their order; one that is refused changes nothing.
+    pub(super) fn apply(&mut self, commands: &[Command]) {
+        let mut order: Vec<&Command> = commands.iter().collect();
+        order.sort_by_key(|c| (c.apply_at_step, c.client, c.sequence));
+        for command in order {
+            if let Ok(effect) = self.effect(&command.action) {
+                self.enact(effect);
+            }
+        }
+    }
+
+    /// Largest speed that a command may cause [m/s].
+    fn max_speed(&self) -> f64 {
+        0.5 * MOTION_SUBSTEPS * self.scene.dx * self.scene.frame_rate
+    }
+
+    /// Checks an action and works out what it does.
+    fn effect<'a>(&self, action: &'a Action) -> Result<Effect<'a>, CommandError> {
+        match *action {
+            Action::Impulse { object, impulse } => {
+                let mass = self.mass_of(object)?;
+                finite("impulse", &impulse)?;
+                within("impulse", length(impulse), 0.0, mass * self.max_speed())?;
+                Ok(Effect::Push {
+                    object,
+                    change: impulse.map(|j| j / mass),
+                    particles: None,
+                })
+            }
+            Action::ImpulseAt {
+                object,
+                impulse,
+                point,
+                radius,
+            } => {
+                self.mass_of(object)?;
+                finite("impulse", &impulse)?;
+                finite("point", &point)?;
+                for x in point {
+                    within("point", x, -MAX_LENGTH, MAX_LENGTH)?;
+                }
+                within("radius", radius, f64::MIN_POSITIVE, MAX_LENGTH)?;
+                let particles = self.within_reach(object, point, radius);
+                let volume = &self.published.volume;
+                let mass = self.scene.objects[object].material.density
+                    * particles.iter().map(|&p| volume[p as usize]).sum::<f64>();
+                within("impulse", length(impulse), 0.0, mass * self.max_speed())?;
+                Ok(Effect::Push {
+                    object,
+                    change: impulse.map(|j| j / mass),
+                    particles: Some(particles),
+                })
+            }
+            Action::SetVelocity {
+                object,
+                linear,
+                angular,
+            } => {
+                self.mass_of(object)?;
+                finite("linear velocity", &linear)?;
+                finite("angular velocity", &angular)?;
+                within("linear velocity", length(linear), 0.0, self.max_speed())?;
+                let reach = 2.0 * self.report.objects[object].radius + self.scene.dx;
+                let fastest = self.max_speed() / reach;
+                within("angular velocity", length(angular), 0.0, fastest)?;
+                Ok(Effect::Velocity {
+                    object,
+                    linear,
+                    angular,
+                })
+            }
+            Action::SetMaterial {
+                object,
+                ref material,
+            } => {
+                self.mass_of(object)?;
+                self.check_material(object, material)?;
+                Ok(Effect::Material {
+                    object,
+                    material: Cow::Borrowed(material),
+                })
+            }
+            Action::SetGravity { gravity } => {
+                finite("gravity", &gravity)?;
+                within("gravity", length(gravity), 0.0, MAX_GRAVITY)?;
+                Ok(Effect::Gravity(gravity))
+            }
+            Action::Reset => Ok(Effect::Reset),
+        }
+    }
+
+    /// Mass of an object's simulated particles [kg].
+    fn mass_of(&self, object: usize) -> Result<f64, CommandError> {
+        let count = self.scene.objects.len();
+        let Some(o) = self.scene.objects.get(object) else {
+            return Err(CommandError::UnknownObject { object, count });
+        };
+        let mass = self.report.objects[object].mass;
+        if o.fidelity == Fidelity::Static || mass <= 0.0 {
+            return Err(CommandError::StaticObject { object });
+        }
+        Ok(mass)
+    }
+
+    fn check_material(&self, object: usize, material: &Material) -> Result<(), CommandError> {
+        within("poisson_ratio", material.poisson_ratio, 0.0, 0.4999)?;
+        within("density", material.density, 1e-6, 1e9)?;
+        // The critical step goes with one over the square root of Young's modulus.
+        let softest = 1e-6;
+        let unit = Material {
+            youngs_modulus: 1.0,
+            ..material.clone()
+        };
+        let dt_of_unit = critical_dt(
+            unit.law,
+            unit.lambda(),
+            unit.mu(),
+            self.scene.objects[object].material.density,
+            self.scene.dx,
+            &DeformationBounds::REST,
+        );
+        let substeps = self.scene.cfl * dt_of_unit * self.scene.frame_rate * MATERIAL_SUBSTEPS;
+        let stiffest =
+            (substeps * substeps).max(self.scene.objects[object].material.youngs_modulus);
+        within("youngs_modulus", material.youngs_modulus, softest, stiffest)
+    }
+
+    /// Simulated particles of an object within `radius` of `point` [m], ascending; the nearest when there are
+    /// none.
+    fn within_reach(&self, object: usize, point: [f64; 3], radius: f64) -> Vec<u32> {
+        let dx = self.scene.dx;
+        let candidates = self.scene.objects[object].particles.clone();
+        let distances: Vec<(u32, f64)> = candidates
+            .filter(|&p| self.published.volume[p] > 0.0)
+            .map(|p| {
+                let x = self.published.cells[p];
+                (
+                    p as u32,
+                    length(std::array::from_fn(|a| x[a] * dx - point[a])),
+                )
+            })
+            .collect();
+        let nearest = distances.iter().map(|d| d.1).fold(f64::INFINITY, f64::min);
+        let reach = radius.max(nearest);
+        let touched = distances.into_iter().filter(|d| d.1 <= reach);
+        touched.map(|d| d.0).collect()
+    }
+
+    fn enact(&mut self, effect: Effect<'_>) {
+        match effect {
+            Effect::Push {
+                object,
+                change,
+                particles,
+            } => self.push(object, change, particles.as_deref()),
+            Effect::Velocity {
+                object,
+                linear,
+                angular,
+            } => self.set_velocity(object, linear, angular),
+            Effect::Material { object, material } => {
+                self.state.materials[object] = material.into_owned();
+            }
+            Effect::Gravity(gravity) => self.state.gravity = gravity,
+            Effect::Reset => {
+                self.reset();
+                self.report = self.measure(&super::Frame::new(0.0));
+            }
+        }
+    }
+
+    /// Adds `change` [m/s] to the velocity of an object's particles, all or those listed.
+    fn push(&mut self, object: usize, change: [f64; 3], particles: Option<&[u32]>) {
+        let cells = change.map(|v| (v / self.scene.dx) as f32);
+        let touched = |id: u32| particles.is_none_or(|list| list.binary_search(&id).is_ok());
+        let all = &mut self.state.particles;
+        for run in all.runs.iter().filter(|run| run.object == object) {
+            for g in run.groups.clone() {
+                for lane in 0..LANES {
+                    let id = all.fixed[g].id[lane];
+                    if id != NO_PARTICLE && touched(id) {
+                        for a in 0..3 {
+                            all.motion[g].v[a].0[lane] += cells[a];
+                        }
+                    }
+                }
+            }
+        }
+        let density = self.scene.objects[object].material.density;
+        let mass = match particles {
+            None => self.report.objects[object].mass,
+            Some(list) => {
+                let volume = &self.published.volume;
+                density * list.iter().map(|&p| volume[p as usize]).sum::<f64>()
+            }
+        };
+        for a in 0..3 {
+            self.state.momentum[object][a] += mass * change[a];
+        }
+    }
+
+    /// Gives an object a rigid velocity field about its centre of mass.
+    fn set_velocity(&mut self, object: usize, linear: [f64; 3], angular: [f64; 3]) {
+        let dx = self.scene.dx;
+        let state = self.report.objects[object];
+        let [x, y, z] = angular;
+        let spin = [0.0, -z, y, z, 0.0, -x, -y, x, 0.0];
+        let all = &mut self.state.particles;
+        for block in &all.blocks {
+            let runs = all.runs[block.runs.clone()].iter();
+            for g in runs
+                .filter(|run| run.object == object)
+                .flat_map(|run| run.groups.clone())
+            {
+                for lane in (0..LANES).filter(|&lane| all.fixed[g].id[lane] != NO_PARTICLE) {
+                    let at = [0, 1, 2].map(|a| all.groups[g].x[a].0[lane]);
+                    let at = position_in_cells(block.index, at);
+                    let r = std::array::from_fn(|a| at[a] * dx - state.com[a]);
+                    let turn = cross(angular, r);
+                    for a in 0..3 {
+                        all.motion[g].v[a].0[lane] = ((linear[a] + turn[a]) / dx) as f32;
+                    }
+                    for n in 0..9 {
+                        all.motion[g].c[n].0[lane] = spin[n] as f32;
+                    }
+                }
+            }
+        }
+        self.state.momentum[object] = linear.map(|v| state.mass * v);
+    }
+}

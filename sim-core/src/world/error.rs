@@ -1,0 +1,187 @@
+//! What makes a scene impossible to simulate.
+
+use crate::{
+    scene::{ColliderShape, Fidelity, Scene},
+    simd::Isa,
+};
+
+/// Why no world could be made from a scene.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WorldError {
+    /// The processor lacks the instruction set.
+    #[error("this processor does not have {0}")]
+    NoSuchIsa(Isa),
+    /// A number is outside its valid range, NaN included.
+    #[error("{what} is {value}, expected {min} to {max}")]
+    OutOfRange {
+        /// Which number.
+        what: String,
+        /// Its value.
+        value: f64,
+        /// Smallest valid value.
+        min: f64,
+        /// Largest valid value.
+        max: f64,
+    },
+    /// An object's particles are not a run of the scene's particles behind those of the objects before it.
+    #[error(
+        "object {object} claims particles {start}..{end}, expected a range that begins at {expected} and ends by {count}"
+    )]
+    ParticleRange {
+        /// Object id.
+        object: usize,
+        /// First particle claimed.
+        start: usize,
+        /// End of the claim.
+        end: usize,
+        /// Where it must begin.
+        expected: usize,
+        /// Particles in the scene.
+        count: usize,
+    },
+    /// Parallel arrays differ in length.
+    #[error(
+        "scene has {positions} particle positions and {volumes} volumes, expected equal counts"
+    )]
+    Counts {
+        /// Positions.
+        positions: usize,
+        /// Volumes.
+        volumes: usize,
+    },
+}
+
+/// Largest magnitude of a coordinate [cells].
+pub(super) const MAX_CELLS: f64 = 16_777_216.0;
+
+fn within(what: impl Fn() -> String, value: f64, min: f64, max: f64) -> Result<(), WorldError> {
+    if (min..=max).contains(&value) {
+        return Ok(());
+    }
+    Err(WorldError::OutOfRange {
+        what: what(),
+        value,
+        min,
+        max,
+    })
+}
+
+/// Checks every number that the solver computes with.
+pub(super) fn validate(scene: &Scene) -> Result<(), WorldError> {
+    const BIG: f64 = 1e9;
+    let tiny = f64::MIN_POSITIVE;
+    within(|| "dx".into(), scene.dx, 1e-6, 1e6)?;
+    within(|| "cfl".into(), scene.cfl, tiny, 1.5)?;
+    within(|| "frame_rate".into(), scene.frame_rate, tiny, 1e6)?;
+    let reach = MAX_CELLS * scene.dx;
+    for a in 0..3 {
+        within(|| format!("gravity[{a}]"), scene.gravity[a], -BIG, BIG)?;
+        within(
+            || format!("domain.min[{a}]"),
+            scene.domain.min[a],
+            -reach,
+            reach,
+        )?;
+        let min = scene.domain.min[a];
+        within(
+            || format!("domain.max[{a}]"),
+            scene.domain.max[a],
+            min,
+            reach,
+        )?;
+    }
+    for (id, collider) in scene.colliders.iter().enumerate() {
+        let ColliderShape::HalfSpace { point, normal } = collider.shape;
+        let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+        within(
+            || format!("length of the normal of collider {id}"),
+            length,
+            0.999,
+            1.001,
+        )?;
+        within(
+            || format!("friction of collider {id}"),
+            collider.friction,
+            0.0,
+            BIG,
+        )?;
+        for a in 0..3 {
+            within(
+                || format!("point[{a}] of collider {id}"),
+                point[a],
+                -BIG,
+                BIG,
+            )?;
+        }
+    }
+    for (id, region) in scene.pinned_regions.iter().enumerate() {
+        for value in region.min.into_iter().chain(region.max) {
+            within(|| format!("corner of pinned region {id}"), value, -BIG, BIG)?;
+        }
+    }
+    validate_particles(scene)?;
+    validate_objects(scene)
+}
+
+fn validate_particles(scene: &Scene) -> Result<(), WorldError> {
+    let particles = &scene.particles;
+    let count = particles.position.len();
+    if particles.volume.len() != count {
+        return Err(WorldError::Counts {
+            positions: count,
+            volumes: particles.volume.len(),
+        });
+    }
+    within(
+        || "particle count".into(),
+        count as f64,
+        0.0,
+        f64::from(u32::MAX / 64),
+    )?;
+    let reach = MAX_CELLS * scene.dx;
+    for p in 0..count {
+        let what = || format!("volume of particle {p}");
+        within(what, particles.volume[p], f64::MIN_POSITIVE, 1e18)?;
+        for a in 0..3 {
+            let what = || format!("position[{a}] of particle {p}");
+            within(what, particles.position[p][a], -reach, reach)?;
+        }
+    }
+    Ok(())
+}
+
+fn validate_objects(scene: &Scene) -> Result<(), WorldError> {
+    let count = scene.particles.position.len();
+    let mut expected = 0;
+    for (object, o) in scene.objects.iter().enumerate() {
+        let range = &o.particles;
+        let empty = range.is_empty();
+        if !empty && (range.start < expected || range.end > count) {
+            return Err(WorldError::ParticleRange {
+                object,
+                start: range.start,
+                end: range.end,
+                expected,
+                count,
+            });
+        }
+        if !empty {
+            expected = range.end;
+        }
+        if o.fidelity == Fidelity::Static {
+            continue;
+        }
+        let m = &o.material;
+        let what = |name: &str| format!("{name} of object {object}");
+        within(|| what("youngs_modulus"), m.youngs_modulus, 1e-6, 1e15)?;
+        within(|| what("poisson_ratio"), m.poisson_ratio, 0.0, 0.4999)?;
+        within(|| what("density"), m.density, 1e-6, 1e9)?;
+        for a in 0..3 {
+            within(|| what("linear_velocity"), o.linear_velocity[a], -1e6, 1e6)?;
+            for value in o.velocity_gradient[a] {
+                within(|| what("velocity_gradient"), value, -1e6, 1e6)?;
+            }
+        }
+    }
+    Ok(())
+}

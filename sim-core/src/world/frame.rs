@@ -1,0 +1,404 @@
+//! The substeps of a frame: segments of fused substeps, guarded, rolled back and retried.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::{
+    State, World,
+    time_step::{Limit, MAX_STRAIN, MAX_TRAVEL},
+};
+use crate::{
+    grid::node_pass,
+    particles::{Extremes, Flags, Group, Motion, NO_PARTICLE, Run},
+    report::{DtLimit, StepReport, Timings},
+    simd::{F32x16, LANES},
+    step::{
+        particle_pass::{Findings, ObjectLaw, Pass, Stage, particle_pass},
+        sort::sort,
+    },
+};
+
+/// Largest distance from the place of the last sort at which a particle may still be scattered [cells]: the
+/// drift margin of the tiles, less the round-off of positions.
+const MARGIN: f64 = 0.999;
+/// Drift beyond which a new segment sorts first [cells].
+const SORT_DRIFT: f64 = 0.3;
+/// Substeps of a segment at most: the work that a rollback may repeat.
+const SEGMENT: usize = 32;
+/// Times that a failing substep is halved before its bad particles are quarantined.
+const RETRIES: u32 = 6;
+
+/// What happens during one frame.
+#[derive(Clone, Debug)]
+pub(super) struct Frame {
+    /// Its length [s].
+    pub length: f64,
+    /// Wall time per phase.
+    pub timings: Timings,
+    /// What is left of it [s].
+    remaining: f64,
+    /// Substeps that a rolled-back segment had accepted: to be taken again.
+    replay: Vec<f64>,
+    /// Largest substep after failures, and why.
+    cap: Limit,
+    /// Failures of the substep at hand.
+    failures: u32,
+    substeps: u32,
+    rollbacks: u32,
+    updates: u64,
+    last_dt: f64,
+    smallest: Limit,
+    quarantined: Vec<u32>,
+    left_domain: Vec<u32>,
+}
+
+impl Frame {
+    /// A frame of this length [s]; nothing happens in one that is not finite and positive.
+    pub fn new(length: f64) -> Self {
+        let length = if length > 0.0 && length.is_finite() {
+            length
+        } else {
+            0.0
+        };
+        Self {
+            length,
+            timings: Timings::default(),
+            remaining: length,
+            replay: vec![],
+            cap: Limit::FRAME,
+            failures: 0,
+            substeps: 0,
+            rollbacks: 0,
+            updates: 0,
+            last_dt: 0.0,
+            smallest: Limit::FRAME,
+            quarantined: vec![],
+            left_domain: vec![],
+        }
+    }
+
+    /// The frame's share of a report.
+    pub fn report(&self, state: &State) -> StepReport {
+        let smallest = self.smallest.dt.min(self.last_dt);
+        StepReport {
+            step: state.steps,
+            sim_time: state.sim_time,
+            dt: self.last_dt,
+            dt_min: smallest,
+            dt_limit: self.smallest.cause,
+            dt_object: self.smallest.object,
+            substeps: self.substeps,
+            rollbacks: self.rollbacks,
+            particle_updates: self.updates,
+            particle_updates_full: self.updates,
+            left_domain: self.left_domain.clone(),
+            quarantined: self.quarantined.clone(),
+            timings: self.timings,
+            ..StepReport::default()
+        }
+    }
+
+    fn accept(&mut self, dt: f64, limit: Limit) {
+        self.remaining -= dt;
+        self.substeps += 1;
+        self.last_dt = dt;
+        self.failures = 0;
+        if dt < self.smallest.dt {
+            self.smallest = Limit { dt, ..limit };
+        }
+    }
+}
+
+/// What a rollback returns to, besides the groups in the workspace.
+struct Checkpoint {
+    remaining: f64,
+    substeps: u32,
+    drift: f64,
+    grid_speed: f64,
+    extremes: Vec<Extremes>,
+}
+
+impl World {
+    /// Advances the particles by one frame.
+    pub(super) fn advance(&mut self, frame: &mut Frame) {
+        #[cfg(test)]
+        self.workspace.substeps.clear();
+        self.refresh_speeds();
+        while frame.remaining > 0.0 && !self.state.particles.groups.is_empty() {
+            self.segment(frame);
+        }
+    }
+
+    /// Takes substeps until velocities must be written out: the frame ends, particles drifted too far from
+    /// their blocks, or enough work has piled up. After a failure the state is that of the segment's start.
+    fn segment(&mut self, frame: &mut Frame) {
+        if self.state.drift > SORT_DRIFT {
+            self.sort(frame);
+        }
+        let checkpoint = Checkpoint {
+            remaining: frame.remaining,
+            substeps: frame.substeps,
+            drift: self.state.drift,
+            grid_speed: self.state.grid_speed,
+            extremes: self.state.extremes.clone(),
+        };
+        let replay = std::mem::take(&mut frame.replay);
+        let mut taken: Vec<f64> = Vec::new();
+        let (mut dt, mut limit) = self.choose(frame, replay.first());
+        if self.particles(frame, Stage::Scatter, dt, dt).bad {
+            // Such motion is absurd for any substep: no retry can help.
+            self.quarantine(frame);
+            return;
+        }
+        loop {
+            let speed = self.nodes(frame, dt);
+            let travel = dt * speed;
+            let farther = self.state.drift + travel;
+            let (next_dt, next_limit) = {
+                frame.remaining -= dt;
+                let next = self.choose(frame, replay.get(taken.len() + 1));
+                frame.remaining += dt;
+                next
+            };
+            let replayed = !replay.is_empty() && taken.len() + 1 == replay.len();
+            let ends = replayed
+                || taken.len() + 1 == SEGMENT
+                || dt >= frame.remaining
+                || farther + next_dt * speed > MARGIN;
+            let stage = if ends { Stage::Gather } else { Stage::Fused };
+            let in_bounds = travel < MAX_TRAVEL;
+            let out_of_retries = taken.is_empty() && frame.failures >= RETRIES;
+            let bad = !in_bounds && !out_of_retries || {
+                let findings = self.particles(frame, stage, dt, next_dt);
+                findings.bad || !in_bounds
+            };
+            if bad {
+                self.roll_back(frame, &checkpoint);
+                frame.cap = Limit {
+                    dt: 0.5 * dt,
+                    cause: if in_bounds {
+                        DtLimit::Deformation
+                    } else {
+                        DtLimit::Velocity
+                    },
+                    object: self.first_flagged_object(),
+                };
+                frame.failures += 1;
+                if out_of_retries {
+                    self.quarantine(frame);
+                    frame.cap = Limit::FRAME;
+                    frame.failures = 0;
+                }
+                frame.replay = taken;
+                return;
+            }
+            frame.accept(dt, limit);
+            taken.push(dt);
+            self.state.drift = farther;
+            self.collect_extremes();
+            if ends {
+                break;
+            }
+            (dt, limit) = (next_dt, next_limit);
+        }
+        #[cfg(test)]
+        self.workspace.substeps.extend(taken);
+        std::mem::swap(&mut self.state.particles.motion, &mut self.workspace.motion);
+        if self.state.particles.flags.iter().any(|f| f.outside != 0) {
+            let left = self.take_out(|flags| flags.outside);
+            frame.left_domain.extend(left);
+        }
+    }
+
+    /// Size of the coming substep: equal shares of what is left of the frame, rounded to the precision of the
+    /// kernels so that the shares add up to the frame.
+    fn choose(&self, frame: &Frame, replayed: Option<&f64>) -> (f64, Limit) {
+        let mut limit = self.time_step();
+        if frame.cap.dt < limit.dt {
+            limit = frame.cap;
+        }
+        if let Some(&dt) = replayed {
+            return (dt, limit);
+        }
+        let smallest = self.smallest_dt(frame.length);
+        let largest = limit.dt.max(smallest.min(frame.cap.dt));
+        // A share may exceed the limit by rounding: better than one substep more.
+        let shares = (frame.remaining / largest - 1e-6).ceil().max(1.0);
+        if shares <= 1.0 {
+            return (frame.remaining, Limit::FRAME);
+        }
+        (f64::from((frame.remaining / shares) as f32), limit)
+    }
+
+    /// Restores the state at the start of the segment.
+    fn roll_back(&mut self, frame: &mut Frame, to: &Checkpoint) {
+        frame.rollbacks += 1;
+        frame.substeps = to.substeps;
+        frame.remaining = to.remaining;
+        self.state.drift = to.drift;
+        self.state.grid_speed = to.grid_speed;
+        self.state.extremes.clone_from(&to.extremes);
+        self.state
+            .particles
+            .groups
+            .copy_from_slice(&self.workspace.backup);
+    }
+
+    fn sort(&mut self, frame: &mut Frame) {
+        let start = Instant::now();
+        let particles = &mut self.state.particles;
+        sort(particles, &mut self.workspace.sorted);
+        std::mem::swap(particles, &mut self.workspace.sorted);
+        let count = particles.groups.len();
+        self.workspace.backup.resize(count, Group::REST);
+        self.workspace.motion.resize(count, Motion::REST);
+        self.workspace
+            .grid
+            .rebuild(&particles.blocks, &self.boundary);
+        self.state.drift = 0.0;
+        frame.timings.sort += start.elapsed().as_secs_f64();
+    }
+
+    /// Runs one particle pass: gathered motion advances by `dt`, stress acts for `next_dt`.
+    fn particles(&mut self, frame: &mut Frame, stage: Stage, dt: f64, next_dt: f64) -> Findings {
+        let start = Instant::now();
+        let dx = self.scene.dx;
+        let objects = self.scene.objects.iter().zip(&self.state.materials);
+        let laws: Vec<ObjectLaw> = objects
+            .map(|(object, material)| ObjectLaw {
+                law: material.law,
+                lambda: material.lambda() as f32,
+                mu: material.mu() as f32,
+                stress_scale: (4.0 * next_dt / (object.material.density * dx * dx)) as f32,
+            })
+            .collect();
+        let pass = Pass {
+            stage,
+            dt: dt as f32,
+            laws: &laws,
+            max_strain: MAX_STRAIN as f32,
+            max_speed: (MAX_TRAVEL / self.smallest_dt(frame.length)) as f32,
+            max_rate: (MAX_STRAIN / self.smallest_dt(frame.length)) as f32,
+            domain: self.domain_in_cells(),
+        };
+        let findings = particle_pass(
+            self.isa,
+            &pass,
+            &mut self.state.particles,
+            &mut self.workspace.backup,
+            &mut self.workspace.motion,
+            &mut self.workspace.grid,
+        );
+        if stage != Stage::Scatter {
+            frame.updates += self.state.live as u64;
+        }
+        frame.timings.particles += start.elapsed().as_secs_f64();
+        findings
+    }
+
+    /// Runs the grid pass; returns the largest velocity component [cells/s].
+    fn nodes(&mut self, frame: &mut Frame, dt: f64) -> f64 {
+        let start = Instant::now();
+        let gravity = self.state.gravity.map(|g| (g / self.scene.dx) as f32);
+        let grid = &mut self.workspace.grid;
+        let speed = node_pass(self.isa, grid, &self.boundary, dt as f32, gravity);
+        self.state.grid_speed = f64::from(speed);
+        frame.timings.grid += start.elapsed().as_secs_f64();
+        self.state.grid_speed
+    }
+
+    /// Speeds and rates of all particles from their stored motion, which commands may have changed.
+    fn refresh_speeds(&mut self) {
+        let particles = &mut self.state.particles;
+        let motion = particles.motion.as_slice();
+        particles.runs.par_iter_mut().for_each(|run| {
+            let (mut speed, mut rate) = ([0.0_f32; LANES], [0.0_f32; LANES]);
+            for motion in &motion[run.groups.clone()] {
+                for lane in 0..LANES {
+                    let square = |sum: f32, v: &F32x16| sum + v.0[lane] * v.0[lane];
+                    speed[lane] = speed[lane].max(motion.v.iter().fold(0.0, square));
+                    rate[lane] = rate[lane].max(motion.c.iter().fold(0.0, square));
+                }
+            }
+            run.extremes.speed_squared = speed.into_iter().fold(0.0, f32::max);
+            run.extremes.rate_squared = rate.into_iter().fold(0.0, f32::max);
+        });
+        for extremes in &mut self.state.extremes {
+            (extremes.speed_squared, extremes.rate_squared) = (0.0, 0.0);
+        }
+        for run in &self.state.particles.runs {
+            let extremes = &mut self.state.extremes[run.object];
+            extremes.speed_squared = extremes.speed_squared.max(run.extremes.speed_squared);
+            extremes.rate_squared = extremes.rate_squared.max(run.extremes.rate_squared);
+        }
+    }
+
+    /// Joins the extremes of all runs per object.
+    fn collect_extremes(&mut self) {
+        self.state.extremes.fill(Extremes::NONE);
+        for run in &self.state.particles.runs {
+            self.state.extremes[run.object].join(&run.extremes);
+        }
+    }
+
+    /// Freezes the particles flagged as bad where they are.
+    fn quarantine(&mut self, frame: &mut Frame) {
+        if self.state.particles.flags.iter().all(|f| f.bad == 0) {
+            self.flag_fastest_run();
+        }
+        let bad = self.take_out(|flags| flags.bad);
+        frame.quarantined.extend(bad);
+    }
+
+    /// Object of the first particle flagged as bad.
+    fn first_flagged_object(&self) -> Option<usize> {
+        let particles = &self.state.particles;
+        let flagged = |run: &&Run| {
+            let flags = &particles.flags[run.groups.clone()];
+            flags.iter().any(|f| f.bad != 0)
+        };
+        particles.runs.iter().find(flagged).map(|run| run.object)
+    }
+
+    /// Blames the run with the largest speed: the way out when the grid fails and no particle shows why.
+    fn flag_fastest_run(&mut self) {
+        let particles = &mut self.state.particles;
+        let speed = |run: &Run| run.extremes.speed_squared;
+        let fastest = particles
+            .runs
+            .iter()
+            .max_by(|a, b| speed(a).total_cmp(&speed(b)));
+        if let Some(run) = fastest {
+            for flags in &mut particles.flags[run.groups.clone()] {
+                flags.bad = u16::MAX;
+            }
+        }
+    }
+
+    /// Takes flagged particles out of the simulation; returns their ids in ascending order.
+    pub(super) fn take_out(&mut self, which: fn(&Flags) -> u16) -> Vec<u32> {
+        let particles = &mut self.state.particles;
+        // Their last state is what is displayed from now on; flagged lanes hold it, or what led to it.
+        self.published.update(particles, self.scene.dx);
+        let mut ids = Vec::new();
+        for group in 0..particles.groups.len() {
+            let lanes = which(&particles.flags[group]);
+            particles.flags[group] = Flags::default();
+            for lane in (0..LANES).filter(|lane| lanes >> lane & 1 == 1) {
+                let id = particles.fixed[group].id[lane];
+                if id != NO_PARTICLE {
+                    ids.push(id);
+                    particles.remove(group, lane);
+                    self.state.live -= 1;
+                }
+            }
+        }
+        ids.sort_unstable();
+        for &id in &ids {
+            self.published.freeze(id);
+        }
+        self.state.removed.extend(&ids);
+        ids
+    }
+}

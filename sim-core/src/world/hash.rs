@@ -1,0 +1,42 @@
+//! One number for the complete state.
+
+use bytemuck::bytes_of;
+use rayon::prelude::*;
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+
+use super::{State, published::Published};
+
+/// Particles per partial hash; fixed, so that the hash does not depend on the thread count.
+const CHUNK: usize = 4096;
+
+/// Hash (XXH3) of every particle in scene order, of gravity, materials and time.
+pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
+    let count = published.cells.len();
+    let parts: Vec<u64> = (0..count.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let range = chunk * CHUNK..count.min((chunk + 1) * CHUNK);
+            let fields = [
+                xxh3_64(bytemuck::cast_slice(&published.cells[range.clone()])),
+                xxh3_64(bytemuck::cast_slice(&published.velocity[range.clone()])),
+                xxh3_64(bytemuck::cast_slice(&published.affine[range.clone()])),
+                xxh3_64(bytemuck::cast_slice(&published.deformation[range])),
+            ];
+            xxh3_64(bytes_of(&fields))
+        })
+        .collect();
+    let mut hash = Xxh3::new();
+    hash.update(bytemuck::cast_slice(&parts));
+    hash.update(bytemuck::cast_slice(&state.removed));
+    hash.update(bytes_of(&state.gravity));
+    hash.update(bytes_of(&state.sim_time));
+    for material in &state.materials {
+        hash.update(bytes_of(&(material.law as u32)));
+        hash.update(bytes_of(&[
+            material.youngs_modulus,
+            material.poisson_ratio,
+            material.density,
+        ]));
+    }
+    hash.digest()
+}

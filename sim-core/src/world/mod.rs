@@ -1,0 +1,231 @@
+//! `World`: a scene in motion on the fast solver.
+
+mod commands;
+mod error;
+mod frame;
+mod hash;
+mod initial;
+mod published;
+mod time_step;
+
+#[cfg(test)]
+mod tests;
+
+use std::time::Instant;
+
+pub use error::WorldError;
+
+use crate::{
+    command::Command,
+    grid::{Boundary, Grid},
+    materials::Material,
+    moments::{ParticleArrays, object_moments, total_momentum},
+    particles::{Extremes, Group, Motion, Particles},
+    report::StepReport,
+    scene::Scene,
+    simd::Isa,
+};
+use frame::Frame;
+use published::Published;
+
+/// A scene in motion: 3D MLS-MPM with APIC transfers, quadratic B-splines and symplectic Euler in `f32`, on
+/// the current rayon pool. Same scene and commands give the same bits on any thread count and instruction set.
+#[derive(Debug)]
+pub struct World {
+    scene: Scene,
+    isa: Isa,
+    boundary: Boundary,
+    state: State,
+    workspace: Workspace,
+    published: Published,
+    report: StepReport,
+}
+
+/// What varies in time.
+#[derive(Clone, Debug, Default)]
+struct State {
+    /// Frames stepped since the world was made.
+    steps: u64,
+    /// Simulated time [s].
+    sim_time: f64,
+    /// Gravitational acceleration [m/s^2].
+    gravity: [f64; 3],
+    /// Current material of every object.
+    materials: Vec<Material>,
+    /// Particles in blocks.
+    particles: Particles,
+    /// Particles that are simulated.
+    live: usize,
+    /// Bound of how far any particle moved since the last sort [cells]; infinite before the first.
+    drift: f64,
+    /// Per object the extremes of its particles after the latest substep.
+    extremes: Vec<Extremes>,
+    /// Largest velocity component on the grid in the latest substep [cells/s].
+    grid_speed: f64,
+    /// Particles taken out so far, in the order it happened.
+    removed: Vec<u32>,
+    /// Momentum of every object after the latest frame and the commands since [kg m/s].
+    momentum: Vec<[f64; 3]>,
+}
+
+/// Scratch memory that lives as long as the world.
+#[derive(Debug, Default)]
+struct Workspace {
+    grid: Grid,
+    /// Where sorting writes to.
+    sorted: Particles,
+    /// Groups at the start of the segment.
+    backup: Vec<Group>,
+    /// Velocities at the end of the segment, until it is accepted.
+    motion: Vec<Motion>,
+    /// Substeps of the latest frame [s], for comparison with the reference solver.
+    #[cfg(test)]
+    substeps: Vec<f64>,
+}
+
+impl World {
+    /// The scene at time 0, on the best instruction set of this processor.
+    ///
+    /// # Errors
+    /// [`WorldError`] where the scene holds a number or range that cannot be simulated.
+    pub fn new(scene: Scene) -> Result<Self, WorldError> {
+        Self::with_isa(scene, Isa::detect())
+    }
+
+    /// Like [`new`](Self::new) on a chosen instruction set: for tests and measurements, results are the same.
+    ///
+    /// # Errors
+    /// Those of [`new`](Self::new), and when the processor lacks `isa`.
+    pub fn with_isa(scene: Scene, isa: Isa) -> Result<Self, WorldError> {
+        if !isa.is_available() {
+            return Err(WorldError::NoSuchIsa(isa));
+        }
+        error::validate(&scene)?;
+        let mut world = Self {
+            isa,
+            boundary: Boundary::new(&scene),
+            state: State::default(),
+            workspace: Workspace::default(),
+            published: Published::default(),
+            report: StepReport::default(),
+            scene,
+        };
+        world.reset();
+        world.report = world.measure(&Frame::new(0.0));
+        Ok(world)
+    }
+
+    /// The scene as it was given.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Applies the commands, then advances by `frame_dt` [s], > 0; other lengths only apply the commands.
+    ///
+    /// Commands act in the order of (`apply_at_step`, `client`, `sequence`) and all of them now: the caller
+    /// hands over those that are due. One that [`check`](Self::check) refuses is passed over whole.
+    pub fn step(&mut self, frame_dt: f64, commands: &[Command]) -> StepReport {
+        let start = Instant::now();
+        let mut frame = Frame::new(frame_dt);
+
+        // The one place where the outside acts on the state.
+        self.apply(commands);
+        frame.timings.commands = start.elapsed().as_secs_f64();
+
+        // Bound dt, sort if due, then P2G, grid, G2P and guard per substep.
+        self.advance(&mut frame);
+
+        // Particles back to scene order; moments, energies, hash.
+        let measuring = Instant::now();
+        self.published.update(&self.state.particles, self.scene.dx);
+        self.state.steps += 1;
+        self.state.sim_time += frame.length;
+        let mut report = self.measure(&frame);
+        report.timings.moments = measuring.elapsed().as_secs_f64();
+        report.timings.total = start.elapsed().as_secs_f64();
+        self.report = report;
+        self.report.clone()
+    }
+
+    /// The latest report; before the first step that of the initial state, step 0.
+    pub fn report(&self) -> &StepReport {
+        &self.report
+    }
+
+    /// Particle positions [m], world frame, in scene order.
+    pub fn positions(&self) -> &[[f32; 3]] {
+        &self.published.position
+    }
+
+    /// Particle velocities [m/s] in scene order.
+    pub fn velocities(&self) -> &[[f32; 3]] {
+        &self.published.velocity
+    }
+
+    /// Affine velocities `C` [1/s], row-major, in scene order.
+    pub fn affine(&self) -> &[[f32; 9]] {
+        &self.published.affine
+    }
+
+    /// Deformation gradients `F`, row-major, in scene order.
+    pub fn deformations(&self) -> &[[f32; 9]] {
+        &self.published.deformation
+    }
+
+    /// Current material of an object.
+    ///
+    /// # Panics
+    /// When `object` is not an object id of the scene, like slice indexing.
+    pub fn material(&self, object: usize) -> &Material {
+        &self.state.materials[object]
+    }
+
+    /// Current gravitational acceleration [m/s^2].
+    pub fn gravity(&self) -> [f64; 3] {
+        self.state.gravity
+    }
+
+    /// Report of the current state and of what `frame` did.
+    fn measure(&mut self, frame: &Frame) -> StepReport {
+        let published = &self.published;
+        let arrays = ParticleArrays {
+            volume: &published.volume,
+            position: &published.position,
+            velocity: &published.velocity,
+            affine: bytemuck::cast_slice(&published.affine),
+            deformation: bytemuck::cast_slice(&published.deformation),
+        };
+        let mut report = frame.report(&self.state);
+        let before = &self.report.objects;
+        for (id, object) in self.scene.objects.iter().enumerate() {
+            let mut state = object_moments(
+                &arrays,
+                object.particles.clone(),
+                object.material.density,
+                self.scene.dx,
+                &self.state.materials[id],
+            );
+            // What left with particles that were taken out is no contact.
+            let kept = match before.get(id) {
+                Some(old) if old.mass > 0.0 => Some(state.mass / old.mass),
+                _ => None,
+            };
+            for a in 0..3 {
+                let momentum = state.mass * state.linear_velocity[a];
+                let weight = state.mass * self.state.gravity[a] * frame.length;
+                if let Some(kept) = kept {
+                    let expected = kept * self.state.momentum[id][a] + weight;
+                    state.contact_impulse[a] = momentum - expected;
+                }
+                self.state.momentum[id][a] = momentum;
+                report.potential_energy -= state.mass * self.state.gravity[a] * state.com[a];
+            }
+            report.kinetic_energy += state.kinetic_energy;
+            report.elastic_energy += state.elastic_energy;
+            report.objects.push(state);
+        }
+        (report.linear_momentum, report.angular_momentum) = total_momentum(&report.objects);
+        report.state_hash = hash::state_hash(&self.published, &self.state);
+        report
+    }
+}

@@ -1,0 +1,124 @@
+//! Particle state in scene order and SI units: what clients, bindings and probes read.
+
+use rayon::prelude::*;
+
+use crate::{
+    particles::{Block, Fixed, Group, Motion, NO_PARTICLE, Particles, position_in_cells},
+    scene::{Fidelity, Scene},
+    simd::LANES,
+};
+
+/// Blocks per task at least.
+const TASK: usize = 8;
+
+/// Arrays in scene order.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Published {
+    /// Position [cells], exactly as the solver holds it.
+    pub cells: Vec<[f64; 3]>,
+    /// Position [m].
+    pub position: Vec<[f32; 3]>,
+    /// Velocity [m/s].
+    pub velocity: Vec<[f32; 3]>,
+    /// Affine velocity `C` [1/s], row-major.
+    pub affine: Vec<[f32; 9]>,
+    /// Deformation gradient, row-major.
+    pub deformation: Vec<[f32; 9]>,
+    /// Rest volume [m^3]; 0 once a particle has been taken out, and for particles of static objects.
+    pub volume: Vec<f64>,
+}
+
+/// An array that tasks write single entries of, each entry by one task.
+struct Shared<T>(*mut T, usize);
+
+// SAFETY: entries are only written through `set`, whose contract forbids two tasks on one entry.
+unsafe impl<T: Send> Sync for Shared<T> {}
+
+impl<T> Shared<T> {
+    fn new(of: &mut [T]) -> Self {
+        Self(of.as_mut_ptr(), of.len())
+    }
+
+    /// Writes one entry.
+    ///
+    /// # Safety
+    /// While the borrow given to `new` lasts, no two tasks may write the same entry.
+    unsafe fn set(&self, at: usize, value: T) {
+        assert!(at < self.1, "entry {at} of {}", self.1);
+        // SAFETY: in bounds by the assertion; exclusive by the caller's contract.
+        unsafe { *self.0.add(at) = value };
+    }
+}
+
+impl Published {
+    /// Everything at rest at the scene's positions.
+    pub fn new(scene: &Scene) -> Self {
+        let count = scene.particles.position.len();
+        let mut volume = vec![0.0; count];
+        for object in &scene.objects {
+            if object.fidelity != Fidelity::Static {
+                let range = object.particles.clone();
+                volume[range.clone()].copy_from_slice(&scene.particles.volume[range]);
+            }
+        }
+        let position = &scene.particles.position;
+        let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        Self {
+            cells: position.iter().map(|x| x.map(|x| x / scene.dx)).collect(),
+            position: position.iter().map(|x| x.map(|x| x as f32)).collect(),
+            velocity: vec![[0.0; 3]; count],
+            affine: vec![[0.0; 9]; count],
+            deformation: vec![identity; count],
+            volume,
+        }
+    }
+
+    /// Takes over the state of all simulated particles; those taken out keep their last.
+    pub fn update(&mut self, particles: &Particles, dx: f64) {
+        let cells = Shared::new(&mut self.cells);
+        let position = Shared::new(&mut self.position);
+        let velocity = Shared::new(&mut self.velocity);
+        let affine = Shared::new(&mut self.affine);
+        let deformation = Shared::new(&mut self.deformation);
+        let write = |block: &Block, group: &Group, motion: &Motion, fixed: &Fixed| {
+            for lane in 0..LANES {
+                let id = fixed.id[lane];
+                if id == NO_PARTICLE {
+                    continue;
+                }
+                let at = id as usize;
+                let x = position_in_cells(block.index, std::array::from_fn(|a| group.x[a].0[lane]));
+                // SAFETY: every id is in exactly one lane of one group, and a group belongs to one task.
+                unsafe {
+                    cells.set(at, x);
+                    position.set(at, x.map(|x| (x * dx) as f32));
+                    velocity.set(at, std::array::from_fn(|a| motion.v[a].0[lane] * dx as f32));
+                    affine.set(at, std::array::from_fn(|n| motion.c[n].0[lane]));
+                    deformation.set(at, std::array::from_fn(|n| group.f[n].0[lane]));
+                }
+            }
+        };
+        particles
+            .blocks
+            .par_iter()
+            .with_min_len(TASK)
+            .for_each(|block| {
+                for g in block.groups.clone() {
+                    write(
+                        block,
+                        &particles.groups[g],
+                        &particles.motion[g],
+                        &particles.fixed[g],
+                    );
+                }
+            });
+    }
+
+    /// Freezes a particle that was taken out: it stays where it is, without motion or mass.
+    pub fn freeze(&mut self, id: u32) {
+        let at = id as usize;
+        self.velocity[at] = [0.0; 3];
+        self.affine[at] = [0.0; 9];
+        self.volume[at] = 0.0;
+    }
+}

@@ -1,0 +1,106 @@
+//! Laws and stories of the fast solver.
+
+use super::*;
+use crate::{
+    materials::Law,
+    reference::ReferenceWorld,
+    scene::Surface,
+    test_scenes::{add_box, add_plane, elastic, empty, spin},
+};
+
+fn norm(v: [f64; 3]) -> f64 {
+    v.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    norm(std::array::from_fn(|i| a[i] - b[i]))
+}
+
+/// A block of particles that falls and spins onto a floor with friction.
+fn falling_block(law: Law) -> Scene {
+    let mut scene = empty(0.1);
+    scene.gravity = [0.0, 0.0, -9.81];
+    add_box(
+        &mut scene,
+        elastic(law, 1e5, 0.3),
+        [-0.2, -0.17, 0.06],
+        0.05,
+        [8, 7, 6],
+    );
+    scene.objects[0].linear_velocity = [0.7, 0.3, -1.0];
+    scene.objects[0].velocity_gradient = spin([2.0, -3.0, 1.0]);
+    add_plane(
+        &mut scene,
+        [0.0; 3],
+        [0.0, 0.0, 1.0],
+        Surface::Separate,
+        0.3,
+    );
+    scene
+}
+
+#[test]
+fn the_fast_solver_follows_the_reference() {
+    for law in [Law::FixedCorotated, Law::NeoHookean] {
+        let scene = falling_block(law);
+        let mut reference = ReferenceWorld::new(&scene);
+        let mut world = World::new(scene).expect("valid scene");
+        for _ in 0..12 {
+            let report = world.step(1.0 / 60.0, &[]);
+            let expected = reference.step_with(&world.workspace.substeps, &[]);
+            let (a, b) = (&report.objects[0], &expected.objects[0]);
+            // Single precision against double: round-off of some ten substeps, in units of the motion.
+            assert!(
+                distance(a.com, b.com) < 1e-6,
+                "{law:?}: {:?} {:?}",
+                a.com,
+                b.com
+            );
+            let error = distance(a.linear_velocity, b.linear_velocity);
+            assert!(error < 1e-5, "{law:?}: velocity differs by {error:e}");
+            let error = distance(a.angular_momentum, b.angular_momentum);
+            let size = norm(b.angular_momentum);
+            assert!(error < 1e-4 * size, "{law:?}: {error:e} of {size}");
+            let (e, energy) = (a.elastic_energy, b.elastic_energy);
+            assert!(
+                (e - energy).abs() < 1e-4 * b.kinetic_energy,
+                "{law:?}: {e} {energy}"
+            );
+            let error = (a.kinetic_energy - b.kinetic_energy).abs();
+            assert!(error < 1e-4 * b.kinetic_energy, "{law:?}: {error:e}");
+        }
+    }
+}
+
+/// Runs frames and returns the state hashes.
+fn hashes(scene: &Scene, isa: Isa, threads: usize, frames: usize) -> (Vec<u64>, u32) {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .expect("a small pool");
+    pool.install(|| {
+        let mut world = World::with_isa(scene.clone(), isa).expect("valid scene");
+        let mut substeps = 0;
+        let hashes = (0..frames)
+            .map(|_| {
+                let report = world.step(1.0 / 60.0, &[]);
+                substeps += report.substeps;
+                report.state_hash
+            })
+            .collect();
+        (hashes, substeps)
+    })
+}
+
+#[test]
+fn threads_and_instruction_sets_never_show_in_the_bits() {
+    let scene = falling_block(Law::FixedCorotated);
+    let (expected, substeps) = hashes(&scene, Isa::Portable, 1, 84);
+    assert!(substeps >= 500, "{substeps}");
+    for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+        for threads in [1, 2, 3] {
+            let (found, _) = hashes(&scene, isa, threads, 84);
+            assert_eq!(found, expected, "{isa} on {threads} threads");
+        }
+    }
+}
