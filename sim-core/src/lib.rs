@@ -5,6 +5,7 @@
 //! This crate knows no transport, opens no file and prints nothing.
 
 pub mod assets;
+pub mod binding;
 pub mod command;
 mod grid;
 pub mod kinematics;
@@ -13,6 +14,7 @@ pub mod materials;
 pub mod moments;
 pub mod num;
 mod particles;
+pub mod pose;
 pub mod probe;
 pub mod reference;
 pub mod report;
