@@ -7,6 +7,7 @@
 pub mod assets;
 pub mod binding;
 pub mod command;
+pub mod fill;
 mod grid;
 pub mod kinematics;
 pub mod mat3;

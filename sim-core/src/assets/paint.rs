@@ -22,7 +22,7 @@ pub enum Paint {
 }
 
 /// Direction to the light: above, to the right of and behind a camera that looks along -z.
-const LIGHT: [f32; 3] = [0.424_264_07, 0.707_106_8, 0.565_685_4];
+const LIGHT: [f32; 3] = [0.424_264_07, std::f32::consts::FRAC_1_SQRT_2, 0.565_685_4];
 
 impl Paint {
     /// Degree of the spherical harmonics that [`coefficients`](Self::coefficients) needs.

@@ -1,4 +1,4 @@
-//! Assets against real files and against an independent converter, `splat-transform` from npm.
+//! Reading and writing against an independent converter, `splat-transform` from npm.
 
 use std::{
     fs,
@@ -6,39 +6,12 @@ use std::{
     process::Command,
 };
 
-use cosplat_sim_core::assets::{self, Gaussians, ply};
+use cosplat_sim_core::assets::{Gaussians, ply};
+
+use crate::{data, read, skip};
 
 /// Version of the converter that runs on node 20.
 const CONVERTER: &str = "@playcanvas/splat-transform@2.7.1";
-
-fn skip(test: &str, why: &str) {
-    let sentence = format!("SKIPPED: {test}: {why}");
-    assert!(
-        std::env::var_os("COSPLAT_REQUIRE_ALL").is_none(),
-        "{sentence}"
-    );
-    eprintln!("{sentence}");
-}
-
-/// Path of a real splat file, if the test data is there.
-fn data(test: &str, name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("COSPLAT_TEST_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
-        PathBuf::from,
-    );
-    let path = folder.join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    skip(
-        test,
-        &format!(
-            "{} does not exist; COSPLAT_TEST_DATA names the folder",
-            path.display()
-        ),
-    );
-    None
-}
 
 /// Path of the converter, installed on first use.
 fn converter(test: &str) -> Option<PathBuf> {
@@ -85,14 +58,6 @@ fn convert(program: &Path, from: &Path, name: &str) -> PathBuf {
         String::from_utf8_lossy(&output.stderr)
     );
     to
-}
-
-fn read(path: &Path) -> Gaussians {
-    let bytes = fs::read(path).expect("the file exists");
-    let (gaussians, report) =
-        assets::read(&path.to_string_lossy(), &bytes).expect("a readable asset");
-    assert_eq!(report.dropped.total(), 0);
-    gaussians
 }
 
 fn assert_close(what: &str, a: &[f32], b: &[f32], relative: f32, absolute: f32) {

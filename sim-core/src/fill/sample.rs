@@ -1,0 +1,129 @@
+//! Particles from filled voxels and from surfaces that enclose nothing.
+
+use rand_core::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use super::{FillReport, Filled, cut::Cut, grid::Grid};
+
+/// Full sites are moved by at most this part of their edge along each axis, which breaks the alignment of
+/// particles with the grid.
+const JITTER: f64 = 0.1;
+/// Sites filled less than this are joined to a neighbour.
+const SLIVER: f64 = 0.15;
+
+/// Filled volume and first moment of one site, in voxels.
+#[derive(Clone, Copy, Default)]
+struct Site {
+    volume: f64,
+    moment: [f64; 3],
+}
+
+/// One particle per site.
+pub fn particles(
+    grid: &Grid,
+    density: &[f32],
+    cut: &Cut,
+    seed: u64,
+    mut report: FillReport,
+) -> Filled {
+    let lattice = Grid {
+        origin: grid.origin,
+        voxel: grid.voxel * grid.site as f64,
+        size: grid.size.map(|n| n / grid.site),
+        site: 1,
+    };
+    let mut solid = vec![Site::default(); lattice.len()];
+    for (i, part) in cut
+        .inside
+        .iter()
+        .enumerate()
+        .filter(|(_, part)| **part > 0.0)
+    {
+        let p = grid.coordinates(i);
+        add(
+            &mut solid[lattice.index(p.map(|x| x / grid.site))],
+            p,
+            f64::from(*part),
+        );
+    }
+    let full = (grid.site as f64).powi(3);
+    join_slivers(&lattice, &mut solid, SLIVER * full);
+    let mut out = Filled::default();
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let cube = grid.voxel.powi(3);
+    let mut push = |site: &Site, jitter: f64| {
+        let position = std::array::from_fn(|a| {
+            let shift = f64::from(rng.next_u32()) / f64::from(u32::MAX) * 2.0 - 1.0;
+            let middle = site.moment[a] / site.volume + jitter * shift * grid.site as f64;
+            grid.origin[a] + grid.voxel * middle
+        });
+        out.position.push(position);
+        out.volume.push(site.volume * cube);
+    };
+    for site in solid.iter().filter(|site| site.volume > 0.0) {
+        let whole = (site.volume - full).abs() < 1e-3 * full;
+        push(site, if whole { JITTER } else { 0.0 });
+        report.solid_volume += site.volume * cube;
+    }
+
+    // Surface that no solid particle is near: leaves, cloth, single sheets.
+    let covered = lattice.distance(|i| solid[i].volume > 0.0);
+    let mut thin = vec![(Site::default(), 0.0f64); lattice.len()];
+    for i in (0..cut.thin.len()).filter(|&i| cut.thin[i]) {
+        let p = grid.coordinates(i);
+        let at = lattice.index(p.map(|x| x / grid.site));
+        // More than one site away along an axis.
+        if covered[at] > 5 {
+            add(&mut thin[at].0, p, f64::from(density[i]));
+            thin[at].1 += 1.0;
+        }
+    }
+    for (site, voxels) in thin.iter().filter(|(site, _)| site.volume > 0.0) {
+        let scale = voxels / site.volume;
+        let site = Site {
+            volume: *voxels,
+            moment: site.moment.map(|m| m * scale),
+        };
+        push(&site, 0.0);
+        report.thin_particles += 1;
+        report.thin_volume += voxels * cube;
+    }
+    report.operations += 2 * grid.len() as u64;
+    out.report = report;
+    out
+}
+
+fn add(site: &mut Site, voxel: [usize; 3], amount: f64) {
+    site.volume += amount;
+    for a in 0..3 {
+        site.moment[a] += amount * (voxel[a] as f64 + 0.5);
+    }
+}
+
+/// Hands sites with less than `least` to the fullest face neighbour that has more; volume and centroid are
+/// kept.
+fn join_slivers(lattice: &Grid, sites: &mut [Site], least: f64) {
+    let strides = lattice.strides();
+    for i in 0..sites.len() {
+        let small = sites[i].volume;
+        if small <= 0.0 || small >= least {
+            continue;
+        }
+        let p = lattice.coordinates(i);
+        let lower = (0..3).filter(|&a| p[a] > 0).map(|a| i - strides[a]);
+        let upper = (0..3)
+            .filter(|&a| p[a] + 1 < lattice.size[a])
+            .map(|a| i + strides[a]);
+        let fullest = lower
+            .chain(upper)
+            .filter(|&j| sites[j].volume > small)
+            .max_by(|&a, &b| sites[a].volume.total_cmp(&sites[b].volume).then(b.cmp(&a)));
+        if let Some(j) = fullest {
+            let moved = std::mem::take(&mut sites[i]);
+            sites[j].volume += moved.volume;
+            for a in 0..3 {
+                sites[j].moment[a] += moved.moment[a];
+            }
+        }
+    }
+}
