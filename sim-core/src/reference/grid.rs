@@ -1,6 +1,6 @@
 //! Background grid: quadratic B-spline weights, scatter and gather.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 use crate::mat3::Mat3;
 
@@ -15,19 +15,34 @@ pub(super) struct Node {
     pub velocity: [f64; 3],
 }
 
-/// Nodes touched in this substep; node `index` sits at `index * dx`.
+/// Nodes touched in this substep, in the order of first touch; node `index` sits at `index * dx`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Grid {
-    pub nodes: BTreeMap<[i32; 3], Node>,
+    /// Nodes and their indices.
+    pub nodes: Vec<([i32; 3], Node)>,
+    /// Place of an index in `nodes`. Never iterated: its order is not reproducible.
+    slots: HashMap<[i32; 3], usize>,
 }
 
-/// The 27 nodes around a particle: index, weight, offset `x_i - x_p` [m].
-#[derive(Clone, Debug)]
-pub(super) struct Stencil(Vec<([i32; 3], f64, [f64; 3])>);
+/// The 27 nodes around a particle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stencil([Neighbor; 27]);
 
-impl Stencil {
-    /// Quadratic B-spline `N(r) = 3/4 - r^2` for `|r| < 1/2`, `(3/2 - |r|)^2 / 2` up to `3/2`.
-    pub fn new(position: [f64; 3], dx: f64) -> Self {
+/// One node of a stencil.
+#[derive(Clone, Copy, Debug, Default)]
+struct Neighbor {
+    /// Place in [`Grid::nodes`].
+    slot: usize,
+    /// B-spline weight.
+    weight: f64,
+    /// `x_i - x_p` [m].
+    offset: [f64; 3],
+}
+
+impl Grid {
+    /// Quadratic B-spline `N(r) = 3/4 - r^2` for `|r| < 1/2`, `(3/2 - |r|)^2 / 2` up to `3/2`, on the 27 nodes
+    /// that it reaches, which are added where missing.
+    pub fn stencil(&mut self, position: [f64; 3], dx: f64) -> Stencil {
         let spline = |r: f64| {
             if r.abs() < 0.5 {
                 0.75 - r * r
@@ -36,27 +51,32 @@ impl Stencil {
             }
         };
         let centre = position.map(|x| (x / dx).round() as i32);
-        let mut nodes = Vec::with_capacity(27);
-        for i in -1..=1 {
-            for j in -1..=1 {
-                for k in -1..=1 {
-                    let index = [centre[0] + i, centre[1] + j, centre[2] + k];
-                    let offset: [f64; 3] =
-                        std::array::from_fn(|a| f64::from(index[a]) * dx - position[a]);
-                    let weight = offset.iter().map(|r| spline(r / dx)).product();
-                    nodes.push((index, weight, offset));
-                }
-            }
+        let mut neighbors = [Neighbor::default(); 27];
+        for (n, neighbor) in neighbors.iter_mut().enumerate() {
+            let shift = [n / 9, n / 3 % 3, n % 3].map(|s| s as i32 - 1);
+            let index: [i32; 3] = std::array::from_fn(|a| centre[a] + shift[a]);
+            let offset: [f64; 3] = std::array::from_fn(|a| f64::from(index[a]) * dx - position[a]);
+            *neighbor = Neighbor {
+                slot: *self.slots.entry(index).or_insert_with(|| {
+                    self.nodes.push((index, Node::default()));
+                    self.nodes.len() - 1
+                }),
+                weight: offset.iter().map(|r| spline(r / dx)).product(),
+                offset,
+            };
         }
-        Self(nodes)
+        Stencil(neighbors)
     }
-}
 
-impl Grid {
     /// Adds `w m` and `w (m v + A (x_i - x_p))` to every node of the stencil, `A` the affine momentum matrix.
     pub fn scatter(&mut self, stencil: &Stencil, mass: f64, v: [f64; 3], affine: &Mat3<f64>) {
-        for &(index, w, offset) in &stencil.0 {
-            let node = self.nodes.entry(index).or_default();
+        for &Neighbor {
+            slot,
+            weight: w,
+            offset,
+        } in &stencil.0
+        {
+            let node = &mut self.nodes[slot].1;
             let spin = affine.mul_vec(offset);
             node.mass += w * mass;
             for a in 0..3 {
@@ -69,8 +89,13 @@ impl Grid {
     pub fn gather(&self, stencil: &Stencil, dx: f64) -> ([f64; 3], Mat3<f64>) {
         let mut v = [0.0; 3];
         let mut c = [[0.0; 3]; 3];
-        for &(index, w, offset) in &stencil.0 {
-            let node = &self.nodes[&index];
+        for &Neighbor {
+            slot,
+            weight: w,
+            offset,
+        } in &stencil.0
+        {
+            let node = &self.nodes[slot].1;
             for a in 0..3 {
                 v[a] += w * node.velocity[a];
                 for b in 0..3 {

@@ -137,7 +137,7 @@ impl ReferenceWorld {
     fn substep(&mut self, dt: f64, cause: TimeStep, report: &mut StepReport) {
         let (dx, particles) = (self.scene.dx, &mut self.particles);
         let mut grid = Grid::default();
-        let mut stencils = vec![None; particles.mass.len()];
+        let mut stencils: Vec<Option<Stencil>> = vec![None; particles.mass.len()];
 
         // P2G. Internal force of MLS-MPM: -4 V0 / dx^2 tau (x_i - x_p) w_ip, inside the affine matrix.
         for (object, material) in self.scene.objects.iter().zip(&self.materials) {
@@ -169,7 +169,7 @@ impl ReferenceWorld {
                         m * c[2][2] + k * tau[5],
                     ],
                 ]);
-                let stencil = Stencil::new(particles.position[p], dx);
+                let stencil = grid.stencil(particles.position[p], dx);
                 grid.scatter(&stencil, m, particles.velocity[p], &affine);
                 stencils[p] = Some(stencil);
             }
