@@ -283,4 +283,6 @@ fn momentum(object: &crate::ObjectState) -> [f64; 3] {
 }
 
 #[cfg(test)]
+mod against_fast;
+#[cfg(test)]
 mod tests;
