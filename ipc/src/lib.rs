@@ -4,6 +4,8 @@
 //! attaches to it.
 
 pub mod client;
+#[cfg(test)]
+mod documentation;
 mod domain;
 pub mod schema;
 pub mod server;
