@@ -5,6 +5,7 @@ mod wire {
     mod child;
     mod commands;
     mod crash;
+    mod examples;
     mod refusals;
     mod shm;
     mod support;

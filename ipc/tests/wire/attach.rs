@@ -33,7 +33,7 @@ fn a_late_joiner_on_an_idle_server_gets_the_scene_and_the_newest_frame() {
     assert_eq!(frame.header().step, 5);
     assert_eq!(frame.header().epoch, ports.epoch());
     assert_eq!(frame.gaussians().len(), COUNT);
-    assert_eq!(frame.gaussians()[9].position, [5.0, 9.0, 0.0]);
+    assert_eq!(frame.gaussians()[9].position, [5.0, 9.0, 5.0]);
     assert_eq!(frame.gaussians().as_ptr() as usize % 64, 0);
 }
 
@@ -110,7 +110,7 @@ fn a_reader_that_holds_too_many_frames_is_told_and_can_go_on() {
     for step in 21..=400 {
         send_frame(&ports, step);
     }
-    assert_eq!(held[0].gaussians()[3].position, [2.0, 3.0, 0.0]);
+    assert_eq!(held[0].gaussians()[3].position, [2.0, 3.0, 2.0]);
 }
 
 #[test]

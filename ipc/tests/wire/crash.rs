@@ -43,7 +43,10 @@ fn clients_carry_on_when_the_server_is_killed_and_started_again() {
                 assert_eq!(frame.header().step, step + 1);
             }
             step = frame.header().step;
-            assert_eq!(frame.gaussians()[1].position, [step as f32, 1.0, 0.0]);
+            assert_eq!(
+                frame.gaussians()[1].position,
+                [step as f32, 1.0, step as f32]
+            );
             rounds_frames += 1;
         }
         assert_eq!(reader.runs(), round + 1);

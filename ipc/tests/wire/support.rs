@@ -108,19 +108,24 @@ pub fn serve(domain: &Domain, session: &str) -> ServerPorts {
     ports
 }
 
-/// Publishes the frame of `step`: every Gaussian carries the step in its place.
+/// Publishes the frame of `step`.
 pub fn send_frame(ports: &ServerPorts, step: u64) {
-    let mut loan = ports.loan_frame_within(COUNT, PATIENCE).expect("memory");
-    for (i, gaussian) in loan.gaussians_mut().iter_mut().enumerate() {
-        *gaussian = GaussianState {
-            position: [step as f32, i as f32, 0.0],
-            index: i as u32,
-            ..GaussianState::zeroed()
-        };
-    }
     let header = FrameHeader {
         step,
         ..FrameHeader::default()
     };
-    loan.send(&header).expect("sent");
+    write_frame(ports, &header);
+}
+
+/// Publishes a frame in which every Gaussian carries the step in its place and its height.
+pub fn write_frame(ports: &ServerPorts, header: &FrameHeader) {
+    let mut loan = ports.loan_frame_within(COUNT, PATIENCE).expect("memory");
+    for (i, gaussian) in loan.gaussians_mut().iter_mut().enumerate() {
+        *gaussian = GaussianState {
+            position: [header.step as f32, i as f32, header.step as f32],
+            index: i as u32,
+            ..GaussianState::zeroed()
+        };
+    }
+    loan.send(header).expect("sent");
 }
