@@ -12,7 +12,7 @@ use std::{
 use anyhow::{Context, bail};
 use cosplat_server::load::load_scene;
 use cosplat_sim_core::{
-    DtLimit, ObjectState, ReferenceWorld, Scene, StepReport,
+    DtLimit, Isa, ObjectState, ReferenceWorld, Scene, StepReport,
     probe::{Measured, Probes},
 };
 use serde::Serialize;
@@ -31,8 +31,14 @@ pub struct Args {
     #[arg(long)]
     report: Option<PathBuf>,
     /// Use the scalar double-precision reference solver: slow, for comparison.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["threads", "isa"])]
     f64: bool,
+    /// Threads of the solver; results do not depend on it [default: one per core].
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Instruction set of the kernels; results do not depend on it [default: the best].
+    #[arg(long, value_parser = isa)]
+    isa: Option<Isa>,
     /// Print the summary as one JSON object (with --report FILE).
     #[arg(long)]
     json: bool,
@@ -43,6 +49,16 @@ fn positive(text: &str) -> Result<f64, String> {
         Ok(value) if (1e-9..=1e6).contains(&value) => Ok(value),
         _ => Err("expected a number of seconds, 1e-9 to 1e6".into()),
     }
+}
+
+fn isa(text: &str) -> Result<Isa, String> {
+    let known = Isa::ALL.into_iter().find(|isa| isa.to_string() == text);
+    known.ok_or_else(|| {
+        format!(
+            "unknown instruction set, expected {}",
+            Isa::ALL.map(|i| i.to_string()).join(", ")
+        )
+    })
 }
 
 /// One frame of the report. `docs/scene.md` explains the fields.
@@ -114,11 +130,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         eprintln!("warning: {}: {warning}", args.scene.display());
     }
     let file = args.report.as_deref().filter(|p| *p != Path::new("-"));
-    let mut out: Box<dyn Write> = match file {
+    let mut out: Box<dyn Write + Send> = match file {
         Some(path) => Box::new(BufWriter::new(
             File::create(path).with_context(|| format!("cannot write {}", path.display()))?,
         )),
-        None => Box::new(BufWriter::new(io::stdout().lock())),
+        None => Box::new(BufWriter::new(io::stdout())),
     };
     let mut summary = Summary {
         scene: scene.name.clone(),
@@ -135,8 +151,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         state_hash: None,
         warnings,
     };
-    let mut world = World::Reference(Box::new(ReferenceWorld::new(scene)));
-    match simulate(args, scene, &mut world, &mut out, &mut summary) {
+    let mut world = World::new(args, scene)?;
+    let mut pool = rayon::ThreadPoolBuilder::new();
+    if let Some(threads) = args.threads {
+        pool = pool.num_threads(threads.into());
+    }
+    let pool = pool.build().context("cannot start the solver's threads")?;
+    match pool.install(|| simulate(args, scene, &mut world, &mut out, &mut summary)) {
         // Who reads standard output has seen enough: `| head` is no failure.
         Err(error) if is_broken_pipe(&error) => return Ok(()),
         outcome => outcome?,
@@ -158,7 +179,7 @@ fn simulate(
     args: &Args,
     scene: &Scene,
     world: &mut World,
-    out: &mut dyn Write,
+    out: &mut (dyn Write + Send),
     summary: &mut Summary,
 ) -> anyhow::Result<()> {
     let stop = signals::stop_flag()?;
@@ -277,18 +298,30 @@ fn summary_text(s: &Summary) -> String {
 
 /// One of the solvers.
 enum World {
+    Fast(Box<cosplat_sim_core::World>),
     Reference(Box<ReferenceWorld>),
 }
 
 impl World {
+    fn new(args: &Args, scene: &Scene) -> anyhow::Result<Self> {
+        if args.f64 {
+            return Ok(Self::Reference(Box::new(ReferenceWorld::new(scene))));
+        }
+        let isa = args.isa.unwrap_or_else(Isa::detect);
+        let world = cosplat_sim_core::World::with_isa(scene.clone(), isa)?;
+        Ok(Self::Fast(Box::new(world)))
+    }
+
     fn step(&mut self, frame_dt: f64) -> StepReport {
         match self {
+            Self::Fast(world) => world.step(frame_dt, &[]),
             Self::Reference(world) => world.step(frame_dt, &[]),
         }
     }
 
     fn measure<'p>(&self, probes: &'p Probes) -> Vec<(&'p str, Option<Measured>)> {
         match self {
+            Self::Fast(world) => probes.measure(&world.arrays()),
             Self::Reference(world) => probes.measure(&world.particles.arrays()),
         }
     }

@@ -172,6 +172,11 @@ impl World {
         &self.published.deformation
     }
 
+    /// Complete particle state in scene order, for moments and probes.
+    pub fn arrays(&self) -> ParticleArrays<'_, f32> {
+        self.published.arrays()
+    }
+
     /// Current material of an object.
     ///
     /// # Panics
@@ -187,14 +192,7 @@ impl World {
 
     /// Report of the current state and of what `frame` did.
     fn measure(&mut self, frame: &Frame) -> StepReport {
-        let published = &self.published;
-        let arrays = ParticleArrays {
-            volume: &published.volume,
-            position: &published.position,
-            velocity: &published.velocity,
-            affine: bytemuck::cast_slice(&published.affine),
-            deformation: bytemuck::cast_slice(&published.deformation),
-        };
+        let arrays = self.published.arrays();
         let mut report = frame.report(&self.state);
         let before = &self.report.objects;
         for (id, object) in self.scene.objects.iter().enumerate() {

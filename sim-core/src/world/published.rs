@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::{
+    moments::ParticleArrays,
     particles::{Block, Fixed, Group, Motion, NO_PARTICLE, Particles, position_in_cells},
     scene::{Fidelity, Scene},
     simd::LANES,
@@ -70,6 +71,17 @@ impl Published {
             affine: vec![[0.0; 9]; count],
             deformation: vec![identity; count],
             volume,
+        }
+    }
+
+    /// All arrays.
+    pub fn arrays(&self) -> ParticleArrays<'_, f32> {
+        ParticleArrays {
+            volume: &self.volume,
+            position: &self.position,
+            velocity: &self.velocity,
+            affine: bytemuck::cast_slice(&self.affine),
+            deformation: bytemuck::cast_slice(&self.deformation),
         }
     }
 
