@@ -7,6 +7,7 @@
 pub mod assets;
 pub mod binding;
 pub mod command;
+pub mod diagram;
 pub mod fill;
 mod grid;
 pub mod kinematics;
@@ -23,6 +24,7 @@ pub mod scene;
 pub mod scene_file;
 pub mod simd;
 mod step;
+pub mod summary;
 #[cfg(test)]
 mod test_scenes;
 mod world;

@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use crate::{assets::Gaussians, scene::Aabb};
 
 /// Box of points; none for no points.
-pub(super) fn bounds_of(points: impl Iterator<Item = [f64; 3]>) -> Option<Aabb> {
+pub(crate) fn bounds_of(points: impl Iterator<Item = [f64; 3]>) -> Option<Aabb> {
     points.fold(None, |found, p| {
         let found = found.unwrap_or(Aabb { min: p, max: p });
         Some(Aabb {
@@ -55,7 +55,7 @@ pub(super) fn subset(g: &Gaussians, indices: &[usize]) -> Gaussians {
 
 /// Appends `more`, whose spherical harmonics and features are not longer than those of `all`; what is missing
 /// is zero.
-pub(super) fn append(all: &mut Gaussians, more: &Gaussians) {
+pub(crate) fn append(all: &mut Gaussians, more: &Gaussians) {
     let padded = |values: &[f32], from: usize, to: usize| -> Vec<f32> {
         let mut padded = Vec::with_capacity(more.len() * to);
         for i in 0..more.len() {

@@ -18,6 +18,8 @@ mod select;
 mod shapes;
 mod spec;
 
+pub(crate) use edit::{append, bounds_of};
+
 pub use build::{Load, build};
 pub use error::{At, Finding, SceneErrors};
 pub use report::{AssetReport, BuildReport};
