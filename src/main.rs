@@ -1,6 +1,7 @@
 //! The `cosplat` command line: one file per subcommand.
 
 mod ctl;
+mod explain;
 mod progress;
 mod record;
 mod recover;
@@ -24,6 +25,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Ctl(ctl::Args),
+    Explain(explain::Args),
     Record(record::Args),
     Recover(recover::Args),
     Simulate(simulate::Args),
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
         .init();
     let outcome: anyhow::Result<()> = match Cli::parse().command {
         Command::Ctl(args) => ctl::run(&args),
+        Command::Explain(args) => explain::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Simulate(args) => simulate::run(&args),
