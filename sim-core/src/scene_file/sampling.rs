@@ -5,6 +5,7 @@ use glam::DQuat;
 use super::spec::Shape;
 use crate::{
     assets::Gaussians,
+    binding::bind,
     scene::{Aabb, BINDING_NEIGHBORS, Binding, RestParticles},
 };
 
@@ -74,10 +75,10 @@ pub(super) fn sample(
             return Err("splat objects cannot be simulated yet: use a shape".into());
         }
     };
+    let binding = bind(&gaussians.position, &particles.position, spacing, 0);
     Ok(Sampled {
-        // Nothing to show before Gaussians can be bound to particles.
-        gaussians: Gaussians::default(),
+        gaussians,
         particles,
-        binding: Binding::default(),
+        binding,
     })
 }
