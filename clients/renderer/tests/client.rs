@@ -25,7 +25,9 @@ struct TestDomain(Domain);
 
 impl TestDomain {
     fn new(name: &str) -> Self {
-        Self(Domain::named(&format!("r{}-{name}", std::process::id())).unwrap())
+        // Files in shared memory have one name space: a prefix of its own lets a test clear away its own files only.
+        let name = format!("cpr{}_{name}_", std::process::id());
+        Self(Domain::new(format!("/tmp/{name}"), &name).unwrap())
     }
 }
 
@@ -153,6 +155,16 @@ fn expected(options: &Options, step: u64, sh_degree: u32, tint: f32) -> Image {
     picture(&ring(step), sh, &camera, BACKGROUND)
 }
 
+struct StopOnPanic<'a>(&'a AtomicBool);
+
+impl Drop for StopOnPanic<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
 /// Runs the renderer beside `server`, which hears of every rendered frame.
 fn beside(
     options: &Options,
@@ -161,6 +173,8 @@ fn beside(
     let stop = AtomicBool::new(false);
     let (tell, hear) = mpsc::channel();
     std::thread::scope(|scope| {
+        // A failed assertion must end the renderer, or the scope waits for it for ever.
+        let _stop = StopOnPanic(&stop);
         let renderer = scope.spawn(|| {
             run(options, &stop, move |progress| {
                 tell.send(*progress).unwrap()
@@ -306,6 +320,7 @@ fn a_slow_renderer_skips_frames_and_its_video_keeps_the_time() {
     let summary = std::thread::scope(|scope| {
         let options = &options;
         let stop = &stop;
+        let _stop = StopOnPanic(stop);
         let renderer = scope.spawn(move || {
             run(options, stop, |progress| {
                 if progress.frames_rendered == 1 {
