@@ -264,15 +264,26 @@ impl Lanes for Avx2 {
             };
             let lo = half(a.0, b.0, c.0, d.0);
             let hi = half(a.1, b.1, c.1, d.1);
-            std::array::from_fn(|r| Self(lo[r], hi[r]))
+            [
+                Self(lo[0], hi[0]),
+                Self(lo[1], hi[1]),
+                Self(lo[2], hi[2]),
+                Self(lo[3], hi[3]),
+            ]
         }
     }
     #[inline(always)]
     fn transpose(rows: &[F32x16; LANES]) -> [Self; LANES] {
         // Rows 4g..4g+4 are transposed within quarters, then the 4x4 matrix of quarters across g.
-        let inner: [[Self; 4]; 4] = std::array::from_fn(|g| {
-            Self::transpose_quarters(std::array::from_fn(|r| Self::load(&rows[4 * g + r])))
-        });
+        let mut inner = [[Self::broadcast(0.0); 4]; 4];
+        for g in 0..4 {
+            inner[g] = Self::transpose_quarters([
+                Self::load(&rows[4 * g]),
+                Self::load(&rows[4 * g + 1]),
+                Self::load(&rows[4 * g + 2]),
+                Self::load(&rows[4 * g + 3]),
+            ]);
+        }
         let mut out = [Self::broadcast(0.0); LANES];
         for r in 0..4 {
             let [a, b, c, d] = [inner[0][r], inner[1][r], inner[2][r], inner[3][r]];

@@ -185,9 +185,9 @@ fn load_velocities(nodes_of: &[u32; 27], nodes: &[Velocities], from: &Tile, to: 
     let [(x0, x1), (y0, y1), _] = from.cells;
     for i in x0 - 1..=x1 + 1 {
         for j in y0 - 1..=y1 + 1 {
-            let side = |n: i32| (n.div_euclid(BLOCK) + 1) as usize;
+            let (side_i, side_j) = (i.div_euclid(BLOCK) + 1, j.div_euclid(BLOCK) + 1);
             let row = (BLOCK * i.rem_euclid(BLOCK) + j.rem_euclid(BLOCK)) as usize;
-            let column = 9 * side(i) + 3 * side(j);
+            let column = (9 * side_i + 3 * side_j) as usize;
             let at = Tile::at((i + 2) as usize, (j + 2) as usize, 0);
             let out = &mut to.floats[at..at + 4 * TILE];
             let part = |k: usize| {
@@ -216,9 +216,11 @@ fn load3<V: Lanes>(from: &[F32x16; 3]) -> [V; 3] {
 
 #[inline(always)]
 fn load9<V: Lanes>(m: &[F32x16; 9]) -> Mat3<V> {
-    Mat3(std::array::from_fn(|i| {
-        std::array::from_fn(|j| V::load(&m[3 * i + j]))
-    }))
+    Mat3([
+        [V::load(&m[0]), V::load(&m[1]), V::load(&m[2])],
+        [V::load(&m[3]), V::load(&m[4]), V::load(&m[5])],
+        [V::load(&m[6]), V::load(&m[7]), V::load(&m[8])],
+    ])
 }
 
 #[inline(always)]
@@ -288,16 +290,17 @@ struct Limits<V> {
 impl<V: Lanes> Limits<V> {
     #[inline(always)]
     fn new(pass: &Pass<'_>, block: &Block) -> Self {
-        let corner = |corner: [f64; 3]| {
-            std::array::from_fn(|a| {
+        let mut domain = [[V::broadcast(0.0); 3]; 2];
+        for n in 0..2 {
+            for a in 0..3 {
                 let centre = f64::from(BLOCK * block.index[a]) + 1.5;
-                V::broadcast((corner[a] - centre) as f32)
-            })
-        };
+                domain[n][a] = V::broadcast((pass.domain[n][a] - centre) as f32);
+            }
+        }
         Self {
             dt: V::broadcast(pass.dt),
             strain_squared: V::broadcast(pass.max_strain * pass.max_strain),
-            domain: pass.domain.map(corner),
+            domain,
         }
     }
 }
@@ -323,8 +326,17 @@ fn advance<V: Lanes>(
     let x = load3::<V>(&group.x);
     let (v, c) = gather(velocities, &Stencil::new(x));
     let dt = V::select(live, limits.dt, zero);
-    let x: [V; 3] = std::array::from_fn(|a| dt.mul_add(v[a], x[a]));
-    let increment = Mat3(c.0.map(|row| row.map(|c| dt * c)));
+    let x = [
+        dt.mul_add(v[0], x[0]),
+        dt.mul_add(v[1], x[1]),
+        dt.mul_add(v[2], x[2]),
+    ];
+    let mut increment = c;
+    for i in 0..3 {
+        for j in 0..3 {
+            increment.0[i][j] = dt * c.0[i][j];
+        }
+    }
     let f = advance_deformation(&load9(&group.f), &increment);
     store3(x, &mut group.x);
     store9(&f, &mut group.f);
@@ -334,11 +346,11 @@ fn advance<V: Lanes>(
     for a in 0..3 {
         outside = outside | x[a].lt(limits.domain[0][a]) | limits.domain[1][a].lt(x[a]);
     }
-    let alive = |value: V| V::select(live, value, zero);
-    largest.speed = largest.speed.max(alive(dot(v, v)));
-    largest.rate = largest.rate.max(alive(c.norm_squared()));
-    largest.stretch = largest.stretch.max(alive(max_stretch_squared(&f)));
-    largest.max_j = largest.max_j.max(alive(j));
+    let max = |old: V, new: V| old.max(V::select(live, new, zero));
+    largest.speed = max(largest.speed, dot(v, v));
+    largest.rate = max(largest.rate, c.norm_squared());
+    largest.stretch = max(largest.stretch, max_stretch_squared(&f));
+    largest.max_j = max(largest.max_j, j);
     largest.min_j = largest.min_j.min(V::select(live, j, largest.min_j));
     Moved {
         v,
@@ -357,18 +369,27 @@ fn absurd<V: Lanes>(pass: &Pass<'_>, motion: &Motion) -> V::Mask {
     !(speed & rate.lt(V::broadcast(pass.max_rate * pass.max_rate)))
 }
 
+#[inline(always)]
+fn both<V: Lanes>(value: f32) -> Pair<V> {
+    Pair(V::broadcast(value), V::broadcast(value))
+}
+
 /// `A = C - 4 dt / (rho0 dx^2) tau` of two groups: what the particles carry to the grid besides velocity
 /// (MLS-MPM, Hu et al. 2018).
 #[inline(always)]
 fn affine_matrices<V: Lanes>(law: &ObjectLaw, buffer: &Buffer) -> [[F32x16; 9]; 2] {
-    let both = |value: f32| Pair(V::broadcast(value), V::broadcast(value));
-    let pair = |m: &[[F32x16; 9]; 2], n: usize| Pair(V::load(&m[0][n]), V::load(&m[1][n]));
-    let f = Mat3(std::array::from_fn(|i| {
-        std::array::from_fn(|j| pair(&buffer.f, 3 * i + j))
-    }));
-    let t = law.law.kirchhoff_stress(&f, both(law.lambda), both(law.mu));
+    let [one, two] = &buffer.f;
+    let mut f = Mat3([[both::<V>(0.0); 3]; 3]);
+    for i in 0..3 {
+        for j in 0..3 {
+            f.0[i][j] = Pair(V::load(&one[3 * i + j]), V::load(&two[3 * i + j]));
+        }
+    }
+    let t = law
+        .law
+        .kirchhoff_stress(&f, both::<V>(law.lambda), both::<V>(law.mu));
     let t = [t[0], t[1], t[2], t[1], t[3], t[4], t[2], t[4], t[5]];
-    let scale = both(-law.stress_scale);
+    let scale = both::<V>(-law.stress_scale);
     let mut out = [[F32x16::ZERO; 9]; 2];
     for n in 0..9 {
         let [one, two] = &buffer.motion;

@@ -1,6 +1,6 @@
 //! P2G: mass and momentum into the block's private tile.
 
-use super::stencil::{Stencil, Weights, quarter_of, stored, z_offsets};
+use super::stencil::{Stencil, Weights, read_quarter, stored_all, z_offsets};
 use crate::{
     grid::{TILE, Tile},
     mat3::Mat3,
@@ -27,15 +27,15 @@ impl<V: Lanes> Accumulator<V> {
     /// Adds the sums to the tile.
     #[inline(always)]
     pub fn flush(&mut self, tile: &mut Tile) {
-        for (n, row) in self.rows.iter_mut().enumerate() {
+        for n in 0..9 {
             let at = self.first as usize + 4 * TILE * (TILE * (n / 3) + n % 3);
             // SAFETY: cells are clamped to -1..=4, so the stencil's rows start inside the tile and end at most
             // one node behind it, where it is padded.
             unsafe {
                 let to = tile.floats.as_mut_ptr().add(at);
-                (V::load_at(to) + *row).store_at(to);
+                (V::load_at(to) + self.rows[n]).store_at(to);
             }
-            *row = V::broadcast(0.0);
+            self.rows[n] = V::broadcast(0.0);
         }
     }
 
@@ -53,44 +53,51 @@ impl<V: Lanes> Accumulator<V> {
         v: [V; 3],
         affine: &Mat3<V>,
     ) {
-        let Weights { first, z } = stencil.weights();
+        let Weights {
+            first,
+            z: z_weights,
+        } = stencil.weights();
         let mut wxy = [F32x16::ZERO; 9];
-        for (n, w) in wxy.iter_mut().enumerate() {
-            *w = stored(stencil.w[0][n / 3] * stencil.w[1][n % 3]);
+        for n in 0..9 {
+            (stencil.w[0][n / 3] * stencil.w[1][n % 3]).store(&mut wxy[n]);
         }
         let d = stencil.d;
         let a = affine.0;
-        let a0: [V; 3] = std::array::from_fn(|r| {
-            let at_node = (-a[r][0]).mul_add(
-                d[0],
-                (-a[r][1]).mul_add(d[1], (-a[r][2]).mul_add(d[2], v[r])),
-            );
-            mass * at_node
-        });
         let zero = V::broadcast(0.0);
-        let quarters = |rows: [V; 4]| V::transpose_quarters(rows).map(stored);
-        let a0 = quarters([a0[0], a0[1], a0[2], mass]);
-        let column = |j: usize| quarters([mass * a[0][j], mass * a[1][j], mass * a[2][j], zero]);
-        let (a1, a2, a3) = (column(0), column(1), column(2));
+        let mut at_node = [zero; 3];
+        for r in 0..3 {
+            let z = (-a[r][2]).mul_add(d[2], v[r]);
+            let y = (-a[r][1]).mul_add(d[1], z);
+            at_node[r] = mass * (-a[r][0]).mul_add(d[0], y);
+        }
+        let [x, y, z] = at_node;
+        let a0 = stored_all(V::transpose_quarters([x, y, z, mass]));
+        let mut columns = [[F32x16::ZERO; 4]; 3];
+        for j in 0..3 {
+            columns[j] = stored_all(V::transpose_quarters([
+                mass * a[0][j],
+                mass * a[1][j],
+                mass * a[2][j],
+                zero,
+            ]));
+        }
         let k = z_offsets::<V>();
         for lane in 0..LANES {
             if first[lane] != self.first {
                 self.flush(tile);
                 self.first = first[lane];
             }
-            let read = |from: &[F32x16; 4]| {
-                // SAFETY: `quarter_of` stays below 61 of the 64 floats.
-                unsafe { V::repeat_quarter(from.as_ptr().cast::<f32>().add(quarter_of(lane))) }
-            };
-            let wz = read(&z).spread();
-            let q0 = read(&a3).mul_add(wz * k, read(&a0) * wz);
-            let q1 = read(&a1) * wz;
-            let q2 = read(&a2) * wz;
+            let wz = read_quarter::<V>(&z_weights, lane).spread();
+            let q0 = read_quarter::<V>(&a0, lane) * wz;
+            let q0 = read_quarter::<V>(&columns[2], lane).mul_add(wz * k, q0);
+            let q1 = read_quarter::<V>(&columns[0], lane) * wz;
+            let q2 = read_quarter::<V>(&columns[1], lane) * wz;
             let slabs = [q0 - q1, q0, q0 + q1];
-            for (i, slab) in slabs.into_iter().enumerate() {
-                for (j, row) in [slab - q2, slab, slab + q2].into_iter().enumerate() {
+            for i in 0..3 {
+                let row = [slabs[i] - q2, slabs[i], slabs[i] + q2];
+                for j in 0..3 {
                     let n = 3 * i + j;
-                    self.rows[n] = row.mul_add(V::broadcast(wxy[n].0[lane]), self.rows[n]);
+                    self.rows[n] = row[j].mul_add(V::broadcast(wxy[n].0[lane]), self.rows[n]);
                 }
             }
         }

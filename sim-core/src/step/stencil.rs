@@ -28,7 +28,7 @@ pub(crate) struct Weights {
 
 /// Where the quarter of particle `lane` lies in four quarter-transposed vectors [floats].
 #[inline(always)]
-pub(crate) fn quarter_of(lane: usize) -> usize {
+fn quarter_of(lane: usize) -> usize {
     lane % 4 * LANES + lane / 4 * 4
 }
 
@@ -38,21 +38,21 @@ impl<V: Lanes> Stencil<V> {
     pub fn new(x: [V; 3]) -> Self {
         let half = V::splat(0.5);
         let rounder = V::broadcast(ROUNDER);
-        // The clamp never acts on particles within the drift margin; it keeps NaN inside the tile.
-        let cell = x.map(|x| {
-            ((x + V::splat(1.5)) + rounder - rounder)
+        let zero = V::broadcast(0.0);
+        let (mut cell, mut d, mut w) = ([zero; 3], [zero; 3], [[zero; 3]; 3]);
+        for a in 0..3 {
+            // The clamp never acts on particles within the drift margin; it keeps NaN inside the tile.
+            cell[a] = ((x[a] + V::splat(1.5)) + rounder - rounder)
                 .max(V::splat(-1.0))
-                .min(V::splat(4.0))
-        });
-        let d: [V; 3] = std::array::from_fn(|a| x[a] - (cell[a] - V::splat(1.5)));
-        let w = d.map(|d| {
-            let (low, high) = (half - d, half + d);
-            [
+                .min(V::splat(4.0));
+            d[a] = x[a] - (cell[a] - V::splat(1.5));
+            let (low, high) = (half - d[a], half + d[a]);
+            w[a] = [
                 half * low * low,
-                (-d).mul_add(d, V::splat(0.75)),
+                (-d[a]).mul_add(d[a], V::splat(0.75)),
                 half * high * high,
-            ]
-        });
+            ];
+        }
         Self { cell, d, w }
     }
 
@@ -73,24 +73,28 @@ impl<V: Lanes> Stencil<V> {
                 .wrapping_mul(4)
                 .wrapping_add(origin);
         }
-        let mut z = [F32x16::ZERO; 4];
         let [a, b, c] = self.w[2];
-        for (to, from) in z
-            .iter_mut()
-            .zip(V::transpose_quarters([a, b, c, V::broadcast(0.0)]))
-        {
-            from.store(to);
-        }
+        let z = stored_all(V::transpose_quarters([a, b, c, V::broadcast(0.0)]));
         Weights { first, z }
     }
 }
 
-/// Stores a vector in a fresh piece of memory, for one-lane reads.
+/// [`stored`] of several vectors.
 #[inline(always)]
-pub(crate) fn stored<V: Lanes>(v: V) -> F32x16 {
-    let mut out = F32x16::ZERO;
-    v.store(&mut out);
+pub(crate) fn stored_all<V: Lanes, const N: usize>(v: [V; N]) -> [F32x16; N] {
+    let mut out = [F32x16::ZERO; N];
+    for n in 0..N {
+        v[n].store(&mut out[n]);
+    }
     out
+}
+
+/// Reads the quarter of particle `lane` from four quarter-transposed vectors, into every quarter.
+#[inline(always)]
+pub(crate) fn read_quarter<V: Lanes>(from: &[F32x16; 4], lane: usize) -> V {
+    assert!(lane < LANES);
+    // SAFETY: the quarter of a lane below 16 ends within the 64 floats.
+    unsafe { V::repeat_quarter(from.as_ptr().cast::<f32>().add(quarter_of(lane))) }
 }
 
 /// Node offset along z of each quarter: -1, 0, 1 and a fourth that no weight reaches.
