@@ -5,6 +5,7 @@ mod explain;
 mod progress;
 mod record;
 mod recover;
+mod serve;
 mod signals;
 mod simulate;
 mod view;
@@ -28,6 +29,7 @@ enum Command {
     Explain(explain::Args),
     Record(record::Args),
     Recover(recover::Args),
+    Serve(serve::Args),
     Simulate(simulate::Args),
     View(view::Args),
 }
@@ -45,6 +47,7 @@ fn main() -> ExitCode {
         Command::Explain(args) => explain::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Recover(args) => recover::run(&args),
+        Command::Serve(args) => serve::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::View(args) => view::run(&args),
     };

@@ -34,6 +34,14 @@ pub struct Pending {
 }
 
 impl Ingest {
+    /// An empty inbox.
+    pub fn new(paused: bool) -> Ingest {
+        Ingest {
+            paused,
+            ..Ingest::default()
+        }
+    }
+
     /// Checks one request and answers every command of it; `next_step` is the first step still to come.
     ///
     /// `check` judges an action against the world. A refused command leaves no trace but the count.

@@ -4,3 +4,5 @@ pub mod convert;
 pub mod ingest;
 pub mod load;
 pub mod pace;
+pub mod publish;
+pub mod serve;

@@ -1,0 +1,233 @@
+//! What goes out each step, in wire types: frame in place, objects, status; and the scene once.
+
+use std::{collections::VecDeque, time::Instant};
+
+use cosplat_ipc::{
+    schema::{self as wire, GaussianRest, GaussianState, ObjectInfo, SceneHeader, Status},
+    server::SceneBlocks,
+};
+use cosplat_sim_core::{Scene, StepReport, World, pose::Poses};
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::{
+    convert::{base_colors, gaussian_objects, object_info, object_to_wire},
+    load::LoadedScene,
+    serve::ServeSummary,
+};
+
+/// Steps over which rates are averaged, at most.
+const RATE_WINDOW: usize = 60;
+
+/// Turns the world's state into messages.
+pub struct Output {
+    poses: Poses,
+    colors: Vec<[u8; 4]>,
+    owners: Vec<u32>,
+    /// `SERVER_*`.
+    pub state: u32,
+    recent: VecDeque<(Instant, f64)>,
+    totals: Totals,
+}
+
+/// Sums over all steps.
+#[derive(Default)]
+struct Totals {
+    particle_updates: u64,
+    particle_updates_full: u64,
+    rollbacks: u64,
+    left: u64,
+    quarantined: u64,
+}
+
+impl Output {
+    /// Prepares what does not change from step to step.
+    pub fn new(scene: &Scene, poses: Poses) -> Output {
+        Output {
+            poses,
+            colors: base_colors(scene),
+            owners: gaussian_objects(scene),
+            state: wire::SERVER_RUNNING,
+            recent: VecDeque::new(),
+            totals: Totals::default(),
+        }
+    }
+
+    /// Writes every Gaussian into its slot of the loaned frame: the only write of this state anywhere.
+    pub fn write_frame(&self, world: &World, slots: &mut [GaussianState]) {
+        self.poses.write(
+            world.positions(),
+            world.deformations(),
+            slots,
+            |index, pose| GaussianState {
+                position: pose.position,
+                color: self.colors[index],
+                covariance: pose.covariance,
+                object: self.owners[index],
+                index: index as u32,
+                rotation: pose.rotation,
+            },
+        );
+    }
+
+    /// All objects of the last step.
+    pub fn objects(&self, world: &World) -> Vec<wire::ObjectState> {
+        let states = &world.report().objects;
+        let objects = &world.scene().objects;
+        objects
+            .iter()
+            .zip(states)
+            .enumerate()
+            .map(|(id, (object, state))| object_to_wire(id, object, state))
+            .collect()
+    }
+
+    /// Books a step.
+    pub fn count(&mut self, report: &StepReport) {
+        self.totals.particle_updates += report.particle_updates;
+        self.totals.particle_updates_full += report.particle_updates_full;
+        self.totals.rollbacks += u64::from(report.rollbacks);
+        self.totals.left += report.left_domain.len() as u64;
+        self.totals.quarantined += report.quarantined.len() as u64;
+        if self.recent.len() == RATE_WINDOW {
+            self.recent.pop_front();
+        }
+        self.recent.push_back((Instant::now(), report.sim_time));
+    }
+
+    /// The newest figures.
+    pub fn status(&self, report: &StepReport, summary: &ServeSummary) -> Status {
+        let (steps_per_second, real_time_factor) = self.rates();
+        Status {
+            step: report.step,
+            sim_time: report.sim_time,
+            steps_per_second,
+            real_time_factor,
+            modelled_fraction: self.modelled_fraction(),
+            dt: report.dt_min,
+            kinetic_energy: report.kinetic_energy,
+            elastic_energy: report.elastic_energy,
+            potential_energy: report.potential_energy,
+            linear_momentum: report.linear_momentum,
+            angular_momentum: report.angular_momentum,
+            frames_published: summary.frames_published,
+            frames_skipped: summary.frames_skipped,
+            rollbacks: self.totals.rollbacks,
+            particles_left: self.totals.left,
+            particles_quarantined: self.totals.quarantined,
+            commands_accepted: summary.commands_accepted,
+            commands_refused: summary.commands_refused,
+            state_hash: report.state_hash,
+            dt_limit: report.dt_limit as u32,
+            dt_object: report.dt_object.map_or(u32::MAX, |object| object as u32),
+            server_state: self.state,
+            ..Status::default()
+        }
+    }
+
+    fn modelled_fraction(&self) -> f64 {
+        match self.totals.particle_updates_full {
+            0 => 1.0,
+            full => self.totals.particle_updates as f64 / full as f64,
+        }
+    }
+
+    /// Steps and simulated seconds per wall second; zero while nothing is known.
+    fn rates(&self) -> (f64, f64) {
+        let (Some((begin, t0)), Some((end, t1))) = (self.recent.front(), self.recent.back()) else {
+            return (0.0, 0.0);
+        };
+        let wall = (*end - *begin).as_secs_f64();
+        if wall <= 0.0 {
+            return (0.0, 0.0);
+        }
+        let steps = (self.recent.len() - 1) as f64;
+        // A reset inside the window turns simulated time back; no rate is better than a negative one.
+        (steps / wall, ((t1 - t0) / wall).max(0.0))
+    }
+}
+
+/// Owned arrays behind the scene blocks.
+pub struct SceneBuffers {
+    gaussians: Vec<GaussianRest>,
+    objects: Vec<ObjectInfo>,
+}
+
+impl SceneBuffers {
+    /// Converts the scene.
+    pub fn new(loaded: &LoadedScene) -> SceneBuffers {
+        let scene = &loaded.scene;
+        let owners = gaussian_objects(scene);
+        let rest = &scene.gaussians;
+        SceneBuffers {
+            gaussians: (0..rest.len())
+                .map(|i| GaussianRest {
+                    position: rest.position[i],
+                    opacity: rest.opacity[i],
+                    scale: rest.scale[i],
+                    object: owners[i],
+                    rotation: rest.rotation[i],
+                })
+                .collect(),
+            objects: scene
+                .objects
+                .iter()
+                .enumerate()
+                .map(|(id, object)| object_info(id, object))
+                .collect(),
+        }
+    }
+
+    /// The blocks as they are published.
+    pub fn blocks<'a>(&'a self, loaded: &'a LoadedScene) -> SceneBlocks<'a> {
+        let scene = &loaded.scene;
+        let (bounds_min, bounds_max) = bounds(&scene.gaussians.position);
+        SceneBlocks {
+            header: SceneHeader {
+                scene_hash: self.hash(loaded),
+                frame_rate: scene.frame_rate,
+                dx: scene.dx,
+                gravity: scene.gravity,
+                bounds_min,
+                bounds_max,
+                gaussian_count: scene.gaussians.len() as u32,
+                particle_count: scene.particles.position.len() as u32,
+                object_count: scene.objects.len() as u32,
+                sh_degree: u32::from(scene.gaussians.sh_degree),
+                feature_dim: scene.gaussians.feature_dim,
+                ..SceneHeader::default()
+            },
+            gaussians: &self.gaussians,
+            sh: &scene.gaussians.sh,
+            objects: &self.objects,
+            features: &scene.gaussians.feature,
+            source: &loaded.text,
+        }
+    }
+
+    /// Hash of everything that makes a run: the scene's text, and what its assets turned into.
+    fn hash(&self, loaded: &LoadedScene) -> u64 {
+        let mut hash = Xxh3::new();
+        hash.update(loaded.text.as_bytes());
+        hash.update(bytemuck::cast_slice(&self.gaussians));
+        hash.update(bytemuck::cast_slice(&loaded.scene.gaussians.sh));
+        hash.update(bytemuck::cast_slice(&loaded.scene.particles.position));
+        hash.update(bytemuck::cast_slice(&loaded.scene.particles.volume));
+        hash.digest()
+    }
+}
+
+fn bounds(positions: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
+    let empty = ([0.0; 3], [0.0; 3]);
+    let Some(first) = positions.first() else {
+        return empty;
+    };
+    positions
+        .iter()
+        .fold((*first, *first), |(mut min, mut max), p| {
+            for axis in 0..3 {
+                min[axis] = min[axis].min(p[axis]);
+                max[axis] = max[axis].max(p[axis]);
+            }
+            (min, max)
+        })
+}
