@@ -167,7 +167,7 @@ impl<'f> Builder<'f> {
                 Some(Rest::Shape(shape.scaled(self.shape_factor(spec, shape))))
             }
             (Fidelity::Mpm, Geometry::Asset { .. }) => Some(match spec.particles {
-                ParticleMode::Filled => Rest::Filled,
+                ParticleMode::Filled { closed_below } => Rest::Filled { closed_below },
                 ParticleMode::PerGaussian => Rest::PerGaussian,
             }),
         };
@@ -472,6 +472,7 @@ impl<'f> Builder<'f> {
             probes: Vec::new(),
         };
         for part in &self.parts {
+            self.report.fills.push(sampled[part.body].fill);
             let body = &self.bodies[part.body].1;
             push(&mut scene, part, &sampled[part.body], body.body_from_asset);
         }

@@ -8,7 +8,10 @@ use super::{
     report::BuildReport,
     select::contains,
 };
-use crate::scene::{Aabb, ColliderShape, Fidelity, Object, Scene};
+use crate::{
+    fill::FillReport,
+    scene::{Aabb, ColliderShape, Fidelity, Object, Scene},
+};
 
 /// Part of an object's particles that may share cells with another object before it is called overlap: objects
 /// that touch share a layer of cells.
@@ -21,6 +24,16 @@ pub(super) fn check(
     report: &mut BuildReport,
 ) -> Result<(), SceneErrors> {
     let mut errors = Vec::new();
+    let hollow: Vec<Finding> = scene
+        .objects
+        .iter()
+        .zip(at)
+        .zip(&report.fills)
+        .filter_map(|((object, at), fill)| {
+            Some(Finding::new(at, thin_walled(object, fill.as_ref()?)?))
+        })
+        .collect();
+    report.warnings.extend(hollow);
     let mut warn = |at: &At, message: String| report.warnings.push(Finding::new(at, message));
     for (object, at) in scene.objects.iter().zip(at) {
         let positions = &scene.particles.position[object.particles.clone()];
@@ -78,6 +91,24 @@ pub(super) fn check(
         }
     }
     SceneErrors::check(errors)
+}
+
+/// The warning about a splat object in which filling found little inside.
+fn thin_walled(object: &Object, fill: &FillReport) -> Option<String> {
+    let FillReport {
+        solid_volume,
+        thin_volume,
+        ..
+    } = *fill;
+    let thin = thin_volume / (solid_volume + thin_volume);
+    (thin > 0.5).then(|| {
+        format!(
+            "object `{}`: {:.0} % of its volume is in parts thinner than the grid resolves: \
+             they move as a shell of about one particle",
+            object.name,
+            100.0 * thin
+        )
+    })
 }
 
 /// The warning about an object that the grid cannot resolve.

@@ -122,9 +122,13 @@ fn object(
         Fidelity::Static => table.get("material"),
     };
     let material = entry.map(|e| materials::from_entry(&e, known, warnings));
+    let closed_below = table.get("closed_below").and_then(|e| e.boolean());
+    let filled = ParticleMode::Filled {
+        closed_below: closed_below.unwrap_or(true),
+    };
     let particles = table.get("particles").and_then(|e| {
         e.choice(&[
-            ("filled", ParticleMode::Filled),
+            ("filled", filled),
             ("per_gaussian", ParticleMode::PerGaussian),
         ])
     });
@@ -149,7 +153,7 @@ fn object(
         placement: placement::read(table),
         material: material.unwrap_or_else(|| Some(static_material()))?,
         fidelity,
-        particles: particles.unwrap_or(ParticleMode::Filled),
+        particles: particles.unwrap_or(filled),
         linear_velocity: linear_velocity.unwrap_or_default(),
         angular_velocity: angular_velocity.unwrap_or_default(),
         velocity_gradient: velocity_gradient.unwrap_or_default(),

@@ -1,7 +1,7 @@
 //! What building a scene found out.
 
 use super::{error::Finding, spec::AssetSource};
-use crate::scene::Aabb;
+use crate::{fill::FillReport, scene::Aabb};
 
 /// What building a scene found out besides the scene.
 #[derive(Clone, Debug, Default)]
@@ -10,6 +10,8 @@ pub struct BuildReport {
     pub warnings: Vec<Finding>,
     /// One entry per asset.
     pub assets: Vec<AssetReport>,
+    /// One entry per object of the scene: what filling found, for simulated splat objects.
+    pub fills: Vec<Option<FillReport>>,
 }
 
 /// An asset as it was read and placed.

@@ -251,7 +251,10 @@ pub enum Shape {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParticleMode {
     /// The volume behind the surface is filled.
-    Filled,
+    Filled {
+        /// A cavity that is open only below counts as closed: cameras did not see the underside.
+        closed_below: bool,
+    },
     /// One particle at every Gaussian.
     PerGaussian,
 }
