@@ -236,22 +236,45 @@ impl Vessel {
         )
     }
 
-    /// Outer surface from the axis up to the lip, then the inner one down to the axis.
+    /// Inner radius at height `y`: the wall is measured across, so a slanted one is wider along r.
+    fn inner(&self, y: f64) -> f64 {
+        let (radius, slope) = self.outer(y);
+        (radius - self.wall * slope.hypot(1.0)).max(0.0)
+    }
+
+    /// Outer surface from the axis up to the lip, then the inner one down to the axis; lip and foot are rounded.
     pub fn profile(&self) -> Vec<[f64; 2]> {
-        let steps = 96;
-        let height =
-            |i: i32, from: f64| from + (self.height - from) * f64::from(i) / f64::from(steps);
+        const STEPS: i32 = 96;
+        const ARC: i32 = 12;
+        let round = 0.5 * self.wall;
+        let (lip, foot) = (self.height - round, round);
+        let between =
+            |from: f64, to: f64, i: i32| from + (to - from) * f64::from(i) / f64::from(STEPS);
+        let arc = |i: i32, angle: f64| (angle * f64::from(i) / f64::from(ARC)).sin_cos();
         let mut profile = vec![[0.0, 0.0]];
+        let edge = self.outer(foot).0 - round;
+        profile.extend((0..ARC).map(|i| {
+            let (sin, cos) = arc(i, std::f64::consts::FRAC_PI_2);
+            [edge + round * sin, foot - round * cos]
+        }));
         profile.extend(
-            (0..=steps)
-                .map(|i| height(i, 0.0))
+            (0..=STEPS)
+                .map(|i| between(foot, lip, i))
                 .map(|y| [self.outer(y).0, y]),
         );
-        profile.extend((0..=steps).rev().map(|i| height(i, self.wall)).map(|y| {
-            // The wall is measured across, so a slanted one is wider along r.
-            let (radius, slope) = self.outer(y);
-            [(radius - self.wall * slope.hypot(1.0)).max(0.0), y]
+        let (outer, inner) = (self.outer(lip).0, self.inner(lip));
+        profile.extend((1..ARC).map(|i| {
+            let (sin, cos) = arc(i, std::f64::consts::PI);
+            [
+                0.5 * (outer + inner + (outer - inner) * cos),
+                lip + round * sin,
+            ]
         }));
+        profile.extend(
+            (0..=STEPS)
+                .map(|i| between(lip, self.wall, i))
+                .map(|y| [self.inner(y), y]),
+        );
         profile.push([0.0, self.wall]);
         profile
     }
@@ -282,10 +305,10 @@ pub fn builtin(name: &str) -> Result<Gaussians, AssetError> {
         "vase" => vase(VASE, [0.16, 0.36, 0.62], [0.93, 0.90, 0.80], 1),
         "vase_slender" => vase(VASE_SLENDER, [0.74, 0.33, 0.20], [0.13, 0.20, 0.22], 2),
         "table" => surface_slab(
-            [1.0, 0.7],
+            [0.8, 0.55],
             0.03,
             &Style {
-                spacing: 0.011,
+                spacing: 0.008,
                 paint: Paint::Wood,
                 seed: 3,
             },
@@ -400,12 +423,19 @@ mod tests {
     fn vases_are_open_shells_of_the_stated_wall() {
         for vessel in [VASE, VASE_SLENDER] {
             let profile = vessel.profile();
-            let inner = &profile[98..];
+            let top = profile.iter().map(|p| p[1]).fold(0.0, f64::max);
+            assert!((top - vessel.height).abs() < 1e-12);
+            let lip = profile
+                .iter()
+                .position(|p| p[1] == top)
+                .expect("it is one of them");
+            let (outer, inner) = profile.split_at(lip);
+            let middle = vessel.wall * 1.5..vessel.height - vessel.wall;
             for [r, y] in inner
                 .iter()
-                .filter(|p| p[0] > 0.0 && p[1] > 1.5 * vessel.wall)
+                .filter(|p| p[0] > 0.0 && middle.contains(&p[1]))
             {
-                let nearest = profile[1..98]
+                let nearest = outer
                     .iter()
                     .map(|[ro, yo]| (ro - r).hypot(yo - y))
                     .fold(f64::MAX, f64::min);
@@ -415,7 +445,7 @@ mod tests {
                     "{nearest} at {y}"
                 );
             }
-            assert!(inner[0][0] > 0.02, "the mouth is open");
+            assert!(inner[12][0] > 0.02, "the mouth is open");
         }
     }
 
