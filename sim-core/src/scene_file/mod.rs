@@ -4,6 +4,7 @@
 
 mod build;
 mod checks;
+mod drop;
 mod edit;
 mod error;
 mod limits;
@@ -21,6 +22,7 @@ mod spec;
 pub(crate) use edit::{append, bounds_of};
 
 pub use build::{Load, build};
+pub use drop::{DropOptions, drop_scene, guess_up};
 pub use error::{At, Finding, SceneErrors};
 pub use report::{AssetReport, BuildReport};
 pub use spec::*;
