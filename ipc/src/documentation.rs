@@ -94,7 +94,7 @@ fn limit_table() -> String {
         ("layout hash", format!("`{:016x}`", schema_hash())),
         ("root folder of the domain `x`", format!("`{root}`")),
         (
-            "prefix of files",
+            "prefix of its files",
             format!("`{}`", user.prefix().replace(&uid, "UID")),
         ),
         (

@@ -15,6 +15,9 @@ use crate::Service;
 /// fit the 107 bytes of a Unix address.
 pub const MAX_ROOT_LENGTH: usize = 107 - 1 - 39 - 6;
 
+/// Longest name of a named domain [byte]: root and prefix both carry it, and six digits of a user id.
+const MAX_NAME_LENGTH: usize = 12;
+
 /// A group of processes that see each other's sessions, and nobody else's.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Domain {
@@ -42,7 +45,7 @@ pub enum DomainError {
         path: PathBuf,
     },
     /// The name or prefix holds other characters than letters, digits, `-` and `_`.
-    #[error("{name:?} is not a domain name: expected 1 to 24 of the characters a-z A-Z 0-9 - _")]
+    #[error("{name:?} is not a domain name: expected 1 to 12 of the characters a-z A-Z 0-9 - _")]
     BadName {
         /// The name.
         name: String,
@@ -80,16 +83,27 @@ impl Domain {
     /// root folder, anything else for [`named`](Self::named).
     pub fn from_env() -> Result<Self, DomainError> {
         match std::env::var("COSPLAT_DOMAIN") {
-            Ok(value) if value.starts_with('/') => Self::new(value, &user_prefix()),
+            Ok(value) if value.starts_with('/') => Self::at(value.into()),
             Ok(value) if !value.is_empty() => Self::named(&value),
-            _ => Self::new(user_root(), &user_prefix()),
+            _ => Self::at(user_root().into()),
         }
     }
 
-    /// A domain beside the user's own, for tests and separate groups; `name` is 1 to 24 of `a-z A-Z 0-9 - _`.
+    /// A domain beside the user's own, for tests and separate groups; `name` is 1 to 12 of `a-z A-Z 0-9 - _`.
     pub fn named(name: &str) -> Result<Self, DomainError> {
-        check_name(name, 24)?;
-        Self::new(format!("{}-{name}", user_root()), &user_prefix())
+        check_name(name, MAX_NAME_LENGTH)?;
+        Self::at(format!("{}-{name}", user_root()).into())
+    }
+
+    /// A domain whose prefix is the name of its root folder and `_`. Files in shared memory have one folder for
+    /// all domains, and each domain needs a prefix of its own: with a shared one, clearing away a dead process
+    /// in one domain removes files that another is just making.
+    fn at(root: PathBuf) -> Result<Self, DomainError> {
+        let Some(name) = root.file_name().and_then(|name| name.to_str()) else {
+            return Err(DomainError::BadRoot { path: root });
+        };
+        let prefix = format!("{name}_");
+        Self::new(root, &prefix)
     }
 
     /// A domain with an explicit root folder, which separates it from other domains, and an explicit prefix of
@@ -217,11 +231,6 @@ impl Domain {
 /// `TMPDIR` may differ between the terminals of one user, who would then wonder where the server is.
 fn user_root() -> String {
     format!("/tmp/cosplat-{}", rustix::process::getuid().as_raw())
-}
-
-/// Files in shared memory belong to users, so each user has names of their own.
-fn user_prefix() -> String {
-    format!("cosplat_{}_", rustix::process::getuid().as_raw())
 }
 
 fn check_name(name: &str, max: usize) -> Result<(), DomainError> {

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use cosplat_ipc::schema::{FrameHeader, Status};
 use cosplat_ipc::server::{PoolPlan, SceneBlocks};
-use cosplat_ipc::{Domain, ServerPorts};
+use cosplat_ipc::{Client, Domain, ServerPorts};
 use cosplat_recorder::RecordingError;
 use cosplat_recorder::client::{RecordError, RecordOptions, Summary, record};
 use cosplat_recorder::messages::GapReason;
@@ -42,17 +42,10 @@ impl TestDomain {
 }
 
 impl Drop for TestDomain {
+    /// Attaching once more clears away what killed processes left in shared memory.
     fn drop(&mut self) {
+        let _ = Client::connect(&self.domain, SESSION, "probe", Duration::ZERO);
         let _ = std::fs::remove_dir_all(self.domain.root());
-        for file in std::fs::read_dir("/dev/shm").unwrap().flatten() {
-            if file
-                .file_name()
-                .to_string_lossy()
-                .starts_with(self.domain.prefix())
-            {
-                let _ = std::fs::remove_file(file.path());
-            }
-        }
     }
 }
 
