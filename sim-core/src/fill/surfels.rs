@@ -17,6 +17,8 @@ const MAX_SIGMA: f32 = 12.0;
 const MAX_VOXELS: f64 = 4.0e6;
 /// Fewest voxels along the longest side.
 const MIN_SIDE: f64 = 32.0;
+/// Fewest particle sites along the longest side.
+const MIN_SITES: f64 = 4.0;
 /// Widest hole that may be closed, as a fraction of the longest side; the grid is padded by as much.
 pub const MAX_HOLE: f64 = 0.08;
 
@@ -40,6 +42,9 @@ pub fn voxelize(
     spacing: f64,
     report: &mut FillReport,
 ) -> Option<(Grid, Vec<Surfel>)> {
+    if !(spacing > 0.0 && spacing.is_finite()) {
+        return None;
+    }
     let usable = (0..gaussians.len())
         .filter(|&i| is_usable(gaussians, i))
         .collect::<Vec<_>>();
@@ -108,7 +113,12 @@ fn choose_grid(g: &Gaussians, near: &[usize], spacing: f64) -> Grid {
     }
     middle.sort_unstable_by(f32::total_cmp);
     let typical = f64::from(middle[middle.len() / 2]);
-    let longest = (0..3).map(|a| max[a] - min[a]).fold(spacing, f64::max);
+    let longest = (0..3)
+        .map(|a| max[a] - min[a])
+        .fold(0.0, f64::max)
+        .max(2.0 * typical);
+    // An object smaller than a few sites gets smaller ones: it must be able to turn.
+    let spacing = spacing.min(longest / MIN_SITES);
     // A whole number of voxels per particle site, about as large as a typical Gaussian.
     let wanted = typical
         .clamp(spacing / 4.0, spacing)
@@ -117,7 +127,8 @@ fn choose_grid(g: &Gaussians, near: &[usize], spacing: f64) -> Grid {
     let mut edge = spacing;
     loop {
         let voxel = edge / site;
-        let pad = MAX_HOLE / 2.0 * longest + 6.0 * voxel;
+        // At least one site, so that no solid touches the border of the lattice of sites.
+        let pad = MAX_HOLE / 2.0 * longest + site.max(6.0) * voxel;
         // The lattice is aligned with the simulation grid, whose nodes are multiples of dx.
         let low = min.map(|x| ((x - pad) / edge).floor());
         let high = max.map(|x| ((x + pad) / edge).ceil());

@@ -292,3 +292,45 @@ fn one_particle_per_gaussian_shares_the_volume_of_its_cell() {
         .collect::<std::collections::BTreeSet<_>>();
     assert_near("volume", volume(&filled), cells.len() as f64 * 1e-3, 1e-9);
 }
+
+#[test]
+fn whatever_comes_in_finite_particles_come_out() {
+    use rand_core::{Rng, SeedableRng};
+    let mut rng = rand_pcg::Pcg32::seed_from_u64(5);
+    for round in 0..16 {
+        // Numbers of every size, and a few that are none.
+        let mut number = || {
+            let magnitude = 10f32.powi((rng.next_u32() % (3 + round)) as i32 % 18 - 9);
+            let sign = if rng.next_u32().is_multiple_of(2) {
+                1.0
+            } else {
+                -1.0
+            };
+            match rng.next_u32() % 100 {
+                0 => f32::NAN,
+                1 => f32::INFINITY,
+                _ => sign * magnitude * (rng.next_u32() as f32 / u32::MAX as f32),
+            }
+        };
+        let n = 1 + 20 * round as usize;
+        let mut g = Gaussians::default();
+        for _ in 0..n {
+            g.position.push([number(), number(), number()]);
+            g.scale.push([number(), number(), number()].map(f32::abs));
+            g.rotation.push([number(), number(), number(), number()]);
+            g.opacity.push(number().abs());
+            g.sh.extend([0.0; 3]);
+        }
+        let dx = f64::from(number().abs());
+        let filled = fill(&g, &options(dx));
+        assert!(filled.position.as_flattened().iter().all(|x| x.is_finite()));
+        assert!(filled.volume.iter().all(|v| v.is_finite() && *v > 0.0));
+        assert!(filled.report.voxels <= 4_000_000, "{:?}", filled.report);
+    }
+    assert!(fill(&ball(), &options(0.0)).position.is_empty());
+    assert!(fill(&ball(), &options(f64::NAN)).position.is_empty());
+    // An object smaller than a cell keeps its volume and can still turn.
+    let tiny = fill(&ball(), &options(10.0));
+    assert_near("tiny", volume(&tiny), BALL, 0.01);
+    assert!((8..100).contains(&tiny.position.len()));
+}
