@@ -113,10 +113,12 @@ fn choose_grid(g: &Gaussians, near: &[usize], spacing: f64) -> Grid {
     }
     middle.sort_unstable_by(f32::total_cmp);
     let typical = f64::from(middle[middle.len() / 2]);
-    let longest = (0..3)
-        .map(|a| max[a] - min[a])
-        .fold(0.0, f64::max)
-        .max(2.0 * typical);
+    let farthest = (0..3)
+        .map(|a| min[a].abs().max(max[a].abs()))
+        .fold(0.0, f64::max);
+    // Never smaller than what f32 coordinates can tell apart.
+    let least = (1e-6 * farthest).max(1e-9).max(2.0 * typical);
+    let longest = (0..3).map(|a| max[a] - min[a]).fold(least, f64::max);
     // An object smaller than a few sites gets smaller ones: it must be able to turn.
     let spacing = spacing.min(longest / MIN_SITES);
     // A whole number of voxels per particle site, about as large as a typical Gaussian.
