@@ -1,6 +1,7 @@
 //! The `cosplat` command line: one file per subcommand.
 
 mod ctl;
+mod demo;
 mod explain;
 mod progress;
 mod record;
@@ -26,6 +27,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Ctl(ctl::Args),
+    Demo(demo::Args),
     Explain(explain::Args),
     Record(record::Args),
     Recover(recover::Args),
@@ -44,6 +46,7 @@ fn main() -> ExitCode {
         .init();
     let outcome: anyhow::Result<()> = match Cli::parse().command {
         Command::Ctl(args) => ctl::run(&args),
+        Command::Demo(args) => demo::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Recover(args) => recover::run(&args),

@@ -1,0 +1,116 @@
+//! What a demo measured: one object out of what its processes printed.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+/// Last line of `cosplat demo --json`.
+#[derive(Debug, Serialize)]
+pub struct Outcome {
+    /// Session name.
+    pub session: String,
+    /// Visible Gaussians.
+    pub gaussians: u64,
+    /// Simulated particles.
+    pub particles: u64,
+    /// Objects, static ones included.
+    pub objects: u64,
+    /// Frames the server published, the initial state included.
+    pub frames_published: u64,
+    /// Frames in the recording.
+    pub frames_recorded: u64,
+    /// Frames published but not recorded.
+    pub frames_dropped: u64,
+    /// Frames drawn.
+    pub frames_rendered: u64,
+    /// Simulated seconds.
+    pub sim_seconds: f64,
+    /// Wall seconds that took.
+    pub wall_seconds: f64,
+    /// `sim_seconds / wall_seconds`.
+    pub real_time_factor: f64,
+    /// From publishing to the recorder's receipt [us].
+    pub latency_us: Latency,
+    /// Commands the server accepted from the controller.
+    pub commands_acknowledged: u64,
+    /// The recording.
+    pub recording: PathBuf,
+    /// A picture from the middle of the run.
+    pub picture: PathBuf,
+    /// The video.
+    pub video: PathBuf,
+    /// State hash of the last frame.
+    pub state_hash: String,
+}
+
+/// Percentiles of a latency [us].
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Latency {
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+}
+
+/// Last line of `cosplat serve --json`, as far as it is used here.
+#[derive(Debug, Deserialize)]
+pub struct Served {
+    pub gaussians: u64,
+    pub particles: u64,
+    pub objects: u64,
+    pub frames_published: u64,
+    pub sim_seconds: f64,
+    pub wall_seconds: f64,
+    pub real_time_factor: f64,
+    pub state_hash: String,
+}
+
+/// Last line of `cosplat record --json`, as far as it is used here.
+#[derive(Debug, Deserialize)]
+pub struct Recorded {
+    pub frames_recorded: u64,
+    pub latency_us: Latency,
+}
+
+/// Last line of `cosplat view --json`, as far as it is used here.
+#[derive(Debug, Deserialize)]
+pub struct Viewed {
+    pub frames_rendered: u64,
+}
+
+/// Last line of `cosplat ctl script --json`, as far as it is used here.
+#[derive(Debug, Deserialize)]
+pub struct Controlled {
+    pub acknowledged: u64,
+}
+
+impl Outcome {
+    /// The same for people.
+    pub fn sentence(&self) -> String {
+        format!(
+            "{gaussians} Gaussians on {particles} particles in {objects} objects: {sim:.2} s simulated in {wall:.2} s \
+             ({factor:.2} x real time)\n\
+             {published} frames published, {recorded} recorded, {dropped} dropped, {rendered} drawn; \
+             {commands} commands acknowledged\n\
+             publish to receive: {p50:.0} us median, {p99:.0} us at the 99th percentile\n\
+             recording {recording}\npicture   {picture}\nvideo     {video}\nstate     {hash}",
+            gaussians = self.gaussians,
+            particles = self.particles,
+            objects = self.objects,
+            sim = self.sim_seconds,
+            wall = self.wall_seconds,
+            factor = self.real_time_factor,
+            published = self.frames_published,
+            recorded = self.frames_recorded,
+            dropped = self.frames_dropped,
+            rendered = self.frames_rendered,
+            commands = self.commands_acknowledged,
+            p50 = self.latency_us.p50,
+            p99 = self.latency_us.p99,
+            recording = self.recording.display(),
+            picture = self.picture.display(),
+            video = self.video.display(),
+            hash = self.state_hash,
+        )
+    }
+}

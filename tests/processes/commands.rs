@@ -1,0 +1,280 @@
+//! Orders from outside: obeyed when good, refused with a reason and without a trace when bad.
+
+use cosplat_ipc::schema::{self as wire, ACK_ACCEPTED, ACK_REFUSED, str_from_padded};
+
+use crate::stage::{PATIENCE, Stage, next_frame, watchdog};
+
+/// Every way a command can be wrong, by name.
+fn malformed() -> Vec<(&'static str, wire::Command)> {
+    let push = wire::Command {
+        kind: wire::COMMAND_IMPULSE,
+        vector: [1.0, 0.0, 0.0],
+        ..Default::default()
+    };
+    let at = wire::Command {
+        kind: wire::COMMAND_IMPULSE_AT,
+        point: [-0.3, 0.3, 0.0],
+        radius: 0.1,
+        ..push
+    };
+    let material = wire::MaterialSpec {
+        law: 1,
+        reserved: 0,
+        youngs_modulus: 1e5,
+        poisson_ratio: 0.3,
+    };
+    let set_material = wire::Command {
+        kind: wire::COMMAND_SET_MATERIAL,
+        material,
+        ..Default::default()
+    };
+    let velocity = wire::Command {
+        kind: wire::COMMAND_SET_VELOCITY,
+        ..Default::default()
+    };
+    let gravity = wire::Command {
+        kind: wire::COMMAND_SET_GRAVITY,
+        ..Default::default()
+    };
+    vec![
+        ("kind 0", wire::Command { kind: 0, ..push }),
+        ("kind 4711", wire::Command { kind: 4711, ..push }),
+        ("unknown object", wire::Command { object: 2, ..push }),
+        (
+            "object u32::MAX",
+            wire::Command {
+                object: u32::MAX,
+                ..push
+            },
+        ),
+        (
+            "NaN impulse",
+            wire::Command {
+                vector: [f64::NAN, 0.0, 0.0],
+                ..push
+            },
+        ),
+        (
+            "infinite impulse",
+            wire::Command {
+                vector: [0.0, f64::INFINITY, 0.0],
+                ..push
+            },
+        ),
+        (
+            "absurd impulse",
+            wire::Command {
+                vector: [0.0, 1e300, 0.0],
+                ..push
+            },
+        ),
+        (
+            "NaN point",
+            wire::Command {
+                point: [0.0, f64::NAN, 0.0],
+                ..at
+            },
+        ),
+        (
+            "NaN radius",
+            wire::Command {
+                radius: f64::NAN,
+                ..at
+            },
+        ),
+        ("zero radius", wire::Command { radius: 0.0, ..at }),
+        ("negative radius", wire::Command { radius: -1.0, ..at }),
+        (
+            "NaN velocity",
+            wire::Command {
+                vector: [f64::NAN; 3],
+                ..velocity
+            },
+        ),
+        (
+            "absurd velocity",
+            wire::Command {
+                vector: [1e30, 0.0, 0.0],
+                ..velocity
+            },
+        ),
+        (
+            "infinite spin",
+            wire::Command {
+                point: [f64::NEG_INFINITY; 3],
+                ..velocity
+            },
+        ),
+        (
+            "unknown law",
+            wire::Command {
+                material: wire::MaterialSpec {
+                    law: 99,
+                    ..material
+                },
+                ..set_material
+            },
+        ),
+        (
+            "NaN stiffness",
+            wire::Command {
+                material: wire::MaterialSpec {
+                    youngs_modulus: f64::NAN,
+                    ..material
+                },
+                ..set_material
+            },
+        ),
+        (
+            "zero stiffness",
+            wire::Command {
+                material: wire::MaterialSpec {
+                    youngs_modulus: 0.0,
+                    ..material
+                },
+                ..set_material
+            },
+        ),
+        (
+            "absurd stiffness",
+            wire::Command {
+                material: wire::MaterialSpec {
+                    youngs_modulus: 1e30,
+                    ..material
+                },
+                ..set_material
+            },
+        ),
+        (
+            "nu of one half",
+            wire::Command {
+                material: wire::MaterialSpec {
+                    poisson_ratio: 0.5,
+                    ..material
+                },
+                ..set_material
+            },
+        ),
+        (
+            "NaN gravity",
+            wire::Command {
+                vector: [0.0, f64::NAN, 0.0],
+                ..gravity
+            },
+        ),
+        (
+            "absurd gravity",
+            wire::Command {
+                vector: [0.0, -1e20, 0.0],
+                ..gravity
+            },
+        ),
+        (
+            "step out of reach",
+            wire::Command {
+                apply_at_step: u64::MAX,
+                ..push
+            },
+        ),
+    ]
+}
+
+/// State hash after a fixed run with `commands` sent before the first step.
+fn hash_with(commands: &[(&str, wire::Command)], expected_status: u32) -> String {
+    let stage = Stage::new();
+    let mut server = stage.serve(&["--pace", "free", "--duration", "0.4", "--paused"]);
+    let mut sender = stage.sender();
+    for (name, command) in commands {
+        let acks = sender.send(&[*command], PATIENCE).expect("an answer");
+        let reason = str_from_padded(&acks[0].reason).expect("a reason is text");
+        assert_eq!(acks[0].status, expected_status, "{name}: {reason}");
+        if expected_status == ACK_REFUSED {
+            assert!(reason.len() > 10, "{name}: {reason:?}");
+        }
+    }
+    assert!(stage.ctl(&["resume"]).status.success());
+    let result = server.result();
+    assert_eq!(result["steps"], 20);
+    result["state_hash"].as_str().expect("a hash").to_owned()
+}
+
+#[test]
+fn malformed_commands_are_refused_with_a_reason_and_change_nothing() {
+    let _watchdog = watchdog();
+    let untouched = hash_with(&[], ACK_REFUSED);
+    assert_eq!(hash_with(&malformed(), ACK_REFUSED), untouched);
+    // The hash is no constant: a good command does change it.
+    let push = wire::Command {
+        kind: wire::COMMAND_IMPULSE,
+        vector: [0.1, 0.0, 0.0],
+        ..Default::default()
+    };
+    assert_ne!(hash_with(&[("push", push)], ACK_ACCEPTED), untouched);
+}
+
+#[test]
+fn a_push_takes_effect_at_the_step_its_answer_names() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let mut server = stage.serve(&["--pace", "free", "--duration", "0.4", "--paused"]);
+    let client = stage.client();
+    let mut objects = client.objects(64).expect("objects are readable");
+    let mut journal = client.journal().expect("the journal is readable");
+    let output = stage.ctl(&["--at-step", "7", "--json", "push", "left", "5", "0", "0"]);
+    assert!(output.status.success());
+    let answer: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(answer["applied_at_step"][0], 7);
+    assert!(stage.ctl(&["resume"]).status.success());
+    let mut speeds = Vec::new();
+    while speeds.len() < 10 {
+        let message = objects
+            .next(PATIENCE)
+            .expect("objects are well-formed")
+            .expect("a message comes in time");
+        speeds.push(message.items()[0].linear_velocity[0]);
+    }
+    // Index is the step: before 7 the block only falls, in step 7 it takes 5 N s over its mass.
+    let mass = 0.2_f64.powi(3) * 1070.0;
+    assert!(speeds[..7].iter().all(|v| v.abs() < 1e-4), "{speeds:?}");
+    assert!((speeds[7] * mass / 5.0 - 1.0).abs() < 0.2, "{speeds:?}");
+    let entry = journal
+        .next(PATIENCE)
+        .expect("the journal is well-formed")
+        .expect("the command is in it");
+    assert_eq!(entry.items()[0].step, 7);
+    server.result();
+}
+
+#[test]
+fn reset_brings_the_first_frames_back_bit_for_bit() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let _server = stage.serve(&["--paused"]);
+    let client = stage.client();
+    let mut frames = client.frames(64).expect("frames are readable");
+    let output = stage.ctl(&["--at-step", "11", "reset"]);
+    assert!(output.status.success());
+    assert!(stage.ctl(&["resume"]).status.success());
+    let states: Vec<_> = (0..=20)
+        .map(|_| {
+            let frame = next_frame(&mut frames);
+            (frame.header().sim_time, frame.gaussians().to_vec())
+        })
+        .collect();
+    for step in 1..=10 {
+        assert_eq!(states[step + 10], states[step], "step {step} again");
+    }
+}
+
+#[test]
+fn no_server_is_a_sentence() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let output = stage.ctl(&["--timeout", "0", "pause"]);
+    assert!(!output.status.success());
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        words.contains("default") && words.contains("cosplat serve"),
+        "{words}"
+    );
+}

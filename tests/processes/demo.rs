@@ -1,0 +1,72 @@
+//! The main job in one go.
+
+use std::path::Path;
+
+use crate::stage::{Process, Stage, has_bytes, watchdog};
+
+/// Runs a short demo and checks what every demo promises.
+fn demo(stage: &Stage, arguments: &[&str]) -> serde_json::Value {
+    let mut all = vec!["demo", "--json", "--size", "160x120", "--out", "out"];
+    all.extend(arguments);
+    let mut demo = Process::start(stage.cosplat(&all));
+    let outcome = demo.result();
+    let published = outcome["frames_published"].as_u64().expect("a count");
+    assert_eq!(
+        outcome["frames_recorded"].as_u64(),
+        Some(published),
+        "{outcome}"
+    );
+    assert_eq!(outcome["frames_dropped"], 0);
+    assert!(outcome["frames_rendered"].as_u64() > Some(0), "{outcome}");
+    assert!(
+        outcome["commands_acknowledged"].as_u64() >= Some(2),
+        "{outcome}"
+    );
+    assert!(outcome["latency_us"]["p99"].as_f64() >= outcome["latency_us"]["p50"].as_f64());
+    for file in ["recording", "picture", "video"] {
+        let path = Path::new(outcome[file].as_str().expect("a path"));
+        assert!(has_bytes(path), "{file}: {}", path.display());
+    }
+    assert_eq!(outcome["state_hash"].as_str().map(str::len), Some(16));
+    outcome
+}
+
+#[test]
+fn the_demo_simulates_records_renders_and_pushes() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let outcome = demo(&stage, &["--duration", "0.5", "--free"]);
+    assert!(outcome["gaussians"].as_u64() > Some(10_000), "{outcome}");
+    let again = demo(&Stage::new(), &["--duration", "0.5", "--free"]);
+    assert_eq!(
+        again["state_hash"], outcome["state_hash"],
+        "the demo is deterministic"
+    );
+}
+
+#[test]
+fn the_demo_drops_any_splat() {
+    let _watchdog = watchdog();
+    let Some(splat) = crate::stage::test_data("spot_10k.splat") else {
+        return;
+    };
+    let stage = Stage::new();
+    let path = splat.to_str().expect("a plain path");
+    let outcome = demo(&stage, &["--duration", "0.3", "--free", "--splat", path]);
+    assert!(outcome["gaussians"].as_u64() > Some(9_000), "{outcome}");
+    assert!(outcome["particles"].as_u64() > Some(100), "{outcome}");
+}
+
+#[test]
+fn a_missing_splat_is_a_sentence_and_leaves_no_process() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let output = stage
+        .cosplat(&["demo", "--splat", "nowhere.ply", "--out", "out"])
+        .output()
+        .expect("cosplat can be run");
+    assert!(!output.status.success());
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(words.contains("nowhere.ply"), "{words}");
+    assert!(cosplat_ipc::list_sessions(&stage.domain).is_empty());
+}

@@ -1,0 +1,10 @@
+//! Stories across processes: real servers and clients, killed, restarted, starved and misled.
+
+mod attach;
+mod commands;
+mod crashes;
+mod demo;
+mod recording;
+mod restart;
+mod shutdown;
+mod stage;

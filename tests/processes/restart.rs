@@ -1,0 +1,51 @@
+//! The server dies and comes back under the same name; clients carry on by themselves.
+
+use cosplat_ipc::schema::FRAME_FLAG_LAST;
+
+use crate::stage::{PATIENCE, Process, SMALL_SCENE, Stage, has_bytes, next_frame, watchdog};
+
+#[test]
+fn clients_carry_on_after_the_server_was_killed_and_restarted() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let mut first = stage.serve(&["--paused"]);
+    let client = stage.client();
+    let mut frames = client.frames(64).expect("frames are readable");
+    let mut recorder = Process::start(stage.cosplat(&["record", "-o", "run.mcap", "--json"]));
+    let mut renderer =
+        Process::start(stage.cosplat(&["view", "--mp4", "run.mp4", "--size", "160x120", "--json"]));
+    crate::stage::wait_for_status(&client, |s| s.frame_readers >= 3);
+    assert!(stage.ctl(&["resume"]).status.success());
+    while next_frame(&mut frames).header().step < 10 {}
+    first.kill();
+
+    let mut second = stage.serve_scene(
+        &SMALL_SCENE.replace("two blocks", "two blocks again"),
+        &["--paused", "--duration", "0.5"],
+    );
+    let observer = stage.client();
+    crate::stage::wait_for_status(&observer, |s| s.frame_readers >= 3);
+    assert!(stage.ctl(&["resume"]).status.success());
+    let mut new_run = false;
+    loop {
+        let frame = next_frame(&mut frames);
+        new_run |= frame.is_new_run();
+        if frame.header().flags & FRAME_FLAG_LAST != 0 {
+            break;
+        }
+    }
+    assert!(new_run, "the reader says that the server is another one");
+    assert_eq!(frames.runs(), 2);
+    let scene = client.scene(PATIENCE).expect("the new scene is readable");
+    assert!(scene.source().contains("two blocks again"));
+
+    second.result();
+    let recorded = recorder.result();
+    let viewed = renderer.result();
+    assert!(
+        recorded["frames_recorded"].as_u64() >= Some(11 + 26),
+        "{recorded}"
+    );
+    assert!(viewed["frames_rendered"].as_u64() >= Some(2), "{viewed}");
+    assert!(has_bytes(&stage.path("run.mcap")) && has_bytes(&stage.path("run.mp4")));
+}
