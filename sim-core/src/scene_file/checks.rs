@@ -13,9 +13,8 @@ use crate::{
     scene::{Aabb, ColliderShape, Fidelity, Object, Scene},
 };
 
-/// Part of an object's particles that may share cells with another object before it is called overlap: objects
-/// that touch share a layer of cells.
-const TOUCHING: f64 = 0.02;
+/// Part of an object's particles that may lie inside another object before it is called overlap.
+const TOUCHING: f64 = 0.03;
 
 /// Adds warnings to the report; `at` is the place of each object in the file.
 pub(super) fn check(
@@ -176,19 +175,30 @@ fn overlaps(scene: &Scene) -> Vec<(usize, String)> {
     found
 }
 
-/// Particles of `j` that share a cell of their spacing with a particle of `i`.
+/// Particles of `j` that lie inside `i`: their cell and its six neighbours hold particles of `i`. Objects that
+/// only touch, as the parts of one asset do, share no more than a layer of cells.
 fn shared_particles(scene: &Scene, i: usize, j: usize) -> usize {
     let spacing = |o: usize| {
         let range = scene.objects[o].particles.clone();
         let volume: f64 = scene.particles.volume[range.clone()].iter().sum();
         (volume / range.len() as f64).cbrt()
     };
-    let size = spacing(i).max(spacing(j));
+    // Wide enough that no cell inside an object is empty, however its lattice is turned.
+    let size = 1.5 * spacing(i).max(spacing(j));
     let cell = |p: &[f64; 3]| p.map(|x| (x / size).floor() as i64);
     let range = |o: usize| &scene.particles.position[scene.objects[o].particles.clone()];
     let mut cells: HashSet<[i64; 3]> = HashSet::new();
     for p in range(i) {
         cells.insert(cell(p));
     }
-    range(j).iter().filter(|p| cells.contains(&cell(p))).count()
+    let inside = |p: &&[f64; 3]| {
+        let here = cell(p);
+        let near = |axis: usize, step: i64| {
+            let mut near = here;
+            near[axis] += step;
+            cells.contains(&near)
+        };
+        cells.contains(&here) && (0..3).all(|a| near(a, -1) && near(a, 1))
+    };
+    range(j).iter().filter(inside).count()
 }
