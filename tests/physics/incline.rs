@@ -1,8 +1,6 @@
 //! Coulomb on a slope: slides as the closed form says, or stays.
 
-use serde_json::Value;
-
-use super::{number, simulate, vector};
+use super::{simulate, vector};
 
 const ANGLE: f64 = 24.0;
 const G: f64 = 9.81;

@@ -39,9 +39,7 @@ pub(super) fn from_entry(
         let name = entry.text()?;
         return by_name(entry, name, known);
     }
-    let Some(table) = entry.table() else {
-        return None;
-    };
+    let table = entry.table()?;
     let base_entry = table.get("preset");
     let base = base_entry
         .as_ref()
