@@ -2,7 +2,10 @@
 
 use std::time::Duration;
 
-use cosplat_ipc::{Domain, client::Client};
+use cosplat_ipc::{
+    Domain,
+    client::{Client, Frame, FrameReader},
+};
 
 use crate::stage::{PATIENCE, Process, Stage, next_frame, wait_for_status, watchdog};
 
@@ -31,16 +34,19 @@ fn a_held_frame_never_changes() {
     assert_eq!((*held.header(), held.gaussians().to_vec()), copy);
 }
 
-/// Reads frames until `steps` more have come and asserts that none is missing.
-fn assert_consecutive(frames: &mut cosplat_ipc::client::FrameReader, steps: u64) {
-    let mut last = None;
-    for _ in 0..steps {
-        let frame = next_frame(frames);
+/// Reads all frames that wait and three more, and asserts that none is missing; `last` is the step read last.
+fn assert_consecutive(frames: &mut FrameReader, last: &mut Option<u64>) {
+    let mut follows = |frame: &Frame| {
         let step = frame.header().step;
-        if let Some(last) = last {
+        if let Some(last) = last.replace(step) {
             assert_eq!(step, last + 1, "steps are consecutive");
         }
-        last = Some(step);
+    };
+    while let Some(frame) = frames.next(Duration::ZERO).expect("frames are well-formed") {
+        follows(&frame);
+    }
+    for _ in 0..3 {
+        follows(&next_frame(frames));
     }
     assert_eq!(frames.missed(), 0);
 }
@@ -52,11 +58,12 @@ fn clients_killed_while_holding_a_frame_do_not_disturb_the_steps() {
     let _server = stage.serve(&[]);
     let client = stage.client();
     let mut frames = client.frames(64).expect("frames are readable");
+    let mut last = None;
     for _ in 0..10 {
         let mut holder = stage.holder();
         holder.wait_for_output("holding step");
         holder.kill();
-        assert_consecutive(&mut frames, 3);
+        assert_consecutive(&mut frames, &mut last);
     }
     let status = wait_for_status(&client, |_| true);
     assert_eq!(status.frames_skipped, 0);
@@ -69,12 +76,13 @@ fn kill_ten_times(start: impl Fn(&Stage, u32) -> Process) {
     let _server = stage.serve(&[]);
     let client = stage.client();
     let mut frames = client.frames(64).expect("frames are readable");
+    let mut last = None;
     for round in 0..10 {
         let mut victim = start(&stage, round);
         // Different moments of attaching and working; what they are does not matter.
         std::thread::sleep(Duration::from_millis(40 + 37 * u64::from(round)));
         victim.kill();
-        assert_consecutive(&mut frames, 3);
+        assert_consecutive(&mut frames, &mut last);
     }
     assert_eq!(wait_for_status(&client, |_| true).frames_skipped, 0);
 }

@@ -3,6 +3,7 @@
 mod docs;
 mod edges;
 mod sources;
+mod wire;
 
 use std::path::{Path, PathBuf};
 
