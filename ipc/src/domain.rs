@@ -157,6 +157,7 @@ impl Domain {
         // Refused opens are normal while a client waits for a server, and our errors say more.
         QUIET.call_once(|| set_log_level_from_env_or(LogLevel::Fatal));
         self.claim_root()?;
+        self.write_config();
         let failed = |reason: String| DomainError::Node {
             path: self.root.clone(),
             reason,
@@ -171,37 +172,36 @@ impl Domain {
             .map_err(|error| failed(format!("{error}")))
     }
 
-    /// Releases of iceoryx2 other than ours that left their marks in this domain, as text.
-    pub(crate) fn other_transports(&self) -> String {
-        let ours = crate::ICEORYX2_VERSION.replace('.', "_");
-        let mut found: Vec<String> = [
-            "/dev/shm".into(),
-            self.root.clone(),
-            self.root.join("nodes"),
-        ]
-        .iter()
-        .filter_map(|folder| fs::read_dir(folder).ok())
-        .flatten()
-        .filter_map(|file| file.ok()?.file_name().into_string().ok())
-        .filter(|name| name.starts_with(&self.prefix))
-        .filter_map(|name| {
-            Some(
-                name.strip_suffix(".global_mgmt")?
-                    .rsplit_once('.')?
-                    .1
-                    .to_owned(),
-            )
-        })
-        .filter(|version| *version != ours)
-        .map(|version| version.replace('_', "."))
-        .collect();
-        found.sort();
-        found.dedup();
-        if found.is_empty() {
-            "files of an unknown one".into()
-        } else {
-            format!("files of {}", found.join(", "))
+    /// Puts the configuration where `iox2`, the command line of iceoryx2, finds it when run in the root folder;
+    /// and makes it this process's default, which iceoryx2 uses to clean up after nodes that died too early to
+    /// have left their own.
+    fn write_config(&self) {
+        static DEFAULT: Once = Once::new();
+        let folder = self.root.join("config");
+        let file = folder.join("iceoryx2.toml");
+        let text = format!(
+            "[global]\nroot-path = {:?}\nprefix = {:?}\n",
+            self.root, self.prefix
+        );
+        let write = || -> std::io::Result<()> {
+            if fs::read_to_string(&file).is_ok_and(|old| old == text) {
+                return Ok(());
+            }
+            fs::create_dir_all(&folder)?;
+            // In one go: others may be reading.
+            let new = folder.join(format!("new-{}", std::process::id()));
+            fs::write(&new, &text)?;
+            fs::rename(&new, &file)
+        };
+        if let Err(error) = write() {
+            tracing::warn!(%error, "{} cannot be written", file.display());
         }
+        DEFAULT.call_once(|| {
+            let path = FilePath::new(file.as_os_str().as_encoded_bytes());
+            if path.is_ok_and(|path| Config::setup_global_config_from_file(&path).is_err()) {
+                tracing::warn!("{} cannot be read", file.display());
+            }
+        });
     }
 
     /// Makes the root folder for this user alone, or checks that it is.
@@ -226,6 +226,27 @@ impl Domain {
         }
         Ok(())
     }
+}
+
+/// Releases of iceoryx2 other than ours that left their marks in the domain of `config`.
+pub(crate) fn other_transports(config: &Config) -> Vec<String> {
+    let ours = crate::ICEORYX2_VERSION.replace('.', "_");
+    let prefix = config.global.prefix.to_string();
+    let mut found: Vec<String> = fs::read_dir(crate::shm::SHM_DIR)
+        .into_iter()
+        .flatten()
+        .filter_map(|file| file.ok()?.file_name().into_string().ok())
+        .filter(|name| name.starts_with(&prefix))
+        .filter_map(|name| {
+            let rest = name.strip_suffix(".global_mgmt")?;
+            Some(rest.rsplit_once('.')?.1.to_owned())
+        })
+        .filter(|version| *version != ours)
+        .map(|version| version.replace('_', "."))
+        .collect();
+    found.sort();
+    found.dedup();
+    found
 }
 
 /// `TMPDIR` may differ between the terminals of one user, who would then wonder where the server is.
@@ -268,6 +289,18 @@ mod tests {
         let ports = crate::ServerPorts::create(&domain, &"s".repeat(64), &plan);
         assert!(ports.is_ok(), "{:?}", ports.err());
         drop(ports);
+        fs::remove_dir_all(domain.root()).expect("removed");
+    }
+
+    #[test]
+    fn the_command_line_of_iceoryx2_finds_the_domain() {
+        let name = format!("conf{}", std::process::id());
+        let domain = Domain::named(&name).expect("a domain");
+        drop(domain.join("test").expect("joined"));
+        let file = domain.root().join("config/iceoryx2.toml");
+        let path = FilePath::new(file.as_os_str().as_encoded_bytes()).expect("a path");
+        let found = Config::from_file(&path).expect("a configuration");
+        assert_eq!(found, domain.config());
         fs::remove_dir_all(domain.root()).expect("removed");
     }
 

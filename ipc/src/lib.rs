@@ -7,9 +7,11 @@ pub mod client;
 #[cfg(test)]
 mod documentation;
 mod domain;
+mod remains;
 pub mod schema;
 pub mod server;
 mod session;
+mod shm;
 
 pub use client::Client;
 pub use domain::{Domain, DomainError, MAX_ROOT_LENGTH};

@@ -3,7 +3,6 @@
 use std::{fmt::Debug, time::Duration};
 
 use iceoryx2::{
-    identifiers::UniqueNodeId,
     node::NodeView,
     port::listener::{Listener, ListenerWaitError},
     prelude::*,
@@ -19,6 +18,7 @@ use iceoryx2::{
 
 use crate::{
     Domain, Service,
+    remains::make,
     schema::{Ack, Command, CommandHeader, Hello, MAX_COMMANDS, WIRE_VERSION},
 };
 
@@ -188,22 +188,25 @@ where
     T: Debug + ZeroCopySend + 'static,
     H: Debug + ZeroCopySend + 'static,
 {
+    let name = session.service(stream.name)?;
     let builder = node
-        .service_builder(&session.service(stream.name)?)
+        .service_builder(&name)
         .publish_subscribe::<[T]>()
         .user_header::<H>()
         .enable_safe_overflow(true);
     if !create {
         return Ok(builder.open()?);
     }
-    Ok(builder
+    let builder = builder
         .history_size(stream.history)
         .subscriber_max_buffer_size(stream.max_depth)
         .subscriber_max_borrowed_samples(stream.max_held)
         .max_subscribers(MAX_SUBSCRIBERS)
         .max_publishers(MAX_PUBLISHERS)
-        .max_nodes(MAX_NODES)
-        .open_or_create()?)
+        .max_nodes(MAX_NODES);
+    make(node, &name, MessagingPattern::PublishSubscribe, || {
+        Ok(builder.clone().open_or_create()?)
+    })
 }
 
 /// The `hello` service; one publisher, so that a session has one server.
@@ -212,20 +215,21 @@ pub(crate) fn hello(
     session: &SessionName,
     create: bool,
 ) -> Result<publish_subscribe::PortFactory<Service, Hello, ()>, OpenError> {
-    let builder = node
-        .service_builder(&session.hello()?)
-        .publish_subscribe::<Hello>();
+    let name = session.hello()?;
+    let builder = node.service_builder(&name).publish_subscribe::<Hello>();
     if !create {
         return Ok(builder.open()?);
     }
-    Ok(builder
+    let builder = builder
         .history_size(1)
         .subscriber_max_buffer_size(1)
         .subscriber_max_borrowed_samples(1)
         .max_subscribers(MAX_SUBSCRIBERS)
         .max_publishers(1)
-        .max_nodes(MAX_NODES)
-        .open_or_create()?)
+        .max_nodes(MAX_NODES);
+    make(node, &name, MessagingPattern::PublishSubscribe, || {
+        Ok(builder.clone().open_or_create()?)
+    })
 }
 
 /// Event service of a stream.
@@ -235,15 +239,18 @@ pub(crate) fn event(
     stream: &str,
     create: bool,
 ) -> Result<Event, OpenError> {
-    let builder = node.service_builder(&session.service(stream)?).event();
+    let name = session.service(stream)?;
+    let builder = node.service_builder(&name).event();
     if !create {
         return Ok(builder.open()?);
     }
-    Ok(builder
+    let builder = builder
         .max_listeners(2 * MAX_SUBSCRIBERS)
         .max_notifiers(2 * MAX_SUBSCRIBERS)
-        .max_nodes(MAX_NODES)
-        .open_or_create()?)
+        .max_nodes(MAX_NODES);
+    make(node, &name, MessagingPattern::Event, || {
+        Ok(builder.clone().open_or_create()?)
+    })
 }
 
 /// Collects events for up to `timeout`; an interrupt is an error.
@@ -268,8 +275,9 @@ pub(crate) fn commands(
     session: &SessionName,
     create: bool,
 ) -> Result<Commands, OpenError> {
+    let name = session.service("command")?;
     let builder = node
-        .service_builder(&session.service("command")?)
+        .service_builder(&name)
         .request_response::<[Command], [Ack]>()
         .request_user_header::<CommandHeader>()
         .enable_safe_overflow_for_requests(false)
@@ -278,15 +286,17 @@ pub(crate) fn commands(
     if !create {
         return Ok(builder.open()?);
     }
-    Ok(builder
+    let builder = builder
         .max_active_requests_per_client(MAX_ACTIVE_REQUESTS)
         .max_loaned_requests(1)
         .max_response_buffer_size(1)
         .max_borrowed_responses_per_pending_response(1)
         .max_clients(MAX_CLIENTS)
         .max_servers(2)
-        .max_nodes(MAX_NODES)
-        .open_or_create()?)
+        .max_nodes(MAX_NODES);
+    make(node, &name, MessagingPattern::RequestResponse, || {
+        Ok(builder.clone().open_or_create()?)
+    })
 }
 
 /// Elements of a response at most.
@@ -310,7 +320,7 @@ pub fn list_sessions(domain: &Domain) -> Vec<SessionInfo> {
             .strip_prefix("cosplat/")
             .and_then(|rest| rest.strip_suffix("/hello"));
         let nodes = service.dynamic_details.iter().flat_map(|d| &d.nodes);
-        if let (Some(session), Some(pid)) = (session, server_pid(nodes, None)) {
+        if let (Some(session), Some(pid)) = (session, server_pid(nodes)) {
             sessions.push(SessionInfo {
                 name: session.into(),
                 pid,
@@ -325,13 +335,10 @@ pub fn list_sessions(domain: &Domain) -> Vec<SessionInfo> {
     sessions
 }
 
-/// Process id of the living server among `nodes`, other than the node `own`.
-pub(crate) fn server_pid<'a>(
-    nodes: impl IntoIterator<Item = &'a NodeState<Service>>,
-    own: Option<&UniqueNodeId>,
-) -> Option<u32> {
+/// Process id of the living server among `nodes`.
+fn server_pid<'a>(nodes: impl IntoIterator<Item = &'a NodeState<Service>>) -> Option<u32> {
     nodes.into_iter().find_map(|node| match node {
-        NodeState::Alive(view) if Some(view.id()) != own => view
+        NodeState::Alive(view) => view
             .details()
             .as_ref()
             .filter(|details| details.name().as_str() == format!("cosplat-{SERVER_ROLE}"))

@@ -16,6 +16,7 @@ use crate::{
     Service,
     schema::{Ack, Command, CommandHeader, MAX_COMMANDS},
     session::{self, EVENT_REQUEST, SessionName},
+    shm,
 };
 
 type Port = iceoryx2::port::client::Client<Service, [Command], CommandHeader, [Ack], ()>;
@@ -42,13 +43,15 @@ impl CommandSender {
         };
         let event = session::event(node, session, "command", false).map_err(open)?;
         let service = session::commands(node, session, false).map_err(open)?;
+        let port = service
+            .client_builder()
+            .initial_max_slice_len(MAX_COMMANDS)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|error| failed(error.to_string()))?;
+        shm::reserve(port.id().value()).map_err(|error| failed(error.to_string()))?;
         Ok(Self {
-            port: service
-                .client_builder()
-                .initial_max_slice_len(MAX_COMMANDS)
-                .backpressure_strategy(BackpressureStrategy::DiscardData)
-                .create()
-                .map_err(|error| failed(error.to_string()))?,
+            port,
             listener: event
                 .listener_builder()
                 .create()

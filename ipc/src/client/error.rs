@@ -7,6 +7,9 @@ use crate::{
     session::OpenError,
 };
 
+/// What a client's ports may take.
+pub(super) const MIN_FREE_BYTES: u64 = 1 << 20;
+
 /// Why a client cannot attach.
 #[derive(Debug, thiserror::Error)]
 pub enum ConnectError {
@@ -16,6 +19,15 @@ pub enum ConnectError {
     /// The domain cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
+    /// Shared memory is full: attaching would risk the process.
+    #[error(
+        "shared memory is full: {} KiB free in /dev/shm, at least {} KiB expected for a client",
+        available >> 10, MIN_FREE_BYTES >> 10
+    )]
+    ShmFull {
+        /// There is [byte].
+        available: u64,
+    },
     /// Nobody serves the session.
     #[error("{}", no_server(session, root, others))]
     NoServer {
@@ -57,8 +69,9 @@ pub enum ConnectError {
     },
     /// The server uses another release of iceoryx2.
     #[error(
-        "session {session:?} exists but cannot be read: this program uses iceoryx2 {ICEORYX2_VERSION}, in {} there are also {others}; use the same release on both sides",
-        root.display()
+        "session {session:?} exists but cannot be read: this program uses iceoryx2 {ICEORYX2_VERSION}, in {} there are traces of {}; use the same release on both sides",
+        root.display(),
+        if others.is_empty() { "an unknown one".into() } else { others.join(", ") }
     )]
     OtherTransport {
         /// Name of the session.
@@ -66,7 +79,7 @@ pub enum ConnectError {
         /// Root folder of the domain.
         root: PathBuf,
         /// Other releases that left traces in the domain.
-        others: String,
+        others: Vec<String>,
     },
     /// The server runs but a stream did not come up.
     #[error("session {session:?} is served, but {what} did not come within {seconds:.1} s")]

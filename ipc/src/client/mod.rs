@@ -19,9 +19,12 @@ pub use scene::SceneView;
 pub use status::{StatusReader, heartbeat_age};
 
 use crate::{
-    Domain, Service, list_sessions,
+    Domain, Service,
+    domain::other_transports,
+    list_sessions,
     schema::{Hello, WIRE_VERSION, schema_hash},
     session::{self, OpenError, SessionName},
+    shm,
 };
 
 /// How often a client looks again for what is not there yet.
@@ -45,6 +48,10 @@ impl Client {
         timeout: Duration,
     ) -> Result<Self, ConnectError> {
         let session = SessionName::new(session)?;
+        let available = shm::available_bytes();
+        if available < error::MIN_FREE_BYTES {
+            return Err(ConnectError::ShmFull { available });
+        }
         let node = domain.join(role)?;
         let deadline = Instant::now() + timeout;
         let hello = loop {
@@ -151,7 +158,7 @@ fn read_hello(
         OpenError::Corrupted => ConnectError::OtherTransport {
             session: session.as_str().into(),
             root: domain.root().into(),
-            others: domain.other_transports(),
+            others: other_transports(&domain.config()),
         },
         other => ConnectError::open(session.as_str(), other),
     })?;

@@ -127,7 +127,9 @@ impl Message<GaussianState, FrameHeader> {
 /// A queue of messages. It stays attached when the server goes, and carries on with the next one.
 pub struct StreamReader<T: Debug + ZeroCopySend + 'static, H: StreamHeader> {
     subscriber: Subscriber<Service, [T], H>,
-    listener: Listener<Service>,
+    event: session::Event,
+    /// Made at the first wait: a reader that only looks costs the server no wake-ups.
+    listener: Option<Listener<Service>>,
     stream: Stream,
     epoch: u64,
     next_number: u64,
@@ -149,11 +151,7 @@ impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
             reason: format!("{}: {reason}", stream.name),
         };
         // One event wakes for all that a step publishes; the frame comes last.
-        let listener = session::event(node, session, session::FRAME.name, false)
-            .map_err(open)?
-            .listener_builder()
-            .create()
-            .map_err(|error| failed(error.to_string()))?;
+        let event = session::event(node, session, session::FRAME.name, false).map_err(open)?;
         let depth = depth.clamp(1, stream.max_depth);
         let subscriber = session::pub_sub::<T, H>(node, session, stream, false)
             .map_err(open)?
@@ -168,7 +166,8 @@ impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
             .map_err(|error| failed(error.to_string()))?;
         Ok(Self {
             subscriber,
-            listener,
+            event,
+            listener: None,
             stream,
             epoch: 0,
             next_number: 0,
@@ -190,11 +189,24 @@ impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
             if left.is_zero() {
                 return Ok(None);
             }
-            // An interrupt ends the wait, so that the program can look at its signals.
-            if session::listen(&self.listener, left.min(LONGEST_WAIT), |_| {}).is_err() {
+            if !self.sleep(left.min(LONGEST_WAIT))? {
                 return Ok(None);
             }
         }
+    }
+
+    /// Waits for an event; false after an interrupt, so that the program can look at its signals.
+    fn sleep(&mut self, timeout: Duration) -> Result<bool, ReadError> {
+        let Some(listener) = &self.listener else {
+            let listener = self.event.listener_builder().create();
+            self.listener = Some(listener.map_err(|error| ReadError::Transport {
+                stream: self.stream.name,
+                reason: error.to_string(),
+            })?);
+            // What was sent until now made no event: look again first.
+            return Ok(true);
+        };
+        Ok(session::listen(listener, timeout, |_| {}).is_ok())
     }
 
     /// Steps (of the journal: commands) missed since this reader was made.

@@ -56,7 +56,7 @@ impl CreateError {
         match error {
             OpenError::Corrupted => Self::OtherBuild {
                 session: session.into(),
-                detail: "their iceoryx2 is of another release".into(),
+                detail: "their iceoryx2 is of another release, or what they left is damaged".into(),
             },
             OpenError::Incompatible(detail) => Self::OtherBuild {
                 session: session.into(),

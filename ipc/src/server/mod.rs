@@ -3,6 +3,7 @@
 mod commands;
 mod error;
 mod frame;
+mod lock;
 mod monitor;
 mod pool;
 mod publish;
@@ -31,8 +32,10 @@ use crate::{
         ObjectState, ObjectsHeader, Status,
     },
     session::{self, EVENT_SAMPLE, PubSub, SERVER_ROLE, SessionName},
+    shm,
 };
 use commands::CommandPort;
+use lock::SessionLock;
 use monitor::Monitor;
 use publish::{Publisher, copy_and_send, publisher};
 
@@ -59,8 +62,9 @@ pub struct ServerPorts {
     journalled: u64,
     newest_status: Option<Status>,
     heartbeat: Instant,
-    // Last: while it lives, no other server takes the session.
     _hello: Arc<iceoryx2::port::publisher::Publisher<Service, Hello, ()>>,
+    // Last: the services are gone before another server makes its own.
+    _lock: SessionLock,
 }
 
 impl ServerPorts {
@@ -68,12 +72,13 @@ impl ServerPorts {
     pub fn create(domain: &Domain, session: &str, plan: &PoolPlan) -> Result<Self, CreateError> {
         let session = SessionName::new(session)?;
         let node = domain.join(SERVER_ROLE)?;
+        let lock = SessionLock::take(domain, &session)?;
         let epoch = SystemTime::now()
             .duration_since(SystemTime::UNIX_EPOCH)
             .map_or(1, |since| since.as_nanos() as u64);
-        let hello = take_session(&node, &session, epoch)?;
+        let hello = greet(&node, &session, epoch)?;
 
-        let slots = plan.slots(pool::available_bytes())?;
+        let slots = plan.slots(shm::available_bytes())?;
         let frame = publisher(
             &node,
             &session,
@@ -136,6 +141,7 @@ impl ServerPorts {
             newest_status: None,
             heartbeat: Instant::now(),
             _hello: hello,
+            _lock: lock,
         })
     }
 
@@ -295,8 +301,8 @@ impl ServerPorts {
     }
 }
 
-/// Becomes the one server of the session.
-fn take_session(
+/// Says who serves the session.
+fn greet(
     node: &Node<Service>,
     session: &SessionName,
     epoch: u64,
@@ -305,40 +311,26 @@ fn take_session(
     let failed = |reason: String| CreateError::Transport { what: WHAT, reason };
     let service = session::hello(node, session, true)
         .map_err(|error| CreateError::open(session.as_str(), WHAT, error))?;
-    for attempt in 0.. {
+    let mut attempts = 0;
+    let publisher = loop {
         match service.publisher_builder().max_loaned_samples(1).create() {
-            Ok(publisher) => {
-                pool::reserve(publisher.id().value())?;
-                let hello = publisher
-                    .loan_uninit()
-                    .map_err(|error| failed(error.to_string()))?
-                    .write_payload(Hello::of_this_program(epoch));
-                hello.send().map_err(|error| failed(error.to_string()))?;
-                return Ok(Arc::new(publisher));
-            }
-            Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => {
-                let mut nodes = Vec::new();
-                let listed = service.nodes(|node| {
-                    nodes.push(node);
-                    iceoryx2::prelude::CallbackProgression::Continue
-                });
-                if let Some(pid) = session::server_pid(&nodes, Some(node.id())) {
-                    return Err(CreateError::AlreadyServed {
-                        session: session.as_str().into(),
-                        pid,
-                    });
-                }
-                // The former server died and its remains are being removed.
-                if attempt == 20 {
-                    return Err(failed(format!("a dead server is not removed ({listed:?})")));
-                }
+            Ok(publisher) => break publisher,
+            // The session is ours, so this is the place of a server that died.
+            Err(PublisherCreateError::ExceedsMaxSupportedPublishers) if attempts < 20 => {
+                attempts += 1;
                 node.try_cleanup_dead_nodes();
                 std::thread::sleep(Duration::from_millis(50));
             }
             Err(error) => return Err(failed(error.to_string())),
         }
-    }
-    unreachable!("the loop returns")
+    };
+    pool::reserve(publisher.id().value())?;
+    let hello = publisher
+        .loan_uninit()
+        .map_err(|error| failed(error.to_string()))?
+        .write_payload(Hello::of_this_program(epoch));
+    hello.send().map_err(|error| failed(error.to_string()))?;
+    Ok(Arc::new(publisher))
 }
 
 fn sample_notifier(

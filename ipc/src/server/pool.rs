@@ -1,17 +1,11 @@
-//! Memory of the publishers: how much, and whether it is really there.
-//!
-//! iceoryx2 only reserves addresses. Without the steps here the first write to a full shared-memory mount
-//! kills the process with SIGBUS.
-
-use std::{fs, io, path::PathBuf};
-
-use rustix::fs::FallocateFlags;
+//! How much memory a session takes, and how many frames its pool gets.
 
 use super::{CreateError, SceneBlocks};
-use crate::schema::{AppliedCommand, GaussianState, MAX_COMMANDS, ObjectState, Status};
+use crate::{
+    schema::{AppliedCommand, GaussianState, MAX_COMMANDS, ObjectState, Status},
+    shm::{self, ReserveError},
+};
 
-/// Where Linux keeps POSIX shared memory.
-const SHM_DIR: &str = "/dev/shm";
 /// Frames that are worth having when they are small.
 const COMFORTABLE_BYTES: u64 = 256 << 20;
 /// One being written, one kept for late joiners, two each for two viewers, and some for a recorder's queue.
@@ -87,54 +81,21 @@ impl PoolPlan {
     }
 }
 
-/// Shared memory that can be taken now [byte]: free space of the mount, but no more than free memory.
-pub(super) fn available_bytes() -> u64 {
-    let mount = rustix::fs::statvfs(SHM_DIR).map_or(u64::MAX, |s| s.f_bavail * s.f_frsize);
-    mount.min(free_memory().unwrap_or(u64::MAX))
-}
-
-fn free_memory() -> Option<u64> {
-    let meminfo = fs::read_to_string("/proc/meminfo").ok()?;
-    let line = meminfo.lines().find(|l| l.starts_with("MemAvailable:"))?;
-    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib * 1024)
-}
-
 /// Makes the system set aside every page of the data segment of the port `id`.
 pub(super) fn reserve(id: u128) -> Result<(), CreateError> {
-    let Some(path) = data_file(id) else {
-        return Err(CreateError::Transport {
-            what: "find the memory of a publisher",
-            reason: format!("no file of port {id} in {SHM_DIR}"),
-        });
-    };
-    let failed = |error: io::Error| CreateError::Transport {
-        what: "reserve shared memory",
-        reason: format!("{}: {error}", path.display()),
-    };
-    let file = fs::OpenOptions::new()
-        .read(true)
-        .write(true)
-        .open(&path)
-        .map_err(failed)?;
-    let length = file.metadata().map_err(failed)?.len();
-    match rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, length) {
-        Ok(()) => Ok(()),
-        Err(rustix::io::Errno::NOSPC) => Err(CreateError::ShmTooSmall {
-            required: length,
-            available: available_bytes(),
-        }),
-        Err(error) => Err(failed(error.into())),
-    }
-}
-
-fn data_file(id: u128) -> Option<PathBuf> {
-    let suffix = format!("_{id}.data");
-    let files = fs::read_dir(SHM_DIR).ok()?;
-    files
-        .filter_map(Result::ok)
-        .find(|file| file.file_name().to_string_lossy().ends_with(&suffix))
-        .map(|file| file.path())
+    shm::reserve(id).map_err(|error| match error {
+        ReserveError::TooSmall {
+            required,
+            available,
+        } => CreateError::ShmTooSmall {
+            required,
+            available,
+        },
+        other => CreateError::Transport {
+            what: "reserve shared memory",
+            reason: other.to_string(),
+        },
+    })
 }
 
 #[cfg(test)]

@@ -147,3 +147,34 @@ fn a_full_pool_is_said_and_recovers_when_the_stuck_reader_dies() {
     let frame = reader.next(PATIENCE).expect("readable").expect("a frame");
     assert_eq!(frame.header().step, 1000);
 }
+
+#[test]
+fn servers_and_clients_killed_while_they_start_leave_the_session_usable() {
+    let domain = TestDomain::new();
+    // Starting takes some tens of milliseconds: the kills fall into all of its parts.
+    for delay in (0..60).step_by(4) {
+        let mut server = Process::start(&[], &domain, "serve", "early");
+        std::thread::sleep(Duration::from_millis(delay));
+        server.kill();
+    }
+    let mut server = Process::start(&[], &domain, "serve", "early");
+    assert!(server.hear().expect("a server").starts_with("serving"));
+    for delay in (0..60).step_by(4) {
+        let mut client = Process::start(&[], &domain, "hold", "early");
+        std::thread::sleep(Duration::from_millis(delay));
+        client.kill();
+    }
+    let client = Client::connect(&domain, "early", "test", PATIENCE).expect("attached");
+    let mut reader = client.frames(1).expect("a reader");
+    let first = reader.next(PATIENCE).expect("readable").expect("a frame");
+    let first = first.header().step;
+    while reader
+        .next(PATIENCE)
+        .expect("readable")
+        .expect("a frame")
+        .header()
+        .step
+        < first + 100
+    {}
+    assert_eq!(reader.runs(), 1);
+}

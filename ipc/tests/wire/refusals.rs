@@ -223,7 +223,7 @@ fn a_service_that_this_iceoryx2_cannot_read_is_said_with_its_release() {
     );
     let error = error.to_string();
     assert!(error.contains("iceoryx2 0.10.0"), "{error}");
-    assert!(error.contains("files of 0.9.3"), "{error}");
+    assert!(error.contains("traces of 0.9.3"), "{error}");
 }
 
 #[test]
