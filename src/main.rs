@@ -1,5 +1,6 @@
 //! The `cosplat` command line: one file per subcommand.
 
+mod bench;
 mod ctl;
 mod demo;
 mod explain;
@@ -26,6 +27,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Bench(bench::Args),
     Ctl(ctl::Args),
     Demo(demo::Args),
     Explain(explain::Args),
@@ -45,6 +47,7 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .init();
     let outcome: anyhow::Result<()> = match Cli::parse().command {
+        Command::Bench(args) => bench::run(&args),
         Command::Ctl(args) => ctl::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Explain(args) => explain::run(&args),

@@ -1,0 +1,26 @@
+//! `cosplat bench`: measurements.
+
+#[path = "bench_transport.rs"]
+mod transport;
+
+/// Measure this machine.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(clap::Subcommand)]
+enum What {
+    Transport(transport::Args),
+}
+
+/// Runs the measurement.
+///
+/// # Errors
+/// When it could not be made.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    match &args.what {
+        What::Transport(args) => transport::run(args),
+    }
+}
