@@ -36,7 +36,7 @@ impl Group {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Motion {
-    /// Velocity [cells/s].
+    /// Velocity relative to the world's carrier velocity [cells/s].
     pub v: [F32x16; 3],
     /// Affine velocity `C` [1/s], row-major.
     pub c: [F32x16; 9],

@@ -1,4 +1,4 @@
-//! Grid pass: sum the tiles in fixed order, momentum to velocity, gravity, boundaries.
+//! Grid pass: sum the tiles in fixed order, momentum to velocity, boundaries.
 
 use rayon::prelude::*;
 
@@ -17,15 +17,10 @@ const LIGHTEST: f32 = 1e-24;
 /// Node blocks per task at least.
 const TASK: usize = 16;
 
-/// Turns tiles into node velocities, `gravity` in [cells/s^2]. Returns the largest velocity component before
-/// boundaries [cells/s], NaN or infinite when a node is.
-pub(crate) fn node_pass(
-    isa: Isa,
-    grid: &mut Grid,
-    boundary: &Boundary,
-    dt: f32,
-    gravity: [f32; 3],
-) -> f32 {
+/// Turns tiles into node velocities. They are relative to the velocity `carrier` [cells/s], which holds all that
+/// gravity adds. Returns the largest relative velocity component before boundaries [cells/s], NaN or infinite when
+/// a node is.
+pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, boundary: &Boundary, carrier: [f64; 3]) -> f32 {
     let Grid {
         tiles,
         nodes,
@@ -33,7 +28,6 @@ pub(crate) fn node_pass(
         ..
     } = grid;
     let tiles = tiles.as_slice();
-    let kick = gravity.map(|g| dt * g);
     // Magnitudes are compared as integers: NaN is then the largest of all and cannot get lost.
     let largest = nodes
         .par_iter()
@@ -43,14 +37,14 @@ pub(crate) fn node_pass(
             let largest = match isa {
                 #[cfg(target_arch = "x86_64")]
                 // SAFETY: a world is only made with an instruction set that the processor has.
-                Isa::Avx512 => unsafe { node_block_avx512(block, tiles, kick, out) },
+                Isa::Avx512 => unsafe { node_block_avx512(block, tiles, out) },
                 #[cfg(target_arch = "x86_64")]
                 // SAFETY: a world is only made with an instruction set that the processor has.
-                Isa::Avx2 => unsafe { node_block_avx2(block, tiles, kick, out) },
-                _ => node_block::<Portable>(block, tiles, kick, out),
+                Isa::Avx2 => unsafe { node_block_avx2(block, tiles, out) },
+                _ => node_block::<Portable>(block, tiles, out),
             };
             if block.constrained {
-                constrain(block, boundary, out);
+                constrain(block, boundary, carrier, out);
             }
             largest
         })
@@ -61,34 +55,19 @@ pub(crate) fn node_pass(
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
-unsafe fn node_block_avx512(
-    block: &NodeBlock,
-    tiles: &[Tile],
-    kick: [f32; 3],
-    out: &mut Velocities,
-) -> u32 {
-    node_block::<Avx512>(block, tiles, kick, out)
+unsafe fn node_block_avx512(block: &NodeBlock, tiles: &[Tile], out: &mut Velocities) -> u32 {
+    node_block::<Avx512>(block, tiles, out)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
-unsafe fn node_block_avx2(
-    block: &NodeBlock,
-    tiles: &[Tile],
-    kick: [f32; 3],
-    out: &mut Velocities,
-) -> u32 {
-    node_block::<Avx2>(block, tiles, kick, out)
+unsafe fn node_block_avx2(block: &NodeBlock, tiles: &[Tile], out: &mut Velocities) -> u32 {
+    node_block::<Avx2>(block, tiles, out)
 }
 
 /// Sums one node block and divides; returns the largest magnitude of a velocity component as bits.
 #[inline(always)]
-fn node_block<V: Lanes>(
-    block: &NodeBlock,
-    tiles: &[Tile],
-    kick: [f32; 3],
-    out: &mut Velocities,
-) -> u32 {
+fn node_block<V: Lanes>(block: &NodeBlock, tiles: &[Tile], out: &mut Velocities) -> u32 {
     let zero = V::broadcast(0.0);
     let truth = |of: fn(usize) -> bool| {
         let lanes = F32x16(std::array::from_fn(|i| f32::from(u8::from(of(i)))));
@@ -133,18 +112,12 @@ fn node_block<V: Lanes>(
             }
         }
     }
-    let kick = [kick[0], kick[1], kick[2], 0.0];
-    // SAFETY: the array is 4 floats long.
-    let kick = unsafe { V::repeat_quarter(kick.as_ptr()) };
     let one = V::broadcast(1.0);
     let mut largest = zero;
     for (row, to) in sum.iter().zip(&mut out.0) {
         let mass = row.fourth();
         let occupied = V::broadcast(LIGHTEST).lt(mass);
-        let mass = V::select(occupied, mass, one);
-        // Not `momentum / mass + kick`: that sum rounds the same way at every node of a body in free fall, step
-        // after step, and the fall comes out wrong by parts in 1e5.
-        let v = mass.mul_add(kick, *row) / mass;
+        let v = *row / V::select(occupied, mass, one);
         let v = V::select(velocity & occupied, v, zero);
         v.store(to);
         largest = largest.larger_magnitude(v);
@@ -153,14 +126,15 @@ fn node_block<V: Lanes>(
 }
 
 /// Applies colliders and pinned regions to the nodes of a block, one by one.
-fn constrain(block: &NodeBlock, boundary: &Boundary, out: &mut Velocities) {
+fn constrain(block: &NodeBlock, boundary: &Boundary, carrier: [f64; 3], out: &mut Velocities) {
     for (row, nodes) in out.0.iter_mut().enumerate() {
         for (k, node) in nodes.0.chunks_exact_mut(4).enumerate() {
             let local = [row / 4, row % 4, k];
             let x = std::array::from_fn(|a| f64::from(BLOCK * block.index[a] + local[a] as i32));
-            let v = [node[0], node[1], node[2]].map(f64::from);
-            for (to, from) in node.iter_mut().zip(boundary.constrain(x, v)) {
-                *to = from as f32;
+            let v = std::array::from_fn(|a| f64::from(node[a]) + carrier[a]);
+            let v = boundary.constrain(x, v);
+            for a in 0..3 {
+                node[a] = (v[a] - carrier[a]) as f32;
             }
         }
     }

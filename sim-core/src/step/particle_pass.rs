@@ -50,6 +50,8 @@ pub(crate) struct Pass<'a> {
     pub stage: Stage,
     /// Substep that gathered velocities are advanced with [s].
     pub dt: f32,
+    /// Velocity that all others are relative to [cells/s].
+    pub carrier: [f64; 3],
     /// Per object.
     pub laws: &'a [ObjectLaw],
     /// Largest `dt |C|` (Frobenius) that passes the guard.
@@ -281,6 +283,8 @@ impl<V: Lanes> Largest<V> {
 /// What a moved particle is checked against.
 struct Limits<V> {
     dt: V,
+    /// The carrier's velocity [cells/s] and displacement [cells].
+    carrier: [[V; 3]; 2],
     /// Square of the largest `dt |C|`.
     strain_squared: V,
     /// Corners of the domain, relative to the block's centre [cells].
@@ -291,6 +295,11 @@ impl<V: Lanes> Limits<V> {
     #[inline(always)]
     fn new(pass: &Pass<'_>, block: &Block) -> Self {
         let mut domain = [[V::broadcast(0.0); 3]; 2];
+        let mut carrier = domain;
+        for a in 0..3 {
+            carrier[0][a] = V::broadcast(pass.carrier[a] as f32);
+            carrier[1][a] = V::broadcast((f64::from(pass.dt) * pass.carrier[a]) as f32);
+        }
         for n in 0..2 {
             for a in 0..3 {
                 let centre = f64::from(BLOCK * block.index[a]) + 1.5;
@@ -299,6 +308,7 @@ impl<V: Lanes> Limits<V> {
         }
         Self {
             dt: V::broadcast(pass.dt),
+            carrier,
             strain_squared: V::broadcast(pass.max_strain * pass.max_strain),
             domain,
         }
@@ -326,11 +336,13 @@ fn advance<V: Lanes>(
     let x = load3::<V>(&group.x);
     let (v, c) = gather(velocities, &Stencil::new(x));
     let dt = V::select(live, limits.dt, zero);
+    let [u, shift] = &limits.carrier;
     let x = [
-        dt.mul_add(v[0], x[0]),
-        dt.mul_add(v[1], x[1]),
-        dt.mul_add(v[2], x[2]),
+        dt.mul_add(v[0], V::select(live, shift[0], zero)) + x[0],
+        dt.mul_add(v[1], V::select(live, shift[1], zero)) + x[1],
+        dt.mul_add(v[2], V::select(live, shift[2], zero)) + x[2],
     ];
+    let total = [v[0] + u[0], v[1] + u[1], v[2] + u[2]];
     let mut increment = c;
     for i in 0..3 {
         for j in 0..3 {
@@ -347,7 +359,7 @@ fn advance<V: Lanes>(
         outside = outside | x[a].lt(limits.domain[0][a]) | limits.domain[1][a].lt(x[a]);
     }
     let max = |old: V, new: V| old.max(V::select(live, new, zero));
-    largest.speed = max(largest.speed, dot(v, v));
+    largest.speed = max(largest.speed, dot(total, total));
     largest.rate = max(largest.rate, c.norm_squared());
     largest.stretch = max(largest.stretch, max_stretch_squared(&f));
     largest.max_j = max(largest.max_j, j);

@@ -283,6 +283,7 @@ impl World {
     fn set_velocity(&mut self, object: usize, linear: [f64; 3], angular: [f64; 3]) {
         let dx = self.scene.dx;
         let state = self.report.objects[object];
+        let carrier = self.state.carrier;
         let [x, y, z] = angular;
         let spin = [0.0, -z, y, z, 0.0, -x, -y, x, 0.0];
         let all = &mut self.state.particles;
@@ -298,7 +299,8 @@ impl World {
                     let r = std::array::from_fn(|a| at[a] * dx - state.com[a]);
                     let turn = cross(angular, r);
                     for a in 0..3 {
-                        all.motion[g].v[a].0[lane] = ((linear[a] + turn[a]) / dx) as f32;
+                        all.motion[g].v[a].0[lane] =
+                            ((linear[a] + turn[a]) / dx - carrier[a]) as f32;
                     }
                     for n in 0..9 {
                         all.motion[g].c[n].0[lane] = spin[n] as f32;

@@ -10,9 +10,9 @@ use super::{
 };
 use crate::{
     grid::node_pass,
-    particles::{Extremes, Flags, Group, Motion, NO_PARTICLE, Run},
+    particles::{Extremes, Flags, Group, Motion, NO_PARTICLE, Particles, Run},
     report::{DtLimit, StepReport, Timings},
-    simd::{F32x16, LANES},
+    simd::LANES,
     step::{
         particle_pass::{Findings, ObjectLaw, Pass, Stage, particle_pass},
         sort::sort,
@@ -115,6 +115,7 @@ struct Checkpoint {
     remaining: f64,
     substeps: u32,
     drift: f64,
+    carrier: [f64; 3],
     grid_speed: f64,
     extremes: Vec<Extremes>,
 }
@@ -124,7 +125,7 @@ impl World {
     pub(super) fn advance(&mut self, frame: &mut Frame) {
         #[cfg(test)]
         self.workspace.substeps.clear();
-        self.refresh_speeds();
+        self.recentre();
         while frame.remaining > 0.0 && !self.state.particles.groups.is_empty() {
             self.segment(frame);
         }
@@ -140,6 +141,7 @@ impl World {
             remaining: frame.remaining,
             substeps: frame.substeps,
             drift: self.state.drift,
+            carrier: self.state.carrier,
             grid_speed: self.state.grid_speed,
             extremes: self.state.extremes.clone(),
         };
@@ -237,6 +239,7 @@ impl World {
         frame.substeps = to.substeps;
         frame.remaining = to.remaining;
         self.state.drift = to.drift;
+        self.state.carrier = to.carrier;
         self.state.grid_speed = to.grid_speed;
         self.state.extremes.clone_from(&to.extremes);
         self.state
@@ -276,6 +279,7 @@ impl World {
         let pass = Pass {
             stage,
             dt: dt as f32,
+            carrier: self.state.carrier,
             laws: &laws,
             max_strain: MAX_STRAIN as f32,
             max_speed: (MAX_TRAVEL / self.smallest_dt(frame.length)) as f32,
@@ -300,29 +304,79 @@ impl World {
     /// Runs the grid pass; returns the largest velocity component [cells/s].
     fn nodes(&mut self, frame: &mut Frame, dt: f64) -> f64 {
         let start = Instant::now();
-        let gravity = self.state.gravity.map(|g| (g / self.scene.dx) as f32);
+        for a in 0..3 {
+            self.state.carrier[a] += dt * self.state.gravity[a] / self.scene.dx;
+        }
         let grid = &mut self.workspace.grid;
-        let speed = node_pass(self.isa, grid, &self.boundary, dt as f32, gravity);
-        self.state.grid_speed = f64::from(speed);
+        let relative = node_pass(self.isa, grid, &self.boundary, self.state.carrier);
+        let carrier = self
+            .state
+            .carrier
+            .iter()
+            .fold(0.0, |m: f64, u| m.max(u.abs()));
+        self.state.grid_speed = f64::from(relative) + carrier;
         frame.timings.grid += start.elapsed().as_secs_f64();
         self.state.grid_speed
     }
 
-    /// Speeds and rates of all particles from their stored motion, which commands may have changed.
-    fn refresh_speeds(&mut self) {
-        let particles = &mut self.state.particles;
-        let motion = particles.motion.as_slice();
-        particles.runs.par_iter_mut().for_each(|run| {
-            let (mut speed, mut rate) = ([0.0_f32; LANES], [0.0_f32; LANES]);
-            for motion in &motion[run.groups.clone()] {
-                for lane in 0..LANES {
-                    let square = |sum: f32, v: &F32x16| sum + v.0[lane] * v.0[lane];
-                    speed[lane] = speed[lane].max(motion.v.iter().fold(0.0, square));
-                    rate[lane] = rate[lane].max(motion.c.iter().fold(0.0, square));
-                }
+    /// Makes the carrier velocity the mean of all particles, so that what single precision rounds is small, and
+    /// takes the largest speeds and rates, which commands may have changed.
+    fn recentre(&mut self) {
+        let mut momentum = [0.0; 3];
+        let mut mass = 0.0;
+        for (object, p) in self.report.objects.iter().zip(&self.state.momentum) {
+            mass += object.mass;
+            for a in 0..3 {
+                momentum[a] += p[a];
             }
-            run.extremes.speed_squared = speed.into_iter().fold(0.0, f32::max);
-            run.extremes.rate_squared = rate.into_iter().fold(0.0, f32::max);
+        }
+        let shift: [f32; 3] = std::array::from_fn(|a| {
+            let mean = momentum[a] / (mass * self.scene.dx);
+            let shift = (mean - self.state.carrier[a]) as f32;
+            if shift.is_finite() { shift } else { 0.0 }
+        });
+        for a in 0..3 {
+            self.state.carrier[a] += f64::from(shift[a]);
+        }
+        let carrier = self.state.carrier.map(|u| u as f32);
+        let Particles {
+            runs,
+            motion,
+            blocks,
+            fixed,
+            ..
+        } = &mut self.state.particles;
+        let (mut runs, mut motion) = (runs.as_mut_slice(), motion.as_mut_slice());
+        let mut work = Vec::with_capacity(blocks.len());
+        for block in blocks {
+            let (these, others) = runs.split_at_mut(block.runs.len());
+            let (here, elsewhere) = motion.split_at_mut(block.groups.len());
+            (runs, motion) = (others, elsewhere);
+            work.push((block.groups.start, these, here));
+        }
+        work.into_par_iter().for_each(|(origin, runs, motion)| {
+            for run in runs {
+                let (mut speed, mut rate) = ([0.0_f32; LANES], [0.0_f32; LANES]);
+                for group in run.groups.clone() {
+                    let motion = &mut motion[group - origin];
+                    let used = &fixed[group].mass.0;
+                    for lane in (0..LANES).filter(|&lane| used[lane] > 0.0) {
+                        let (mut v_squared, mut c_squared) = (0.0, 0.0);
+                        for a in 0..3 {
+                            motion.v[a].0[lane] -= shift[a];
+                            let v = motion.v[a].0[lane] + carrier[a];
+                            v_squared += v * v;
+                        }
+                        for c in &motion.c {
+                            c_squared += c.0[lane] * c.0[lane];
+                        }
+                        speed[lane] = speed[lane].max(v_squared);
+                        rate[lane] = rate[lane].max(c_squared);
+                    }
+                }
+                run.extremes.speed_squared = speed.into_iter().fold(0.0, f32::max);
+                run.extremes.rate_squared = rate.into_iter().fold(0.0, f32::max);
+            }
         });
         for extremes in &mut self.state.extremes {
             (extremes.speed_squared, extremes.rate_squared) = (0.0, 0.0);
@@ -380,7 +434,8 @@ impl World {
     pub(super) fn take_out(&mut self, which: fn(&Flags) -> u16) -> Vec<u32> {
         let particles = &mut self.state.particles;
         // Their last state is what is displayed from now on; flagged lanes hold it, or what led to it.
-        self.published.update(particles, self.scene.dx);
+        self.published
+            .update(particles, self.state.carrier, self.scene.dx);
         let mut ids = Vec::new();
         for group in 0..particles.groups.len() {
             let lanes = which(&particles.flags[group]);

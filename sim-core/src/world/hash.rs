@@ -29,6 +29,7 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
     hash.update(bytemuck::cast_slice(&parts));
     hash.update(bytemuck::cast_slice(&state.removed));
     hash.update(bytes_of(&state.gravity));
+    hash.update(bytes_of(&state.carrier));
     hash.update(bytes_of(&state.sim_time));
     for material in &state.materials {
         hash.update(bytes_of(&(material.law as u32)));

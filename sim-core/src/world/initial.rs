@@ -23,6 +23,7 @@ impl World {
             particles: place(&newcomers),
             drift: f64::INFINITY,
             extremes: vec![Extremes::NONE; scene.objects.len()],
+            carrier: [0.0; 3],
             grid_speed: 0.0,
             removed: vec![],
             momentum: vec![[0.0; 3]; scene.objects.len()],

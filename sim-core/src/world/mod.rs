@@ -60,6 +60,9 @@ struct State {
     drift: f64,
     /// Per object the extremes of its particles after the latest substep.
     extremes: Vec<Extremes>,
+    /// Velocity that those of particles and nodes are relative to [cells/s]: all that gravity adds goes here, in
+    /// double precision.
+    carrier: [f64; 3],
     /// Largest velocity component on the grid in the latest substep [cells/s].
     grid_speed: f64,
     /// Particles taken out so far, in the order it happened.
@@ -137,7 +140,10 @@ impl World {
 
         // Particles back to scene order; moments, energies, hash.
         let measuring = Instant::now();
-        self.published.update(&self.state.particles, self.scene.dx);
+        let State {
+            particles, carrier, ..
+        } = &self.state;
+        self.published.update(particles, *carrier, self.scene.dx);
         self.state.steps += 1;
         self.state.sim_time += frame.length;
         let mut report = self.measure(&frame);

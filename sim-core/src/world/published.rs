@@ -86,7 +86,7 @@ impl Published {
     }
 
     /// Takes over the state of all simulated particles; those taken out keep their last.
-    pub fn update(&mut self, particles: &Particles, dx: f64) {
+    pub fn update(&mut self, particles: &Particles, carrier: [f64; 3], dx: f64) {
         let cells = Shared::new(&mut self.cells);
         let position = Shared::new(&mut self.position);
         let velocity = Shared::new(&mut self.velocity);
@@ -104,7 +104,8 @@ impl Published {
                 unsafe {
                     cells.set(at, x);
                     position.set(at, x.map(|x| (x * dx) as f32));
-                    velocity.set(at, std::array::from_fn(|a| motion.v[a].0[lane] * dx as f32));
+                    let v = |a: usize| (f64::from(motion.v[a].0[lane]) + carrier[a]) * dx;
+                    velocity.set(at, [v(0) as f32, v(1) as f32, v(2) as f32]);
                     affine.set(at, std::array::from_fn(|n| motion.c[n].0[lane]));
                     deformation.set(at, std::array::from_fn(|n| group.f[n].0[lane]));
                 }

@@ -40,6 +40,33 @@ fn falling_block(law: Law) -> Scene {
 }
 
 #[test]
+fn free_fall_is_the_parabola_of_symplectic_euler() {
+    let mut scene = falling_block(Law::FixedCorotated);
+    scene.colliders.clear();
+    scene.objects[0].linear_velocity = [0.0; 3];
+    scene.objects[0].velocity_gradient = [[0.0; 3]; 3];
+    let mut world = World::new(scene).expect("valid scene");
+    let start = world.report().objects[0].com;
+    // One pass over a second in frames; every substep adds g dt to v before x moves: the sum of the squares of
+    // the substeps is the known lead over the parabola.
+    let mut lead = 0.0;
+    for _ in 0..60 {
+        let report = world.step(1.0 / 60.0, &[]);
+        // Equal shares but for rounding to single precision.
+        assert!(report.dt - report.dt_min < 1e-6 * report.dt);
+        lead += f64::from(report.substeps) * report.dt * report.dt;
+    }
+    let fallen = start[2] - world.report().objects[0].com[2];
+    let expected = 0.5 * 9.81 * (1.0 + lead);
+    eprintln!("free fall {}", fallen / expected - 1.0);
+    assert!(
+        (fallen / expected - 1.0).abs() < 1e-6,
+        "{fallen} {expected} {:e}",
+        fallen / expected - 1.0
+    );
+}
+
+#[test]
 fn the_fast_solver_follows_the_reference() {
     for law in [Law::FixedCorotated, Law::NeoHookean] {
         let scene = falling_block(law);
