@@ -125,6 +125,9 @@ impl World {
     pub(super) fn advance(&mut self, frame: &mut Frame) {
         #[cfg(test)]
         self.workspace.substeps.clear();
+        if frame.remaining == 0.0 {
+            return;
+        }
         self.recentre();
         while frame.remaining > 0.0 && !self.state.particles.groups.is_empty() {
             self.segment(frame);

@@ -1,5 +1,8 @@
 //! Laws and stories of the fast solver.
 
+mod laws;
+mod stories;
+
 use super::*;
 use crate::{
     materials::Law,
@@ -58,7 +61,7 @@ fn free_fall_is_the_parabola_of_symplectic_euler() {
     }
     let fallen = start[2] - world.report().objects[0].com[2];
     let expected = 0.5 * 9.81 * (1.0 + lead);
-    eprintln!("free fall {}", fallen / expected - 1.0);
+
     assert!(
         (fallen / expected - 1.0).abs() < 1e-6,
         "{fallen} {expected} {:e}",
