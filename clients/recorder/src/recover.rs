@@ -105,7 +105,7 @@ pub fn recover(
 /// Compression of the first chunk, which the output keeps.
 fn compression(segments: &[Segment]) -> Option<mcap::Compression> {
     let first = segments.iter().find_map(|s| s.chunk.as_ref())?;
-    match first.compression.as_str() {
+    match first.compression {
         "lz4" => Some(mcap::Compression::Lz4),
         "zstd" => Some(mcap::Compression::Zstd),
         _ => None,

@@ -21,7 +21,7 @@ pub(crate) struct Segment {
     pub(crate) length: u64,
     /// Of its body that is there [bytes].
     pub(crate) available: u64,
-    /// Whether all of it is there.
+    /// Whether all of it is there, and a chunk was finished.
     pub(crate) is_whole: bool,
     /// For chunks whose header can be read.
     pub(crate) chunk: Option<ChunkInfo>,
@@ -31,11 +31,18 @@ pub(crate) struct Segment {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ChunkInfo {
     /// Name of the compression, empty for none.
-    pub(crate) compression: String,
+    pub(crate) compression: &'static str,
     /// Size of the header [bytes].
     pub(crate) header_len: u64,
     /// Size of the data after the header as the header says [bytes].
     data_len: u64,
+}
+
+impl ChunkInfo {
+    /// Whether header and data make up a record of `length` bytes.
+    fn fills(&self, length: u64) -> bool {
+        self.header_len.checked_add(self.data_len) == Some(length)
+    }
 }
 
 /// All records of a file.
@@ -103,12 +110,14 @@ fn segment_at(file: &mut File, at: u64, end: u64) -> io::Result<Option<Segment>>
         op::CHUNK => chunk_at(file, at, end)?,
         _ => None,
     };
+    // A chunk's sizes are filled in when it is finished, its record's length first.
+    let is_finished = opcode != op::CHUNK || chunk.as_ref().is_some_and(|c| c.fills(length));
     Ok(Some(Segment {
         opcode,
         offset: at,
         length,
         available,
-        is_whole: available == length,
+        is_whole: available == length && is_finished,
         chunk,
     }))
 }
@@ -118,19 +127,22 @@ fn chunk_at(file: &mut File, at: u64, end: u64) -> io::Result<Option<ChunkInfo>>
     let Some(fixed) = read_at::<32>(file, at + FRAMING, end)? else {
         return Ok(None);
     };
-    let mut compression = String::new();
-    let name_len = u64::from(u32::from_le_bytes([
-        fixed[28], fixed[29], fixed[30], fixed[31],
-    ]));
-    if name_len > 4 {
-        return Ok(None);
+    let name_len = u32::from_le_bytes([fixed[28], fixed[29], fixed[30], fixed[31]]);
+    let mut name = Vec::new();
+    if name_len <= 4 {
+        file.take(name_len.into()).read_to_end(&mut name)?;
     }
-    file.take(name_len).read_to_string(&mut compression)?;
-    let name_is_known = matches!(compression.as_str(), "" | "lz4" | "zstd");
-    let size = read_at::<8>(file, at + FRAMING + 32 + name_len, end)?;
-    Ok(size.filter(|_| name_is_known).map(|size| ChunkInfo {
+    let Some(compression) = ["", "lz4", "zstd"]
+        .into_iter()
+        .find(|known| known.len() as u32 == name_len && known.as_bytes() == name)
+    else {
+        return Ok(None);
+    };
+    let header_len = CHUNK_HEADER + u64::from(name_len);
+    let size = read_at::<8>(file, at + FRAMING + header_len - 8, end)?;
+    Ok(size.map(|size| ChunkInfo {
         compression,
-        header_len: CHUNK_HEADER + name_len,
+        header_len,
         data_len: le64(&size),
     }))
 }
@@ -150,9 +162,7 @@ fn next_chunk(file: &mut File, from: u64, end: u64) -> io::Result<Option<u64>> {
         for i in (0..count).filter(|&i| window[i] == op::CHUNK) {
             let at = start + i as u64;
             if let Some(segment) = segment_at(file, at, end)?
-                && let Some(chunk) = &segment.chunk
                 && segment.is_whole
-                && chunk.header_len.checked_add(chunk.data_len) == Some(segment.length)
             {
                 return Ok(Some(at));
             }

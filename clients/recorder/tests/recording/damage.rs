@@ -155,6 +155,37 @@ fn a_killed_writer_loses_no_finished_chunk() {
     }
 }
 
+/// Finishing a chunk takes several writes; a kill may come between any two.
+#[test]
+fn a_writer_killed_while_it_finishes_a_chunk_loses_nothing_of_it() {
+    let bench = Bench::new(Compression::None);
+    let summary = mcap::Summary::read(&bench.bytes).unwrap().unwrap();
+    let chunk = &summary.chunk_indexes[2];
+    let start = chunk.chunk_start_offset as usize;
+    let end = start + chunk.chunk_length as usize;
+    let expected = frames_of(&bench.bytes)
+        .iter()
+        .filter(|f| f.2 <= end)
+        .count();
+    // Offsets of the fields in the order of writing, with the placeholders that stand there before.
+    let header = start + 9;
+    let fields = [
+        (start + 1..start + 9, 0xff),
+        (header..header + 16, 0x00),
+        (header + 16..header + 28, 0xff),
+        (header + 32..header + 40, 0xff),
+    ];
+    for first_unwritten in 0..fields.len() {
+        let mut bytes = bench.bytes[..end].to_vec();
+        for (range, placeholder) in &fields[first_unwritten..] {
+            bytes[range.clone()].fill(*placeholder);
+        }
+        let (report, steps) = bench.recover(&bytes);
+        assert_eq!(steps.len(), expected, "from field {first_unwritten} on");
+        assert_eq!(report.chunks_damaged, 0);
+    }
+}
+
 #[test]
 fn a_flipped_bit_in_a_frame_is_detected_and_costs_its_chunk_only() {
     for compression in [Compression::None, Compression::Lz4, Compression::Zstd] {
