@@ -1,7 +1,8 @@
 //! The JSON messages of a recording: `/status`, `/objects`, `/journal`, `/gaps`.
 //!
 //! Every number of the wire type is kept, so that a reader gets the wire type back bit for bit. Hashes and random
-//! ids are written as 16 hexadecimal digits: JSON readers in other languages round integers above 2^53.
+//! ids are written as 16 hexadecimal digits: JSON readers in other languages round integers above 2^53. JSON has no
+//! infinity and no NaN: they become null, and come back as NaN.
 
 use cosplat_ipc::schema as wire;
 use serde::{Deserialize, Serialize};
@@ -25,14 +26,58 @@ impl<'de> Deserialize<'de> for Hex64 {
     }
 }
 
+/// Numbers that are null in JSON where they are not finite.
+trait FromJson: Sized {
+    fn from_json<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error>;
+}
+
+impl FromJson for f64 {
+    fn from_json<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        Ok(Option::deserialize(from)?.unwrap_or(Self::NAN))
+    }
+}
+
+/// Types that are never null.
+macro_rules! always_there {
+    ($($kind:ty),*) => {
+        $(
+            impl FromJson for $kind {
+                fn from_json<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+                    Self::deserialize(from)
+                }
+            }
+        )*
+    };
+}
+always_there!(u32, u64, Hex64);
+
+impl<const N: usize> FromJson for [f64; N] {
+    fn from_json<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let values = Vec::<Option<f64>>::deserialize(from)?;
+        let mut array = [f64::NAN; N];
+        if values.len() != N {
+            let found = values.len();
+            return Err(serde::de::Error::custom(format!(
+                "expected {N} numbers, found {found}"
+            )));
+        }
+        for (to, value) in array.iter_mut().zip(values) {
+            *to = value.unwrap_or(f64::NAN);
+        }
+        Ok(array)
+    }
+}
+
 /// `/status`: header of a frame, and the server's status board as it was read with the frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StatusRecord {
     /// Step count.
     pub step: u64,
     /// Simulated time at the end of the step [s].
+    #[serde(deserialize_with = "FromJson::from_json")]
     pub sim_time: f64,
     /// Size of the last substep [s].
+    #[serde(deserialize_with = "FromJson::from_json")]
     pub dt: f64,
     /// Identifies the published scene.
     pub epoch: Hex64,
@@ -92,6 +137,7 @@ macro_rules! twin {
         pub struct $twin {
             $(
                 #[doc = concat!("See [`", stringify!($wire), "::", stringify!($field), "`](wire::", stringify!($wire), "::", stringify!($field), ").")]
+                #[serde(deserialize_with = "FromJson::from_json")]
                 pub $field: $kind,
             )*
         }
@@ -181,6 +227,7 @@ pub struct ObjectsRecord {
     /// Step count, as in `/status`.
     pub step: u64,
     /// Simulated time [s].
+    #[serde(deserialize_with = "FromJson::from_json")]
     pub sim_time: f64,
     /// Identifies the published scene.
     pub epoch: Hex64,
@@ -232,10 +279,13 @@ pub struct JournalRecord {
     /// Step the sender asked for.
     pub apply_at_step: u64,
     /// Main vector; its meaning depends on `kind`.
+    #[serde(deserialize_with = "FromJson::from_json")]
     pub vector: V3,
     /// Point [m] or second vector.
+    #[serde(deserialize_with = "FromJson::from_json")]
     pub point: V3,
     /// Radius [m].
+    #[serde(deserialize_with = "FromJson::from_json")]
     pub radius: f64,
     /// For `COMMAND_SET_MATERIAL`.
     pub material: MaterialRecord,
@@ -415,6 +465,30 @@ mod tests {
         );
         let board = wire::Status::from(back.board.as_ref().unwrap());
         assert_eq!(bytemuck::bytes_of(&board), bytemuck::bytes_of(&status));
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_do_not_make_a_message_unreadable() {
+        let status = wire::Status {
+            kinetic_energy: f64::INFINITY,
+            linear_momentum: [1.0, f64::NAN, 3.0],
+            ..Default::default()
+        };
+        let header = wire::FrameHeader {
+            dt: f64::NAN,
+            ..Default::default()
+        };
+        let json = serde_json::to_vec(&StatusRecord::new(&header, Some(&status))).unwrap();
+        let back: StatusRecord = serde_json::from_slice(&json).unwrap();
+        assert!(back.dt.is_nan());
+        let board = back.board.unwrap();
+        assert!(board.kinetic_energy.is_nan() && board.linear_momentum[1].is_nan());
+        assert_eq!(
+            (board.linear_momentum[0], board.linear_momentum[2]),
+            (1.0, 3.0)
+        );
+        let short = r#"{"law": 1, "youngs_modulus": null}"#;
+        assert!(serde_json::from_str::<MaterialRecord>(short).is_err());
     }
 
     #[test]
