@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use cosplat_ipc::client::{
     ConnectError, Frame, FrameReader, JournalReader, Message, ObjectsReader, ReadError, SceneView,
-    StatusReader,
+    StatusReader, heartbeat_age,
 };
 use cosplat_ipc::schema::{
-    AppliedCommand, FRAME_FLAG_LAST, JournalHeader, ObjectState, ObjectsHeader,
+    AppliedCommand, FRAME_FLAG_LAST, JournalHeader, ObjectState, ObjectsHeader, SERVER_STOPPING,
 };
 use cosplat_ipc::{Client, Domain, monotonic_ns};
 use serde::Serialize;
@@ -26,6 +26,8 @@ const QUEUE_DEPTH: usize = 64;
 const TICK: Duration = Duration::from_millis(100);
 /// How long the scene of a restarted server may take.
 const SCENE_TIMEOUT: Duration = Duration::from_secs(10);
+/// A server without a heartbeat for this long is gone; it sends ten per second.
+const DEAD_AFTER: Duration = Duration::from_secs(1);
 
 /// What to record, and where.
 #[derive(Clone, Debug)]
@@ -119,6 +121,7 @@ pub fn record(
         latencies: Latencies::default(),
         attached_ns: monotonic_ns(),
         summary: Summary::default(),
+        is_server_silent: false,
         client,
     };
     let outcome = recorder.run(&mut streams, scene, options.duration, stop, &mut progress);
@@ -175,6 +178,14 @@ impl From<ReadError> for Interrupted {
     }
 }
 
+/// What a time without frames means.
+enum Silence {
+    /// The server pauses, or is gone and may come back.
+    Pause,
+    /// The session is over.
+    End,
+}
+
 /// Everything that the recorder reads.
 struct Streams {
     frames: FrameReader,
@@ -207,6 +218,7 @@ struct Recorder {
     attached_ns: u64,
     latencies: Latencies,
     summary: Summary,
+    is_server_silent: bool,
 }
 
 impl Recorder {
@@ -225,7 +237,10 @@ impl Recorder {
         while !is_over() {
             let frame = match streams.frames.next(TICK) {
                 Ok(Some(frame)) => frame,
-                Ok(None) => continue,
+                Ok(None) => match self.silence(streams)? {
+                    Silence::Pause => continue,
+                    Silence::End => break,
+                },
                 Err(error) => {
                     tolerate(error)?;
                     continue;
@@ -256,31 +271,53 @@ impl Recorder {
         self.accompany(streams, (u64::MAX, u64::MAX))
     }
 
+    /// What it means that no frame comes. The last frame of a session is lost when its memory was in use: then the
+    /// status board alone says that the session is over.
+    fn silence(&mut self, streams: &mut Streams) -> Result<Silence, Interrupted> {
+        let newest = streams.status.newest().unwrap_or_default();
+        let Some(status) = newest.filter(|s| heartbeat_age(s) > DEAD_AFTER) else {
+            self.is_server_silent = false;
+            return Ok(Silence::Pause);
+        };
+        if status.server_state != SERVER_STOPPING || status.epoch != self.epoch {
+            if !self.is_server_silent {
+                tracing::warn!("the server gives no sign of life; waiting for it to come back");
+            }
+            self.is_server_silent = true;
+            return Ok(Silence::Pause);
+        }
+        if self
+            .summary
+            .last_step
+            .is_some_and(|last| last < status.step)
+        {
+            self.gap(GapRecord {
+                epoch: Hex64(self.epoch),
+                from_step: self.next_step(),
+                to_step: Some(status.step),
+                reason: GapReason::Missed,
+            })?;
+        }
+        Ok(Silence::End)
+    }
+
     /// Notes what is missing before `frame`; opens a new epoch where the server was started anew.
     fn gaps(&mut self, frame: &Frame, stop: &AtomicBool) -> Result<(), Interrupted> {
         let header = frame.header();
-        let gap = match (frame.is_new_run(), frame.missed()) {
-            (true, _) => Some(GapRecord {
+        if frame.is_new_run() {
+            self.gap(GapRecord {
                 epoch: Hex64(self.epoch),
-                from_step: self
-                    .summary
-                    .last_step
-                    .map_or(0, |step| step.wrapping_add(1)),
+                from_step: self.next_step(),
                 to_step: None,
                 reason: GapReason::ServerRestarted,
-            }),
-            (false, 0) => None,
-            (false, missed) => Some(GapRecord {
+            })?;
+        } else if frame.missed() > 0 {
+            self.gap(GapRecord {
                 epoch: Hex64(header.epoch),
-                from_step: header.step.wrapping_sub(missed),
+                from_step: header.step.wrapping_sub(frame.missed()),
                 to_step: Some(header.step.wrapping_sub(1)),
                 reason: GapReason::Missed,
-            }),
-        };
-        if let Some(gap) = gap {
-            self.summary.gaps += 1;
-            self.summary.missed_steps += frame.missed();
-            self.pipeline.gap(gap)?;
+            })?;
         }
         if header.epoch != self.epoch {
             self.epoch = header.epoch;
@@ -292,6 +329,19 @@ impl Recorder {
             }
         }
         Ok(())
+    }
+
+    fn gap(&mut self, gap: GapRecord) -> Result<(), WriterEnded> {
+        self.summary.gaps += 1;
+        self.summary.missed_steps += gap.to_step.map_or(0, |to| to - gap.from_step + 1);
+        self.pipeline.gap(gap)
+    }
+
+    /// The step after the last one recorded.
+    fn next_step(&self) -> u64 {
+        self.summary
+            .last_step
+            .map_or(0, |step| step.wrapping_add(1))
     }
 
     /// The scene of `epoch`, once it is published.

@@ -3,15 +3,15 @@
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use cosplat_ipc::schema::{FrameHeader, Status};
+use cosplat_ipc::schema::{FrameHeader, SERVER_STOPPING, Status};
 use cosplat_ipc::server::{PoolPlan, SceneBlocks};
 use cosplat_ipc::{Client, Domain, ServerPorts};
 use cosplat_recorder::RecordingError;
 use cosplat_recorder::client::{RecordError, RecordOptions, Summary, record};
-use cosplat_recorder::messages::GapReason;
+use cosplat_recorder::messages::{GapReason, GapRecord};
 use cosplat_recorder::reader::{Event, Recording};
 use cosplat_recorder::recover::recover;
 use cosplat_recorder::topics::GAUSSIANS_TOPIC;
@@ -99,13 +99,21 @@ impl Server {
         self.ports.maintain();
     }
 
-    /// Publishes the first step, which is kept for late joiners, and the others once a recorder is there.
-    fn publish_all(&mut self, recording: &Path, steps: impl Iterator<Item = u64>) {
+    /// Publishes the first step, which is kept for late joiners, and the others once a recorder is there, never so
+    /// far ahead of it that its queue of 64 frames overflows.
+    fn publish_all(
+        &mut self,
+        recording: &Path,
+        steps: impl Iterator<Item = u64>,
+        recorded: &AtomicU64,
+    ) {
         self.publish(0);
         wait_for("the recording to begin", || recording.exists());
-        for step in steps {
+        for (ahead_of, step) in (1..).zip(steps) {
+            wait_for("the recorder to catch up", || {
+                ahead_of < recorded.load(Ordering::Relaxed) + 32
+            });
             self.publish(step);
-            std::thread::sleep(Duration::from_micros(200));
         }
     }
 }
@@ -132,11 +140,34 @@ fn options(domain: &Domain, output: &Path) -> RecordOptions {
     }
 }
 
-/// Records in a thread of this process while `serve` publishes.
-fn record_while(options: &RecordOptions, stop: &AtomicBool, serve: impl FnOnce()) -> Summary {
+/// Ends the recorder when a test fails, so that the failure is shown.
+struct StopOnDrop<'a>(&'a AtomicBool);
+
+impl Drop for StopOnDrop<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+/// Records in a thread of this process while `serve` publishes; it sees how many frames are recorded.
+fn record_while(
+    options: &RecordOptions,
+    stop: &AtomicBool,
+    serve: impl FnOnce(&AtomicU64),
+) -> Summary {
+    let recorded = AtomicU64::new(0);
     std::thread::scope(|scope| {
-        let recorder = scope.spawn(|| record(options, stop, |_| {}));
-        serve();
+        // Said at once: the server waits for a recorder that may have given up.
+        let recorder = scope.spawn(|| {
+            record(options, stop, |now| {
+                recorded.store(now.frames_recorded, Ordering::Relaxed)
+            })
+            .inspect_err(|error| eprintln!("recorder: {error}"))
+        });
+        let _stop = StopOnDrop(stop);
+        serve(&recorded);
         recorder.join().unwrap().unwrap()
     })
 }
@@ -149,8 +180,8 @@ fn every_step_of_a_session_is_recorded_with_its_commands_and_objects() {
     let mut server = Server::start(&domain.domain, 1500, 100);
     let run = server.run;
     let stop = AtomicBool::new(false);
-    let summary = record_while(&options(&domain.domain, &path), &stop, || {
-        server.publish_all(&path, 1..run.steps);
+    let summary = record_while(&options(&domain.domain, &path), &stop, |recorded| {
+        server.publish_all(&path, 1..run.steps, recorded);
     });
     assert_eq!(summary.frames_recorded, run.steps);
     assert_eq!(
@@ -209,8 +240,8 @@ fn steps_that_the_server_skips_are_recorded_as_a_gap() {
     let summary = record_while(
         &options(&domain.domain, &path),
         &AtomicBool::new(false),
-        || {
-            server.publish_all(&path, (1..10).chain(15..20));
+        |recorded| {
+            server.publish_all(&path, (1..10).chain(15..20), recorded);
         },
     );
     assert_eq!((summary.gaps, summary.missed_steps), (1, 5));
@@ -218,12 +249,9 @@ fn steps_that_the_server_skips_are_recorded_as_a_gap() {
         run.checked_steps(&path),
         (0..10).chain(15..20).collect::<Vec<_>>()
     );
-    let gaps: Vec<_> = Recording::open(&path)
-        .unwrap()
-        .filter_map(|event| match event.unwrap() {
-            Event::Gap(gap) => Some((gap.from_step, gap.to_step, gap.reason)),
-            _ => None,
-        })
+    let gaps: Vec<_> = gaps_of(&path)
+        .iter()
+        .map(|g| (g.from_step, g.to_step, g.reason))
         .collect();
     assert_eq!(gaps, [(10, Some(14), GapReason::Missed)]);
 }
@@ -236,8 +264,8 @@ fn a_server_started_anew_is_followed_into_the_same_file() {
     let mut first = Server::start(&domain.domain, u64::MAX, 50);
     let stop = AtomicBool::new(false);
     let mut epochs = Vec::new();
-    let summary = record_while(&options(&domain.domain, &path), &stop, || {
-        first.publish_all(&path, 1..100);
+    let summary = record_while(&options(&domain.domain, &path), &stop, |recorded| {
+        first.publish_all(&path, 1..100, recorded);
         epochs.push(first.run.epoch);
         drop(first);
         let mut second = Server::start(&domain.domain, 60, 80);
@@ -269,9 +297,146 @@ fn a_server_started_anew_is_followed_into_the_same_file() {
     assert_eq!(gaps, [(epochs[0], 100, None, GapReason::ServerRestarted)]);
 }
 
+/// Names domain and first step to the child process that serves.
+const SERVER_CHILD: &str = "COSPLAT_TEST_SERVER";
+
+#[test]
+fn a_killed_server_that_is_started_anew_is_followed_into_the_same_file() {
+    const NAME: &str =
+        "recording::live::a_killed_server_that_is_started_anew_is_followed_into_the_same_file";
+    if let Ok(domain) = std::env::var(SERVER_CHILD) {
+        serve_as_child(&Domain::named(&domain).unwrap());
+    }
+    let domain = TestDomain::new();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let serve = || {
+        Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "--nocapture", NAME])
+            .env(SERVER_CHILD, &domain.name)
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap()
+    };
+    let options = options(&domain.domain, &path);
+    let stop = AtomicBool::new(false);
+    // Runs of the server, and frames of the present one.
+    let (runs, frames) = (AtomicU32::new(0), AtomicU32::new(0));
+    let summary = std::thread::scope(|scope| {
+        let recorder = scope.spawn(|| {
+            record(&options, &stop, |now| {
+                if runs.swap(now.server_runs as u32, Ordering::Relaxed) != now.server_runs as u32 {
+                    frames.store(0, Ordering::Relaxed);
+                }
+                frames.fetch_add(1, Ordering::Relaxed);
+            })
+        });
+        let _stop = StopOnDrop(&stop);
+        for run in 1..=3 {
+            let mut server = serve();
+            wait_for("frames of the new server", || {
+                runs.load(Ordering::Relaxed) == run && frames.load(Ordering::Relaxed) >= 40
+            });
+            server.kill().unwrap();
+            server.wait().unwrap();
+        }
+        stop.store(true, Ordering::Relaxed);
+        recorder.join().unwrap().unwrap()
+    });
+    let (mut runs, mut gaps) = (
+        std::collections::BTreeMap::<u64, Vec<u64>>::new(),
+        Vec::new(),
+    );
+    let mut metadata = 0;
+    for event in Recording::open(&path).unwrap() {
+        match event.unwrap() {
+            Event::Frame(frame) => {
+                runs.entry(frame.header.epoch)
+                    .or_default()
+                    .push(frame.header.step);
+            }
+            Event::Gap(gap) => gaps.push(gap),
+            Event::Metadata { .. } => metadata += 1,
+            _ => {}
+        }
+    }
+    assert_eq!((runs.len(), metadata, summary.server_runs), (3, 3, 3));
+    let restarts = gaps
+        .iter()
+        .filter(|g| g.reason == GapReason::ServerRestarted);
+    assert_eq!(restarts.count(), 2);
+    assert_eq!(summary.gaps, gaps.len() as u64);
+    for (epoch, steps) in runs {
+        assert!(steps.len() >= 40);
+        let told: Vec<_> = gaps
+            .iter()
+            .filter(|g| g.epoch.0 == epoch)
+            .cloned()
+            .collect();
+        assert_holes_are_told(&steps, &told);
+    }
+}
+
+/// A loaded machine may lose frames while the recorder reads the scene; then the recording says which.
+fn assert_holes_are_told(steps: &[u64], gaps: &[GapRecord]) {
+    let holes: Vec<_> = steps
+        .windows(2)
+        .filter(|w| w[1] != w[0] + 1)
+        .map(|w| (w[0] + 1, Some(w[1] - 1)))
+        .collect();
+    let told: Vec<_> = gaps
+        .iter()
+        .filter(|g| g.reason == GapReason::Missed)
+        .map(|g| (g.from_step, g.to_step))
+        .collect();
+    assert_eq!(holes, told);
+}
+
+fn gaps_of(recording: &Path) -> Vec<GapRecord> {
+    Recording::open(recording)
+        .unwrap()
+        .filter_map(|event| match event.unwrap() {
+            Event::Gap(gap) => Some(gap),
+            _ => None,
+        })
+        .collect()
+}
+
+/// Publishes until it is killed.
+fn serve_as_child(domain: &Domain) -> ! {
+    let mut server = Server::start(domain, u64::MAX, 100);
+    for step in 0.. {
+        server.publish(step);
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    unreachable!("2^64 steps take longer than any test");
+}
+
 fn mcap_is_finished(path: &Path) -> bool {
     let bytes = std::fs::read(path).unwrap();
     matches!(mcap::Summary::read(&bytes), Ok(Some(_)))
+}
+
+#[test]
+fn a_session_whose_last_frame_was_lost_ends_all_the_same() {
+    let domain = TestDomain::new();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut server = Server::start(&domain.domain, u64::MAX, 50);
+    let run = server.run;
+    let stop = AtomicBool::new(false);
+    let summary = record_while(&options(&domain.domain, &path), &stop, |recorded| {
+        server.publish_all(&path, 1..30, recorded);
+        let status = Status {
+            step: 31,
+            server_state: SERVER_STOPPING,
+            ..Default::default()
+        };
+        server.ports.update_status(&status).unwrap();
+        drop(server);
+    });
+    assert_eq!(run.checked_steps(&path), (0..30).collect::<Vec<_>>());
+    assert_eq!((summary.gaps, summary.missed_steps), (1, 2));
 }
 
 #[test]
@@ -282,8 +447,8 @@ fn a_stopped_recorder_leaves_a_finished_file() {
     let mut server = Server::start(&domain.domain, u64::MAX, 50);
     let run = server.run;
     let stop = AtomicBool::new(false);
-    let summary = record_while(&options(&domain.domain, &path), &stop, || {
-        server.publish_all(&path, 1..40);
+    let summary = record_while(&options(&domain.domain, &path), &stop, |recorded| {
+        server.publish_all(&path, 1..40, recorded);
         stop.store(true, Ordering::Relaxed);
     });
     assert_eq!(
@@ -341,7 +506,9 @@ fn a_full_disk_ends_the_recording_and_not_the_server() {
     to_full_disk.writer.overwrite = true;
     std::thread::scope(|scope| {
         let recorder = scope.spawn(|| record(&to_full_disk, &AtomicBool::new(false), |_| {}));
-        server.publish_all("/dev/full".as_ref(), 1..200);
+        // Nobody waits for a recorder that gives up.
+        let recorded = AtomicU64::new(200);
+        server.publish_all("/dev/full".as_ref(), 1..200, &recorded);
         let error = recorder.join().unwrap().unwrap_err();
         assert!(error.to_string().contains("No space left"), "{error}");
     });
@@ -397,9 +564,11 @@ fn a_recorder_killed_at_any_moment_costs_at_most_the_open_chunk() {
         let report = recover(&path, &recovered, false).unwrap();
         assert!(!report.was_intact);
         assert_eq!(report.chunks_damaged, 0);
-        assert_eq!((report.attachments, report.metadata), (5, 1));
         let steps = run.checked_steps(&recovered);
-        assert!(steps.windows(2).all(|w| w[1] == w[0] + 1), "{steps:?}");
+        if !steps.is_empty() {
+            assert_eq!((report.attachments, report.metadata), (5, 1));
+        }
+        assert_holes_are_told(&steps, &gaps_of(&recovered));
         assert!(
             steps.starts_with(&in_finished_chunks),
             "{steps:?} lacks some of {in_finished_chunks:?}"
@@ -432,9 +601,11 @@ fn steps_in_finished_chunks(bytes: &[u8]) -> Vec<u64> {
         else {
             break;
         };
-        if let mcap::records::Record::Chunk { data, .. } =
-            mcap::parse_record(bytes[at], body).unwrap()
-        {
+        // The writer was killed while it put the sizes into the chunk's header.
+        let Ok(record) = mcap::parse_record(bytes[at], body) else {
+            break;
+        };
+        if let mcap::records::Record::Chunk { data, .. } = record {
             for record in mcap::read::LinearReader::sans_magic(&data) {
                 match record.unwrap() {
                     mcap::records::Record::Channel(channel) => {
@@ -466,8 +637,8 @@ fn the_recorded_header_is_the_published_one() {
     record_while(
         &options(&domain.domain, &path),
         &AtomicBool::new(false),
-        || {
-            server.publish_all(&path, 1..3);
+        |recorded| {
+            server.publish_all(&path, 1..3, recorded);
         },
     );
     let after = cosplat_ipc::monotonic_ns();
