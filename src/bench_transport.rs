@@ -220,7 +220,7 @@ fn receive(domain: &Domain, rounds: usize) -> anyhow::Result<()> {
     let mut frames = client.frames(1)?;
     let ping = PingReceiver::open(domain)?;
     let mut buffer = vec![0; LARGEST * size_of::<GaussianState>()];
-    let mut latencies = vec![Vec::with_capacity(rounds); PATHS];
+    let mut latencies = vec![Vec::new(); PATHS];
     for number in 0..rounds {
         for (index, path) in round(number) {
             control.write_all(&[1])?;

@@ -1,6 +1,7 @@
 //! Stories across processes: real servers and clients, killed, restarted, starved and misled.
 
 mod attach;
+mod bench;
 mod commands;
 mod crashes;
 mod demo;

@@ -1,0 +1,38 @@
+//! `cosplat bench transport` measures every path in two processes and reports ratios that agree with its times.
+
+use std::process::Command;
+
+use serde_json::Value;
+
+#[test]
+fn the_transport_bench_reports_every_path() {
+    let output = Command::new(env!("CARGO_BIN_EXE_cosplat"))
+        .args(["bench", "transport", "--rounds", "10", "--json"])
+        .output()
+        .expect("cosplat runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    let report: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    let number = |value: &Value| {
+        value
+            .as_f64()
+            .filter(|v| *v > 0.0)
+            .expect("a positive number")
+    };
+    let sizes = report["sizes"].as_array().expect("sizes");
+    let bytes: Vec<u64> = sizes.iter().filter_map(|s| s["bytes"].as_u64()).collect();
+    assert_eq!(bytes, [64, 1 << 20, 16 << 20]);
+    for size in sizes {
+        for path in ["in_place", "memcpy", "unix_socket"] {
+            let latency = &size[format!("{path}_us")];
+            assert!(number(&latency["p50"]) <= number(&latency["p99"]));
+            if path != "in_place" {
+                let ratio = number(&latency["p50"]) / number(&size["in_place_us"]["p50"]);
+                let reported = number(&size[format!("{path}_over_in_place")]);
+                assert!((ratio / reported - 1.0).abs() < 1e-9);
+            }
+        }
+    }
+    assert!(number(&report["ping_64_bytes_us"]["p50"]) > 0.0);
+    assert!(number(&report["write_in_place_gb_per_s"]) > 0.0);
+}
