@@ -12,19 +12,19 @@ use crate::materials::{Law, Material, presets::PRESETS};
 /// Below this Young's modulus a material is softer than anything one can hold [Pa].
 const SUSPICIOUS_YOUNGS_MODULUS: f64 = 100.0;
 
-/// Materials of the file's `[materials]` table, by name.
-pub(super) type Known = BTreeMap<String, Material>;
+/// Materials of the file's `[materials]` table, by name; `None` where an error has been noted.
+pub(super) type Known = BTreeMap<String, Option<Material>>;
 
 /// Reads `[materials]`.
 pub(super) fn read(root: &Table, warnings: &mut Vec<Finding>) -> Known {
     let mut known = Known::new();
     let table = root.get("materials").and_then(|e| e.table());
     for (name, entry) in table.iter().flat_map(|t| t.named()) {
-        let material = from_entry(&entry, &Known::new(), warnings);
-        if let Some(material) = material {
-            let name = name.to_owned();
-            known.insert(name.clone(), Material { name, ..material });
-        }
+        let material = from_entry(&entry, &Known::new(), warnings).map(|material| Material {
+            name: name.to_owned(),
+            ..material
+        });
+        known.insert(name.to_owned(), material);
     }
     known
 }
@@ -89,7 +89,7 @@ pub(super) fn from_entry(
 
 fn by_name(entry: &Entry, name: &str, known: &Known) -> Option<Material> {
     if let Some(material) = known.get(name) {
-        return Some(material.clone());
+        return material.clone();
     }
     let preset = Material::preset(name).ok();
     if preset.is_none() {

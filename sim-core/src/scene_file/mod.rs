@@ -48,4 +48,6 @@ impl ObjectSpec {
 }
 
 #[cfg(test)]
+mod grouping_tests;
+#[cfg(test)]
 mod tests;

@@ -45,12 +45,18 @@ impl Names {
         }
         Some(name.to_owned())
     }
+
+    /// All of them, also those of tables with errors.
+    pub fn all(&self) -> impl Iterator<Item = &str> {
+        self.0.keys().map(String::as_str)
+    }
 }
 
 /// Reads `[materials]` and `[[objects]]`; assets written at their object are appended to `assets`.
 pub(super) fn read(
     root: &Table,
     assets: &mut Vec<AssetSpec>,
+    names: &mut Names,
     warnings: &mut Vec<Finding>,
 ) -> Vec<ObjectSpec> {
     let materials = materials::read(root, warnings);
@@ -62,11 +68,10 @@ pub(super) fn read(
         entry.error("is empty, expected at least one object");
     }
     let raw: Vec<&DeTable> = entries.iter().filter_map(Entry::raw_table).collect();
-    let mut names = Names::default();
     let read = |entry: &Entry| {
         let mut table = entry.table()?;
         table.inherit(sources_of(&table, &raw));
-        let object = object(&table, &mut names, &materials, assets, warnings);
+        let object = object(&table, names, &materials, assets, warnings);
         table.finish();
         object
     };

@@ -75,7 +75,8 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         .and_then(|e| e.integer(0, i64::MAX as u64));
     let domain = table.get("domain").and_then(|e| e.table()).and_then(aabb);
     let mut assets = assets(table);
-    let objects = objects::read(table, &mut assets, warnings);
+    let mut object_names = Names::default();
+    let objects = objects::read(table, &mut assets, &mut object_names, warnings);
     let mut collider_names = Names::default();
     let colliders = table.tables("colliders");
     let colliders = colliders.iter().filter_map(|e| {
@@ -90,7 +91,7 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
     let probes = table.tables("probes");
     let probes = probes
         .iter()
-        .filter_map(|e| probe(e.table()?, &mut probe_names, &objects))
+        .filter_map(|e| probe(e.table()?, &mut probe_names, &object_names))
         .collect();
     SceneFile {
         name: name.into(),
@@ -228,11 +229,7 @@ fn collider(table: Table, names: &mut Names) -> Option<Collider> {
     })
 }
 
-fn probe(
-    table: Table,
-    names: &mut Names,
-    objects: &[super::spec::ObjectSpec],
-) -> Option<ProbeSpec> {
+fn probe(table: Table, names: &mut Names, objects: &Names) -> Option<ProbeSpec> {
     let name = names.take(&table, "probe");
     let at = table.at.clone();
     #[derive(Clone, Copy)]
@@ -248,34 +245,26 @@ fn probe(
             ("material_point", Kind::MaterialPoint),
         ])
     });
-    let object = |required: bool| {
-        let entry = if required {
-            table.required("object")
-        } else {
-            None
+    let object = || {
+        let entry = table.required("object")?;
+        let name = entry.text()?;
+        // Splitting makes names with a number behind; building checks them.
+        let made_of = |o: &str| {
+            let number = name.strip_prefix(o)?.strip_prefix('_')?;
+            number.parse::<usize>().ok()
         };
-        let name = entry.as_ref()?.text()?;
-        let known = objects.iter().any(|o| {
-            // A split object makes names with a number behind.
-            o.name == name || (o.is_split() && name.starts_with(&format!("{}_", o.name)))
-        });
-        if !known {
-            let hint = suggest(name, objects.iter().map(|o| o.name.as_str()));
-            entry?.error(format!("object `{name}` does not exist: {hint}"));
+        if !objects.all().any(|o| o == name || made_of(o).is_some()) {
+            let hint = suggest(name, objects.all());
+            entry.error(format!("object `{name}` does not exist: {hint}"));
         }
         Some(name.to_owned())
     };
-    let position = |required: bool| {
-        if !required {
-            return None;
-        }
-        table.required("position")?.numbers(l::POSITION)
-    };
+    let position = || table.required("position")?.numbers(l::POSITION);
     let kind = match kind {
-        Some(Kind::Extent) => object(true).map(|object| ProbeKindSpec::Extent { object }),
-        Some(Kind::Point) => position(true).map(|position| ProbeKindSpec::Point { position }),
+        Some(Kind::Extent) => object().map(|object| ProbeKindSpec::Extent { object }),
+        Some(Kind::Point) => position().map(|position| ProbeKindSpec::Point { position }),
         Some(Kind::MaterialPoint) => {
-            let (object, position) = (object(true), position(true));
+            let (object, position) = (object(), position());
             object
                 .zip(position)
                 .map(|(object, position)| ProbeKindSpec::MaterialPoint { object, position })

@@ -299,3 +299,22 @@ fidelity = "static"
         [(2, "one.ply: no such file"), (11, "two.ply: no such file")]
     );
 }
+
+#[test]
+fn one_mistake_is_one_error() {
+    let text = r#"version = 1
+[materials.own]
+youngs_modulus_pa = 1e5
+poisson_ratio = 0.7
+density_kg_m3 = 1000
+[[objects]]
+name = "a"
+shape = { kind = "sphere", radius = 0.1 }
+material = "own"
+[[probes]]
+name = "p"
+kind = "extent"
+object = "a"
+"#;
+    assert_one_error(text, 4, "materials.own.poisson_ratio", &["is 0.7"]);
+}
