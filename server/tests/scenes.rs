@@ -7,9 +7,9 @@ use std::{
 
 use cosplat_server::load::{LoadedScene, load_scene, load_text};
 use cosplat_sim_core::{
-    assets::Gaussians,
+    assets::{self, Gaussians},
     scene::{Fidelity, Scene},
-    scene_file::{SceneErrors, SceneFile},
+    scene_file::{Axis, DropOptions, SceneErrors, SceneFile, drop_scene, guess_up},
     summary::SceneSummary,
 };
 
@@ -35,7 +35,12 @@ fn loaded(path: &Path) -> LoadedScene {
 fn scenes() -> Vec<PathBuf> {
     let entries = fs::read_dir(root().join("scenes")).expect("scenes are readable");
     let mut paths: Vec<PathBuf> = entries.map(|e| e.expect("an entry").path()).collect();
-    paths.retain(|p| p.extension().is_some_and(|e| e == "toml"));
+    // Scripts for the controller lie beside their scenes.
+    let is_script = |p: &Path| {
+        p.file_stem()
+            .is_some_and(|s| s.to_string_lossy().ends_with("_push"))
+    };
+    paths.retain(|p| p.extension().is_some_and(|e| e == "toml") && !is_script(p));
     paths.sort();
     paths
 }
@@ -157,4 +162,55 @@ fn the_demo_scene_stays_within_its_budget() {
         velocities.into_iter().all(|v| v == [0.0; 3]),
         "pushed by a command"
     );
+}
+
+/// A real splat, or `None` after saying why the test is skipped.
+fn real_splat(test: &str, name: &str) -> Option<PathBuf> {
+    let given = std::env::var_os("COSPLAT_TEST_DATA");
+    let folder = given.map_or_else(|| root().join("../shared/data"), PathBuf::from);
+    let path = folder.join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    let why = format!("{} does not exist", path.display());
+    assert!(
+        std::env::var_os("COSPLAT_REQUIRE_ALL").is_none(),
+        "{test}: {why}"
+    );
+    eprintln!("SKIPPED: {test}: {why}");
+    None
+}
+
+#[test]
+fn real_splats_drop_as_solids_of_one_metre_in_real_time() {
+    // Up is known from looking at them: all three stand upside down in their files.
+    for name in ["plant.splat", "playbot_lod3.ply", "spot_10k.splat"] {
+        let Some(path) = real_splat("real_splats_drop", name) else {
+            return;
+        };
+        let bytes = fs::read(&path).expect("the splat is readable");
+        let (gaussians, _) = assets::read(name, &bytes).expect("a splat");
+        assert_eq!(guess_up(&gaussians), Axis::NegY, "{name}");
+        let path = path.to_str().expect("a path in UTF-8");
+        let text = drop_scene(&gaussians, path, &DropOptions::default());
+        let text = text.unwrap_or_else(|e| panic!("{name}: {e}"));
+        let loaded = load_text(text, Path::new("drop.toml")).unwrap_or_else(|e| panic!("{e}"));
+        let summary = SceneSummary::new(&loaded.scene);
+        check_invariants(&loaded.scene, Path::new(name));
+        let object = &summary.objects[0];
+        let body = object.body.as_ref().expect("simulated");
+        assert!(
+            (2_000..=10_000).contains(&body.particles),
+            "{name}: {} particles",
+            body.particles
+        );
+        assert!(body.dt >= 6.9e-4, "{name}: dt {}", body.dt);
+        let height = object.gaussian_box.expect("visible").size[1];
+        // Quantiles leave a rim of at most a tenth on either side.
+        assert!((0.98..1.25).contains(&height), "{name}: {height} m");
+        assert!(
+            body.particle_box.min[1] > 0.0,
+            "{name}: starts in the floor"
+        );
+    }
 }
