@@ -1,5 +1,6 @@
 //! Laws of mechanics, seen from outside: `cosplat simulate` on scene files, held to closed forms.
 
+mod batch;
 mod conservation;
 mod determinism;
 mod free_fall;
