@@ -146,6 +146,23 @@ fn uniaxial_stretch_gives_the_closed_form_stress() {
 }
 
 #[test]
+fn corotated_energy_is_that_of_the_distance_from_the_rotation() {
+    let mut random = Random::new(7);
+    for case in 0..2_000 {
+        let (low, high) = [(0.99, 1.01), (0.5, 2.0), (0.001, 3.0), (0.0, 1e-3)][case % 4];
+        let (f, r) = random.deformation(low, high, case % 8 > 5);
+        let volumetric = 0.5 * LAMBDA * (f.det() - 1.0).powi(2);
+        let expected = MU * f.sub(&r).norm_squared() + volumetric;
+        let energy = Law::FixedCorotated.energy_density(&f, LAMBDA, MU);
+        // The difference of terms of order 3 mu cancels to a few roundings.
+        let tolerance = 1e-14 * (3.0 * MU + expected);
+        assert!((energy - expected).abs() < tolerance, "{energy} {expected}");
+    }
+    let crushed = Law::FixedCorotated.energy_density(&Mat3([[0.0; 3]; 3]), LAMBDA, MU);
+    assert!((crushed - 3.0 * MU - 0.5 * LAMBDA).abs() < 1e-8 * MU);
+}
+
+#[test]
 fn rotating_a_body_rotates_its_stress_and_keeps_its_energy() {
     let mut random = Random::new(2);
     for law in LAWS {
