@@ -54,6 +54,9 @@ pub struct Args {
     json: bool,
 }
 
+/// Priority given up.
+const NICENESS: i32 = 10;
+
 /// Runs the command.
 ///
 /// # Errors
@@ -63,6 +66,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         bail!("nothing to write: give --png DIR, --mp4 FILE or both");
     }
     let stop = signals::stop_flag()?;
+    // Drawing takes every core it gets; the simulation and its other readers come first.
+    if let Err(error) = rustix::process::nice(NICENESS) {
+        tracing::debug!(%error, "keeps its priority");
+    }
     let options = Options {
         domain: Domain::from_env()?,
         session: args.session.clone(),

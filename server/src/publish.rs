@@ -6,7 +6,11 @@ use cosplat_ipc::{
     schema::{self as wire, GaussianRest, GaussianState, ObjectInfo, SceneHeader, Status},
     server::SceneBlocks,
 };
-use cosplat_sim_core::{Scene, StepReport, World, pose::Poses};
+use cosplat_sim_core::{
+    Scene, StepReport, World,
+    pose::Poses,
+    scene::{ColliderShape, Fidelity, Object},
+};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
@@ -180,7 +184,7 @@ impl SceneBuffers {
     /// The blocks as they are published.
     pub fn blocks<'a>(&'a self, loaded: &'a LoadedScene) -> SceneBlocks<'a> {
         let scene = &loaded.scene;
-        let (bounds_min, bounds_max) = bounds(&scene.gaussians.position);
+        let (bounds_min, bounds_max) = bounds(scene);
         SceneBlocks {
             header: SceneHeader {
                 scene_hash: self.hash(loaded),
@@ -216,18 +220,42 @@ impl SceneBuffers {
     }
 }
 
-fn bounds(positions: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
-    let empty = ([0.0; 3], [0.0; 3]);
-    let Some(first) = positions.first() else {
-        return empty;
-    };
-    positions
+/// Share of an object's Gaussians along each axis that may be floaters of the capture.
+const FLOATERS: f64 = 0.005;
+
+/// Box of what moves, or of everything where nothing does, without the farthest Gaussians; drawn out to a floor
+/// not far below.
+fn bounds(scene: &Scene) -> ([f32; 3], [f32; 3]) {
+    let moving = |object: &&Object| object.fidelity != Fidelity::Static;
+    let mut positions: Vec<[f32; 3]> = scene
+        .objects
         .iter()
-        .fold((*first, *first), |(mut min, mut max), p| {
-            for axis in 0..3 {
-                min[axis] = min[axis].min(p[axis]);
-                max[axis] = max[axis].max(p[axis]);
+        .filter(moving)
+        .flat_map(|object| &scene.gaussians.position[object.gaussians.clone()])
+        .copied()
+        .collect();
+    if positions.is_empty() {
+        positions.clone_from(&scene.gaussians.position);
+    }
+    let (mut min, mut max) = ([0.0; 3], [0.0; 3]);
+    let Some(last) = positions.len().checked_sub(1) else {
+        return (min, max);
+    };
+    let outliers = (positions.len() as f64 * FLOATERS) as usize;
+    for axis in 0..3 {
+        positions.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
+        min[axis] = positions[outliers][axis];
+        max[axis] = positions[last - outliers][axis];
+    }
+    for collider in &scene.colliders {
+        let ColliderShape::HalfSpace { point, normal } = collider.shape;
+        for axis in 0..3 {
+            let (floor, height) = (point[axis] as f32, max[axis] - min[axis]);
+            let faces = normal[axis] > 0.99 && floor < min[axis];
+            if faces && min[axis] - floor < height {
+                min[axis] = floor;
             }
-            (min, max)
-        })
+        }
+    }
+    (min, max)
 }

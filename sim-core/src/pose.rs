@@ -1,16 +1,23 @@
 //! How Gaussians follow the particles: once per published frame, written where the caller wants them.
 
+mod lanes;
+
 use rayon::prelude::*;
 
 use crate::{
     mat3::Mat3,
-    materials::{polar::rotation, svd::svd},
-    scene::{BINDING_NEIGHBORS, Fidelity, Scene},
+    materials::svd::svd,
+    num::Real,
+    scene::{Fidelity, Scene},
+    simd::{F32x16, Isa, LANES},
 };
+use lanes::{RestGroup, follow};
 
 /// Largest ratio of principal stretches that a Gaussian's shape follows; beyond it, it would become a needle.
 pub const MAX_ASPECT: f32 = 30.0;
-/// Gaussians per task.
+/// Groups per task.
+const TASK: usize = 64;
+/// Particles per task.
 const CHUNK: usize = 1024;
 
 /// One Gaussian in motion.
@@ -27,67 +34,77 @@ pub struct GaussianPose {
 /// Everything about a scene's Gaussians that does not change from frame to frame.
 #[derive(Clone, Debug)]
 pub struct Poses {
-    rest: Vec<Rest>,
-    binding: Vec<[u32; BINDING_NEIGHBORS]>,
-    weight: Vec<[f32; BINDING_NEIGHBORS]>,
-    /// Rest position of every particle relative to its object's anchor [m].
+    isa: Isa,
+    groups: Vec<RestGroup>,
+    /// Pose at rest, and whether the Gaussian ever leaves it.
+    rest: Vec<(GaussianPose, bool)>,
+    /// Rest position of every particle relative to its object's anchor [m]: what is interpolated stays small,
+    /// and keeps its digits far from the origin.
     particle_offset: Vec<[f32; 3]>,
-    objects: Vec<Anchor>,
 }
-
-/// A Gaussian at rest.
-#[derive(Clone, Copy, Debug)]
-struct Rest {
-    /// Centre relative to its object's anchor [m].
-    offset: [f32; 3],
-    /// `R diag(scale)`: columns are the axes of the ellipsoid [m].
-    axes: Mat3<f32>,
-    object: u32,
-    pose: GaussianPose,
-}
-
-/// A point near an object: what is interpolated stays small, and keeps its digits far from the origin.
-#[derive(Clone, Copy, Debug)]
-struct Anchor {
-    world_from_asset: [f32; 4],
-    moves: bool,
-}
-
-/// A particle's share in the Gaussians that follow it: `x_p - F_p X_p`, and `F_p`.
-#[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
-struct Carrier([f32; 12]);
 
 impl Poses {
-    /// Prepares a scene.
+    /// Prepares a scene, for the best instruction set of this processor.
     pub fn new(scene: &Scene) -> Poses {
-        let mut rest = Vec::with_capacity(scene.gaussians.len());
-        let mut particle_offset = vec![[0.0; 3]; scene.particles.position.len()];
-        let mut objects = Vec::with_capacity(scene.objects.len());
-        for (id, object) in scene.objects.iter().enumerate() {
+        Poses::with_isa(scene, Isa::detect())
+    }
+
+    /// Like [`new`](Self::new) on a chosen instruction set that the processor has; results are the same.
+    fn with_isa(scene: &Scene, isa: Isa) -> Poses {
+        let count = scene.gaussians.len();
+        let mut poses = Poses {
+            isa,
+            groups: vec![RestGroup::EMPTY; count.div_ceil(LANES)],
+            rest: vec![Default::default(); count],
+            particle_offset: vec![[0.0; 3]; scene.particles.position.len()],
+        };
+        for object in &scene.objects {
             let positions = &scene.particles.position[object.particles.clone()];
             let anchor = mean(positions);
-            for (offset, x) in particle_offset[object.particles.clone()]
-                .iter_mut()
-                .zip(positions)
-            {
-                *offset = [0, 1, 2].map(|a| (x[a] - anchor[a]) as f32);
+            for p in object.particles.clone() {
+                let x = scene.particles.position[p];
+                poses.particle_offset[p] = [0, 1, 2].map(|a| (x[a] - anchor[a]) as f32);
             }
+            let moves = object.fidelity != Fidelity::Static && !positions.is_empty();
             for g in object.gaussians.clone() {
-                rest.push(rest_of(scene, g, id, anchor, object.world_from_asset));
+                poses.set_rest(scene, g, anchor, object.world_from_asset, moves);
             }
-            objects.push(Anchor {
-                world_from_asset: object.world_from_asset,
-                moves: object.fidelity != Fidelity::Static && !positions.is_empty(),
-            });
         }
-        Poses {
-            rest,
-            binding: scene.binding.particle.clone(),
-            weight: scene.binding.weight.clone(),
-            particle_offset,
-            objects,
+        poses
+    }
+
+    fn set_rest(
+        &mut self,
+        scene: &Scene,
+        g: usize,
+        anchor: [f64; 3],
+        world_from_asset: [f32; 4],
+        moves: bool,
+    ) {
+        let gaussians = &scene.gaussians;
+        let r = matrix_from_quaternion(gaussians.rotation[g]);
+        let axes = r.mul(&Mat3::diagonal(gaussians.scale[g]));
+        let position = gaussians.position[g];
+        let (group, lane) = (&mut self.groups[g / LANES], g % LANES);
+        for a in 0..3 {
+            group.offset[a].0[lane] = (f64::from(position[a]) - anchor[a]) as f32;
         }
+        for (vector, value) in group.axes.iter_mut().zip(axes.0.as_flattened()) {
+            vector.0[lane] = *value;
+        }
+        for (vector, value) in group.placement.iter_mut().zip(world_from_asset) {
+            vector.0[lane] = value;
+        }
+        if moves {
+            group.particle[lane] = scene.binding.particle[g];
+            group.weight[lane] = scene.binding.weight[g];
+        }
+        let pose = GaussianPose {
+            position,
+            covariance: axes.mul_transposed_sym(&axes),
+            rotation: world_from_asset,
+        };
+        self.rest[g] = (pose, moves);
     }
 
     /// Writes every Gaussian, made by `make` from its index and pose, into its place in `out`.
@@ -105,7 +122,7 @@ impl Poses {
         out: &mut [T],
         make: impl Fn(usize, &GaussianPose) -> T + Sync,
     ) {
-        let carriers: Vec<Carrier> = self
+        let carriers: Vec<F32x16> = self
             .particle_offset
             .par_iter()
             .zip(position)
@@ -113,59 +130,21 @@ impl Poses {
             .with_min_len(CHUNK)
             .map(|((offset, x), f)| carrier(offset, x, f))
             .collect();
-        out.par_chunks_mut(CHUNK)
-            .zip(self.rest.par_chunks(CHUNK))
+        out.par_chunks_mut(LANES)
+            .zip(self.rest.par_chunks(LANES))
+            .zip(&self.groups)
+            .with_min_len(TASK)
             .enumerate()
-            .for_each(|(chunk, (out, rest))| {
-                let first = chunk * CHUNK;
-                let mut poses = [GaussianPose::default(); CHUNK];
-                self.poses(first, rest, &carriers, &mut poses);
-                for (i, (slot, pose)) in out.iter_mut().zip(&poses).enumerate() {
-                    *slot = make(first + i, pose);
+            .for_each(|(index, ((out, rest), group))| {
+                let mut poses = [GaussianPose::default(); LANES];
+                if rest.iter().any(|(_, moves)| *moves) {
+                    follow(self.isa, group, &carriers, &mut poses);
+                }
+                for (lane, (slot, (at_rest, moves))) in out.iter_mut().zip(rest).enumerate() {
+                    let pose = if *moves { &poses[lane] } else { at_rest };
+                    *slot = make(LANES * index + lane, pose);
                 }
             });
-    }
-
-    /// Poses of one chunk, with the processor's fused multiply-add where it has one: same bits, much faster than
-    /// the library routine that stands in for it elsewhere.
-    fn poses(&self, first: usize, rest: &[Rest], carriers: &[Carrier], out: &mut [GaussianPose]) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2,fma")]
-            fn with_fma(
-                poses: &Poses,
-                first: usize,
-                rest: &[Rest],
-                carriers: &[Carrier],
-                out: &mut [GaussianPose],
-            ) {
-                poses.poses_inline(first, rest, carriers, out);
-            }
-            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-                // SAFETY: the features that `with_fma` is compiled for were just detected.
-                return unsafe { with_fma(self, first, rest, carriers, out) };
-            }
-        }
-        self.poses_inline(first, rest, carriers, out);
-    }
-
-    #[inline(always)]
-    fn poses_inline(
-        &self,
-        first: usize,
-        rest: &[Rest],
-        carriers: &[Carrier],
-        out: &mut [GaussianPose],
-    ) {
-        for (i, (rest, out)) in rest.iter().zip(out).enumerate() {
-            let object = &self.objects[rest.object as usize];
-            *out = if object.moves {
-                let g = first + i;
-                follow(rest, object, &self.binding[g], &self.weight[g], carriers)
-            } else {
-                rest.pose
-            };
-        }
     }
 }
 
@@ -179,83 +158,18 @@ fn mean(positions: &[[f64; 3]]) -> [f64; 3] {
     sum.map(|s| s / positions.len().max(1) as f64)
 }
 
-fn rest_of(
-    scene: &Scene,
-    g: usize,
-    object: usize,
-    anchor: [f64; 3],
-    world_from_asset: [f32; 4],
-) -> Rest {
-    let gaussians = &scene.gaussians;
-    let r = matrix_from_quaternion(gaussians.rotation[g]);
-    let axes = r.mul(&Mat3::diagonal(gaussians.scale[g]));
-    let position = gaussians.position[g];
-    Rest {
-        offset: [0, 1, 2].map(|a| (f64::from(position[a]) - anchor[a]) as f32),
-        axes,
-        object: object as u32,
-        pose: GaussianPose {
-            position,
-            covariance: axes.mul_transposed_sym(&axes),
-            rotation: world_from_asset,
-        },
-    }
-}
-
-fn carrier(offset: &[f32; 3], x: &[f32; 3], f: &[f32; 9]) -> Carrier {
-    let mut out = [0.0; 12];
+/// A particle's share in the Gaussians that follow it: `x_p - F_p X_p`, then `F_p`.
+fn carrier(offset: &[f32; 3], x: &[f32; 3], f: &[f32; 9]) -> F32x16 {
+    let mut out = [0.0; LANES];
     for a in 0..3 {
         let moved = f[3 * a] * offset[0] + f[3 * a + 1] * offset[1] + f[3 * a + 2] * offset[2];
         out[a] = x[a] - moved;
     }
-    out[3..].copy_from_slice(f);
-    Carrier(out)
+    out[3..12].copy_from_slice(f);
+    F32x16(out)
 }
 
-#[inline(always)]
-fn follow(
-    rest: &Rest,
-    object: &Anchor,
-    binding: &[u32; BINDING_NEIGHBORS],
-    weight: &[f32; BINDING_NEIGHBORS],
-    carriers: &[Carrier],
-) -> GaussianPose {
-    let mut sum = [0.0_f32; 12];
-    for (particle, weight) in binding.iter().zip(weight) {
-        let Carrier(values) = &carriers[*particle as usize];
-        for (sum, value) in sum.iter_mut().zip(values) {
-            *sum = value.mul_add(*weight, *sum);
-        }
-    }
-    let f = Mat3([
-        [sum[3], sum[4], sum[5]],
-        [sum[6], sum[7], sum[8]],
-        [sum[9], sum[10], sum[11]],
-    ]);
-    let moved = f.mul_vec(rest.offset);
-    let (r, shape) = rotation_and_shape(&f);
-    let axes = shape.mul(&rest.axes);
-    GaussianPose {
-        position: [sum[0] + moved[0], sum[1] + moved[1], sum[2] + moved[2]],
-        covariance: axes.mul_transposed_sym(&axes),
-        rotation: multiply(quaternion_from_matrix(&r), object.world_from_asset),
-    }
-}
-
-/// Polar rotation of `f`, and `f` with its stretches limited.
-#[inline(always)]
-fn rotation_and_shape(f: &Mat3<f32>) -> (Mat3<f32>, Mat3<f32>) {
-    let j = f.det();
-    let norm_squared = f.norm_squared();
-    // s1 s2 <= |F|^2 / 2 gives s3 >= 2 J / |F|^2, and s1 <= |F|: a cheap bound of s1 / s3, 2.6 at rest.
-    if 2.0 * MAX_ASPECT * j > norm_squared * norm_squared.sqrt() {
-        return (rotation(f), *f);
-    }
-    limited(f)
-}
-
-/// The rare case: strongly deformed, flat or inside out.
-#[cold]
+/// Rotation of `f`, and `f` with its stretches limited to [`MAX_ASPECT`].
 fn limited(f: &Mat3<f32>) -> (Mat3<f32>, Mat3<f32>) {
     let parts = svd(f);
     let largest = parts.sigma[0];
@@ -293,27 +207,43 @@ fn matrix_from_quaternion([x, y, z, w]: [f32; 4]) -> Mat3<f32> {
     ])
 }
 
-/// Quaternion of a rotation matrix: the largest of four equivalent forms (Shepperd 1978).
+/// Quaternion of a rotation matrix: the form with the largest divisor of four equivalent ones (Shepperd 1978).
 #[inline(always)]
-fn quaternion_from_matrix(m: &Mat3<f32>) -> [f32; 4] {
+fn quaternion_from_matrix<R: Real>(m: &Mat3<R>) -> [R; 4] {
     let [[a, b, c], [d, e, f], [g, h, i]] = m.0;
-    let trace = a + e + i;
-    let q = if trace > 0.0 {
-        [h - f, c - g, d - b, 1.0 + trace]
-    } else if a > e && a > i {
-        [1.0 + a - e - i, b + d, c + g, h - f]
-    } else if e > i {
-        [b + d, 1.0 + e - a - i, f + h, c - g]
-    } else {
-        [c + g, f + h, 1.0 + i - a - e, d - b]
-    };
-    let norm = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
-    q.map(|v| v / norm)
+    let one = R::splat(1.0);
+    let by_w = [h - f, c - g, d - b, one + a + e + i];
+    let by_x = [one + a - e - i, b + d, c + g, h - f];
+    let by_y = [b + d, one + e - a - i, f + h, c - g];
+    let by_z = [c + g, f + h, one + i - a - e, d - b];
+    let mut q = by_w;
+    let mut largest = by_w[3];
+    (q, largest) = larger(q, largest, by_x, by_x[0]);
+    (q, largest) = larger(q, largest, by_y, by_y[1]);
+    (q, _) = larger(q, largest, by_z, by_z[2]);
+    let norm_squared = q[3].mul_add(q[3], q[2].mul_add(q[2], q[1].mul_add(q[1], q[0] * q[0])));
+    let scale = one / norm_squared.sqrt();
+    [q[0] * scale, q[1] * scale, q[2] * scale, q[3] * scale]
+}
+
+/// The quaternion with the larger measure, and that measure.
+#[inline(always)]
+fn larger<R: Real>(q: [R; 4], measure: R, other: [R; 4], its: R) -> ([R; 4], R) {
+    let better = measure.lt(its);
+    (
+        [
+            R::select(better, other[0], q[0]),
+            R::select(better, other[1], q[1]),
+            R::select(better, other[2], q[2]),
+            R::select(better, other[3], q[3]),
+        ],
+        measure.max(its),
+    )
 }
 
 /// Product of quaternions: first `b`, then `a`.
 #[inline(always)]
-fn multiply([ax, ay, az, aw]: [f32; 4], [bx, by, bz, bw]: [f32; 4]) -> [f32; 4] {
+fn multiply<R: Real>([ax, ay, az, aw]: [R; 4], [bx, by, bz, bw]: [R; 4]) -> [R; 4] {
     [
         aw * bx + ax * bw + ay * bz - az * by,
         aw * by - ax * bz + ay * bw + az * bx,

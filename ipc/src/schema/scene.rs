@@ -78,7 +78,7 @@ pub struct SceneHeader {
     pub dx: f64,
     /// Initial gravity [m/s^2].
     pub gravity: [f64; 3],
-    /// Bounds of everything visible at rest, smallest corner [m].
+    /// Box to look at [m]: what moves, at rest, without outliers, down to a floor nearby; smallest corner.
     pub bounds_min: [f32; 3],
     /// Largest corner [m].
     pub bounds_max: [f32; 3],

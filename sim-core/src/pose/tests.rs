@@ -181,3 +181,23 @@ fn static_gaussians_keep_their_rest_pose() {
         assert_eq!(pose.position, *rest);
     }
 }
+
+#[test]
+fn every_instruction_set_gives_the_same_bits() {
+    let scene = scene(333);
+    let position: Vec<_> = (0..64_u16)
+        .map(|i| [0.1, 0.07, 0.03].map(|k| (f32::from(i) * k).sin()))
+        .collect();
+    let deformation: Vec<[f32; 9]> = (0..64_u16)
+        .map(|i| std::array::from_fn(|j| f32::from(i + 7 * j as u16).cos()))
+        .collect();
+    let run = |isa: Isa| {
+        let mut out = vec![GaussianPose::default(); 333];
+        Poses::with_isa(&scene, isa).write(&position, &deformation, &mut out, |_, pose| *pose);
+        out
+    };
+    let expected = run(Isa::Portable);
+    for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+        assert_eq!(run(isa), expected, "{isa}");
+    }
+}

@@ -1,0 +1,192 @@
+//! Sixteen Gaussians at a time: interpolation, polar rotation, covariance.
+
+use super::{GaussianPose, MAX_ASPECT, limited, multiply, quaternion_from_matrix};
+use crate::{
+    mat3::Mat3,
+    materials::polar::rotation,
+    scene::BINDING_NEIGHBORS,
+    simd::{F32x16, Isa, LANES, Lanes, Portable},
+};
+
+#[cfg(target_arch = "x86_64")]
+use crate::simd::{Avx2, Avx512};
+
+/// Sixteen Gaussians at rest.
+#[derive(Clone, Debug)]
+pub(super) struct RestGroup {
+    /// Centre relative to the anchor of its object [m].
+    pub offset: [F32x16; 3],
+    /// `R diag(scale)`, row-major: columns are the axes of the ellipsoid [m].
+    pub axes: [F32x16; 9],
+    /// World-from-asset rotation of its object, xyzw.
+    pub placement: [F32x16; 4],
+    /// Particles to follow.
+    pub particle: [[u32; BINDING_NEIGHBORS]; LANES],
+    /// And how much.
+    pub weight: [[f32; BINDING_NEIGHBORS]; LANES],
+}
+
+impl RestGroup {
+    /// A group of nothing.
+    pub const EMPTY: Self = Self {
+        offset: [F32x16::ZERO; 3],
+        axes: [F32x16::ZERO; 9],
+        placement: [F32x16::ZERO; 4],
+        particle: [[0; BINDING_NEIGHBORS]; LANES],
+        weight: [[0.0; BINDING_NEIGHBORS]; LANES],
+    };
+}
+
+/// Poses of a group; lanes whose deformation needs limiting are done one by one.
+pub(super) fn follow(
+    isa: Isa,
+    group: &RestGroup,
+    carriers: &[F32x16],
+    out: &mut [GaussianPose; LANES],
+) {
+    let mut rows = [F32x16::ZERO; LANES];
+    let mut deformation = [F32x16::ZERO; LANES];
+    let fine = match isa {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: poses are only made with an instruction set that the processor has.
+        Isa::Avx512 => unsafe { avx512(group, carriers, &mut deformation, &mut rows) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: poses are only made with an instruction set that the processor has.
+        Isa::Avx2 => unsafe { avx2(group, carriers, &mut deformation, &mut rows) },
+        _ => kernel::<Portable>(group, carriers, &mut deformation, &mut rows),
+    };
+    for lane in 0..LANES {
+        let row = &rows[lane].0;
+        out[lane] = GaussianPose {
+            position: [row[0], row[1], row[2]],
+            covariance: [row[3], row[4], row[5], row[6], row[7], row[8]],
+            rotation: [row[9], row[10], row[11], row[12]],
+        };
+        if fine >> lane & 1 == 0 {
+            limit(group, lane, &deformation[lane].0, &mut out[lane]);
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
+unsafe fn avx512(
+    group: &RestGroup,
+    carriers: &[F32x16],
+    deformation: &mut [F32x16; LANES],
+    out: &mut [F32x16; LANES],
+) -> u32 {
+    kernel::<Avx512>(group, carriers, deformation, out)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+unsafe fn avx2(
+    group: &RestGroup,
+    carriers: &[F32x16],
+    deformation: &mut [F32x16; LANES],
+    out: &mut [F32x16; LANES],
+) -> u32 {
+    kernel::<Avx2>(group, carriers, deformation, out)
+}
+
+/// One row per Gaussian: what it gathered in `deformation` (`F` from the fourth float), its pose in `out`.
+/// Returns one bit per lane whose shape follows `F` as it is.
+#[inline(always)]
+fn kernel<V: Lanes>(
+    group: &RestGroup,
+    carriers: &[F32x16],
+    deformation: &mut [F32x16; LANES],
+    out: &mut [F32x16; LANES],
+) -> u32 {
+    for lane in 0..LANES {
+        let mut sum = V::broadcast(0.0);
+        for k in 0..BINDING_NEIGHBORS {
+            let carrier = V::load(&carriers[group.particle[lane][k] as usize]);
+            sum = carrier.mul_add(V::broadcast(group.weight[lane][k]), sum);
+        }
+        sum.store(&mut deformation[lane]);
+    }
+    let g = V::transpose(deformation);
+    let f = Mat3([[g[3], g[4], g[5]], [g[6], g[7], g[8]], [g[9], g[10], g[11]]]);
+
+    let offset = [
+        V::load(&group.offset[0]),
+        V::load(&group.offset[1]),
+        V::load(&group.offset[2]),
+    ];
+    let moved = f.mul_vec(offset);
+
+    let a = &group.axes;
+    let axes = f.mul(&Mat3([
+        [V::load(&a[0]), V::load(&a[1]), V::load(&a[2])],
+        [V::load(&a[3]), V::load(&a[4]), V::load(&a[5])],
+        [V::load(&a[6]), V::load(&a[7]), V::load(&a[8])],
+    ]));
+    let c = axes.mul_transposed_sym(&axes);
+
+    let p = &group.placement;
+    let placement = [
+        V::load(&p[0]),
+        V::load(&p[1]),
+        V::load(&p[2]),
+        V::load(&p[3]),
+    ];
+    let q = multiply(quaternion_from_matrix(&rotation(&f)), placement);
+
+    // s1 s2 <= |F|^2 / 2 gives s3 >= 2 J / |F|^2, and s1 <= |F|: a cheap bound of s1 / s3, 2.6 at rest.
+    let norm_squared = f.norm_squared();
+    let bound = norm_squared * norm_squared.sqrt();
+    let fine = bound.lt(f.det() * V::splat(2.0 * f64::from(MAX_ASPECT)));
+
+    let zero = V::broadcast(0.0);
+    let columns = [
+        g[0] + moved[0],
+        g[1] + moved[1],
+        g[2] + moved[2],
+        c[0],
+        c[1],
+        c[2],
+        c[3],
+        c[4],
+        c[5],
+        q[0],
+        q[1],
+        q[2],
+        q[3],
+        zero,
+        zero,
+        zero,
+    ];
+    let mut stored = [F32x16::ZERO; LANES];
+    for i in 0..LANES {
+        columns[i].store(&mut stored[i]);
+    }
+    let rows = V::transpose(&stored);
+    for i in 0..LANES {
+        rows[i].store(&mut out[i]);
+    }
+    V::mask_bits(fine)
+}
+
+/// The rare case: strongly deformed, flat or inside out.
+#[cold]
+fn limit(group: &RestGroup, lane: usize, gathered: &[f32; LANES], pose: &mut GaussianPose) {
+    let at = |v: &F32x16| v.0[lane];
+    let f = Mat3([
+        [gathered[3], gathered[4], gathered[5]],
+        [gathered[6], gathered[7], gathered[8]],
+        [gathered[9], gathered[10], gathered[11]],
+    ]);
+    let (r, shape) = limited(&f);
+    let a = &group.axes;
+    let axes = shape.mul(&Mat3([
+        [at(&a[0]), at(&a[1]), at(&a[2])],
+        [at(&a[3]), at(&a[4]), at(&a[5])],
+        [at(&a[6]), at(&a[7]), at(&a[8])],
+    ]));
+    let p = &group.placement;
+    let placement = [at(&p[0]), at(&p[1]), at(&p[2]), at(&p[3])];
+    pose.covariance = axes.mul_transposed_sym(&axes);
+    pose.rotation = multiply(quaternion_from_matrix(&r), placement);
+}
