@@ -59,8 +59,8 @@ enum Path {
     Ping,
 }
 
-/// One round, with the index of each path; both processes walk through it in step. Each round begins with
-/// another path, because every path leaves the caches to the next in its own way.
+/// One round, with the index of each path; both processes walk through it in step. The order changes from
+/// round to round, because every path leaves the caches to the next in its own way.
 fn round(number: usize) -> impl Iterator<Item = (usize, Path)> {
     let sizes = COUNTS.into_iter().flat_map(|count| {
         [
@@ -70,12 +70,15 @@ fn round(number: usize) -> impl Iterator<Item = (usize, Path)> {
         ]
     });
     let paths: Vec<Path> = sizes.chain([Path::Ping]).collect();
+    // Steps without a common divisor with the number of paths reach each of them once.
+    let stride = [1, 3, 7, 9][number % 4];
     (0..PATHS)
-        .map(move |i| (i + number) % PATHS)
+        .map(move |i| (i * stride + number) % PATHS)
         .map(move |i| (i, paths[i]))
 }
 
 const PATHS: usize = 3 * COUNTS.len() + 1;
+const _: () = assert!(PATHS == 10, "choose other strides");
 
 /// Runs the command.
 ///
@@ -279,7 +282,9 @@ impl PingSender {
     }
 
     fn send(&self) -> anyhow::Result<()> {
-        self.publisher.send_copy([monotonic_ns(); 8])?;
+        // The loan is outside the clock, as for frames written in place.
+        let loan = self.publisher.loan_uninit()?;
+        loan.write_payload([monotonic_ns(); 8]).send()?;
         self.notifier.notify()?;
         Ok(())
     }
