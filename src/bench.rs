@@ -1,5 +1,7 @@
 //! `cosplat bench`: measurements.
 
+#[path = "bench_kernel.rs"]
+mod kernel;
 #[path = "bench_transport.rs"]
 mod transport;
 
@@ -12,6 +14,7 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum What {
+    Kernel(kernel::Args),
     Transport(transport::Args),
 }
 
@@ -21,6 +24,7 @@ enum What {
 /// When it could not be made.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     match &args.what {
+        What::Kernel(args) => kernel::run(args),
         What::Transport(args) => transport::run(args),
     }
 }

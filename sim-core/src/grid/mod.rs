@@ -6,6 +6,7 @@ mod topology;
 
 pub(crate) use boundary::Boundary;
 pub(crate) use node_pass::node_pass;
+pub(crate) use topology::OFFSETS;
 
 use crate::simd::F32x16;
 
@@ -23,9 +24,18 @@ pub(crate) const NONE: u32 = u32::MAX;
 /// and one unused on the way back.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
+pub(crate) struct TileFloats(pub [f32; TILE_FLOATS]);
+
+impl TileFloats {
+    /// All zero.
+    pub const ZERO: Self = Self([0.0; TILE_FLOATS]);
+}
+
+/// What the particles of one block bring to the grid.
+#[derive(Clone, Debug)]
 pub(crate) struct Tile {
-    /// The floats.
-    pub floats: [f32; TILE_FLOATS],
+    /// Momentum and mass of the nodes.
+    pub floats: TileFloats,
     /// Cell indices -1..=4 of the particles inside, smallest and largest along each axis; the nodes in use
     /// reach one further.
     pub cells: [(i32, i32); 3],
@@ -34,9 +44,16 @@ pub(crate) struct Tile {
 impl Tile {
     /// A tile that no particle touches.
     pub const EMPTY: Self = Self {
-        floats: [0.0; TILE_FLOATS],
+        floats: TileFloats::ZERO,
         cells: [(99, -99); 3],
     };
+
+    /// Forgets all particles.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        self.floats.0.fill(0.0);
+        self.cells = Self::EMPTY.cells;
+    }
 
     /// Index of the first float of the node at `i`, `j`, `k` in 0..8.
     #[inline(always)]

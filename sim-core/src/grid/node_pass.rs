@@ -74,6 +74,8 @@ fn node_block<V: Lanes>(block: &NodeBlock, tiles: &[Tile], out: &mut Velocities)
         zero.lt(V::load(&lanes))
     };
     let first_two_nodes = truth(|i| i < 8);
+    let last_two_nodes = truth(|i| i >= 8);
+    let everywhere = truth(|_| true);
     let velocity = truth(|i| i % 4 < 3);
     let mut sum = [zero; 16];
     for (offset, &tile) in OFFSETS.iter().zip(&block.tiles) {
@@ -81,35 +83,37 @@ fn node_block<V: Lanes>(block: &NodeBlock, tiles: &[Tile], out: &mut Velocities)
             continue;
         }
         let tile = &tiles[tile as usize];
-        // Node n of this block is node n - 4 offset of the particle block, whose nodes in use are `used`.
-        let overlap = |a: usize| {
-            let (low, high) = tile.cells[a];
+        // Node n of this block is node n - 4 offset of the particle block: first and last node in use here, and
+        // where in the tile node 0 would be.
+        let mut first = [0; 3];
+        let mut last = [0; 3];
+        let mut origin = [0; 3];
+        for a in 0..3 {
             let shift = BLOCK * offset[a];
-            (
-                (low - 1 + shift).max(0)..=(high + 1 + shift).min(BLOCK - 1),
-                shift,
-            )
-        };
-        let ((rows_x, dx), (rows_y, dy)) = (overlap(0), overlap(1));
-        if overlap(2).0.is_empty() {
+            first[a] = (tile.cells[a].0 - 1 + shift).max(0);
+            last[a] = (tile.cells[a].1 + 1 + shift).min(BLOCK - 1);
+            origin[a] = 2 - shift;
+        }
+        if first[2] > last[2] {
             continue;
         }
-        for i in rows_x {
-            for j in rows_y.clone() {
-                let at = Tile::at((i - dx + 2) as usize, (j - dy + 2) as usize, 0);
-                let row = &mut sum[(BLOCK * i + j) as usize];
-                // SAFETY: i - dx + 2 and j - dy + 2 are in 0..8 because the cells of a tile are in -1..=4; reads
+        // Rows along z that are half in this block are read whole and masked; those in front of it two nodes
+        // early.
+        let k = [6, 2, -2][(offset[2] + 1) as usize];
+        let keep = [first_two_nodes, everywhere, last_two_nodes][(offset[2] + 1) as usize];
+        let mut i = first[0];
+        while i <= last[0] {
+            let mut j = first[1];
+            while j <= last[1] {
+                let at = Tile::at((i + origin[0]) as usize, (j + origin[1]) as usize, 0);
+                // SAFETY: i + origin and j + origin are in 0..8 because the cells of a tile are in -1..=4; reads
                 // start at most two nodes before and end two nodes behind the nodes, where tiles are padded.
-                let read = |k: isize| unsafe {
-                    V::load_at(tile.floats.as_ptr().offset(at as isize + 4 * k))
-                };
-                *row = *row
-                    + match offset[2] {
-                        0 => read(2),
-                        1 => V::select(first_two_nodes, zero, read(-2)),
-                        _ => V::select(first_two_nodes, read(6), zero),
-                    };
+                let row = unsafe { V::load_at(tile.floats.0.as_ptr().offset(at as isize + 4 * k)) };
+                let sum = &mut sum[(BLOCK * i + j) as usize];
+                *sum = *sum + V::select(keep, row, zero);
+                j += 1;
             }
+            i += 1;
         }
     }
     let one = V::broadcast(1.0);

@@ -16,6 +16,24 @@ pub(crate) const OFFSETS: [[i32; 3]; 27] = {
     offsets
 };
 
+/// Positions in `sorted` of the blocks at the 27 offsets from `index`, or [`NONE`].
+fn neighbours<T>(sorted: &[T], index: [i32; 3], key: impl Fn(&T) -> [i32; 3]) -> [u32; 27] {
+    let mut found = [NONE; 27];
+    for column in 0..9 {
+        // The three blocks of a column along z follow one another: one search finds them all.
+        let start = shifted(index, OFFSETS[3 * column]);
+        let first = sorted.partition_point(|item| key(item) < start);
+        for (at, item) in (first..).zip(&sorted[first..]).take(3) {
+            let [x, y, z] = key(item);
+            let k = z - start[2];
+            if [x, y] == start[..2] && k < 3 {
+                found[3 * column + k as usize] = at as u32;
+            }
+        }
+    }
+    found
+}
+
 fn shifted(index: [i32; 3], offset: [i32; 3]) -> [i32; 3] {
     std::array::from_fn(|a| index[a] + offset[a])
 }
@@ -29,28 +47,17 @@ impl Grid {
         }
         indices.par_sort_unstable();
         indices.dedup();
-        let find_block = |index| {
-            blocks
-                .binary_search_by_key(&index, |block| block.index)
-                .map_or(NONE, |at| at as u32)
-        };
         self.nodes = indices
             .par_iter()
             .map(|&index| NodeBlock {
                 index,
-                tiles: OFFSETS.map(|offset| find_block(shifted(index, offset))),
+                tiles: neighbours(blocks, index, |block| block.index),
                 constrained: boundary.covers_block(index),
             })
             .collect();
         self.nodes_of = blocks
             .par_iter()
-            .map(|block| {
-                OFFSETS.map(|offset| {
-                    indices
-                        .binary_search(&shifted(block.index, offset))
-                        .map_or(NONE, |at| at as u32)
-                })
-            })
+            .map(|block| neighbours(&indices, block.index, |&index| index))
             .collect();
         self.tiles.resize(blocks.len(), Tile::EMPTY);
         self.velocities

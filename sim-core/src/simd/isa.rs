@@ -1,6 +1,6 @@
 //! Which instruction set the kernels run on.
 
-use std::fmt;
+use std::{fmt, str::FromStr};
 
 /// An instruction set. The choice changes speed only, never a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,5 +52,19 @@ impl fmt::Display for Isa {
             Self::Avx2 => "avx2",
             Self::Portable => "portable",
         })
+    }
+}
+
+/// No instruction set has this name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is none of avx512, avx2, portable")]
+pub struct UnknownIsa(String);
+
+impl FromStr for Isa {
+    type Err = UnknownIsa;
+
+    fn from_str(name: &str) -> Result<Self, UnknownIsa> {
+        let known = Self::ALL.into_iter().find(|isa| isa.to_string() == name);
+        known.ok_or_else(|| UnknownIsa(name.to_owned()))
     }
 }

@@ -19,7 +19,7 @@ mod tests;
 pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::Avx512;
-pub use isa::Isa;
+pub use isa::{Isa, UnknownIsa};
 pub(crate) use pair::Pair;
 pub(crate) use portable::Portable;
 

@@ -86,3 +86,12 @@ fn instruction_sets_agree_bit_for_bit() {
         assert_eq!(exercise::<Avx2>(), expected);
     }
 }
+
+#[test]
+fn instruction_sets_are_found_by_name() {
+    for isa in Isa::ALL {
+        assert_eq!(isa.to_string().parse(), Ok(isa));
+    }
+    let error = "neon".parse::<Isa>().expect_err("not one of them");
+    assert!(error.to_string().contains("neon"));
+}

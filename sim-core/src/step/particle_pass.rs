@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{gather::gather, scatter::Accumulator, stencil::Stencil};
 use crate::{
-    grid::{Grid, NONE, TILE, Tile, Velocities},
+    grid::{Grid, NONE, TILE, Tile, TileFloats, Velocities},
     kinematics::advance_deformation,
     mat3::{Mat3, dot},
     materials::{Law, limits::max_stretch_squared},
@@ -183,15 +183,20 @@ fn block<V: Lanes>(pass: &Pass<'_>, work: &mut Work<'_>, nodes: &[Velocities]) -
 
 /// Copies the velocities of the nodes in use around a block into a tile.
 #[inline(always)]
-fn load_velocities(nodes_of: &[u32; 27], nodes: &[Velocities], from: &Tile, to: &mut Tile) {
-    let [(x0, x1), (y0, y1), _] = from.cells;
+fn load_velocities(
+    nodes_of: &[u32; 27],
+    nodes: &[Velocities],
+    cells: &[(i32, i32); 3],
+    to: &mut TileFloats,
+) {
+    let [(x0, x1), (y0, y1), _] = *cells;
     for i in x0 - 1..=x1 + 1 {
         for j in y0 - 1..=y1 + 1 {
             let (side_i, side_j) = (i.div_euclid(BLOCK) + 1, j.div_euclid(BLOCK) + 1);
             let row = (BLOCK * i.rem_euclid(BLOCK) + j.rem_euclid(BLOCK)) as usize;
             let column = (9 * side_i + 3 * side_j) as usize;
             let at = Tile::at((i + 2) as usize, (j + 2) as usize, 0);
-            let out = &mut to.floats[at..at + 4 * TILE];
+            let out = &mut to.0[at..at + 4 * TILE];
             let part = |k: usize| {
                 let block = nodes_of[column + k];
                 debug_assert_ne!(block, NONE, "all neighbours of a particle block exist");
@@ -202,13 +207,6 @@ fn load_velocities(nodes_of: &[u32; 27], nodes: &[Velocities], from: &Tile, to: 
             out[24..].copy_from_slice(&part(2)[..8]);
         }
     }
-}
-
-/// What a pass keeps in the first-level cache between its three loops, for two groups.
-struct Buffer {
-    motion: [Motion; 2],
-    /// Deformation gradients.
-    f: [[F32x16; 9]; 2],
 }
 
 #[inline(always)]
@@ -328,7 +326,7 @@ struct Moved<V: Real> {
 fn advance<V: Lanes>(
     group: &mut Group,
     live: V::Mask,
-    velocities: &Tile,
+    velocities: &TileFloats,
     limits: &Limits<V>,
     largest: &mut Largest<V>,
 ) -> Moved<V> {
@@ -389,8 +387,12 @@ fn both<V: Lanes>(value: f32) -> Pair<V> {
 /// `A = C - 4 dt / (rho0 dx^2) tau` of two groups: what the particles carry to the grid besides velocity
 /// (MLS-MPM, Hu et al. 2018).
 #[inline(always)]
-fn affine_matrices<V: Lanes>(law: &ObjectLaw, buffer: &Buffer) -> [[F32x16; 9]; 2] {
-    let [one, two] = &buffer.f;
+fn affine_matrices<V: Lanes>(
+    law: &ObjectLaw,
+    f: [&[F32x16; 9]; 2],
+    motion: &[Motion; 2],
+) -> [[F32x16; 9]; 2] {
+    let [one, two] = f;
     let mut f = Mat3([[both::<V>(0.0); 3]; 3]);
     for i in 0..3 {
         for j in 0..3 {
@@ -404,7 +406,7 @@ fn affine_matrices<V: Lanes>(law: &ObjectLaw, buffer: &Buffer) -> [[F32x16; 9]; 
     let scale = both::<V>(-law.stress_scale);
     let mut out = [[F32x16::ZERO; 9]; 2];
     for n in 0..9 {
-        let [one, two] = &buffer.motion;
+        let [one, two] = motion;
         let c = Pair(V::load(&one.c[n]), V::load(&two.c[n]));
         let Pair(one, two) = scale.mul_add(t[n], c);
         one.store(&mut out[0][n]);
@@ -419,27 +421,26 @@ fn staged<V: Lanes, const GATHER: bool, const SCATTER: bool>(
     work: &mut Work<'_>,
     nodes: &[Velocities],
 ) -> Findings {
-    let mut velocity_tile = Tile::EMPTY;
+    let mut velocity_tile = TileFloats::ZERO;
     if GATHER {
-        load_velocities(work.nodes_of, nodes, work.tile, &mut velocity_tile);
+        load_velocities(work.nodes_of, nodes, &work.tile.cells, &mut velocity_tile);
     }
     if SCATTER {
-        *work.tile = Tile::EMPTY;
+        work.tile.clear();
     }
     let mut cells = [(V::splat(4.0), V::splat(-1.0)); 3];
     let mut accumulator = Accumulator::<V>::new();
     let mut findings = Findings::default();
-    let mut buffer = Buffer {
-        motion: [Motion::REST; 2],
-        f: [Group::REST.f; 2],
-    };
+    // Velocities of two groups stay in the first-level cache between the loops below.
+    let mut motion = [Motion::REST; 2];
     let limits = Limits::<V>::new(pass, work.block);
     let origin = work.block.groups.start;
     for run in work.runs.iter_mut() {
         let mut largest = Largest::none();
-        // Two groups at a time hide the latency of the law; beside an odd last one the law sees old values.
+        // Two groups at a time hide the latency of the law, which sees an odd last one twice.
         for first in (run.groups.start..run.groups.end).step_by(2) {
             let members = first - origin..(first + 2).min(run.groups.end) - origin;
+            prefetch(work.groups, members.end);
             for (n, g) in members.clone().enumerate() {
                 let (group, flags) = (&mut work.groups[g], &mut work.flags[g]);
                 let live = V::broadcast(0.0).lt(V::load(&work.fixed[g].mass));
@@ -450,28 +451,29 @@ fn staged<V: Lanes, const GATHER: bool, const SCATTER: bool>(
                         V::mask_bits(live & moved.bad),
                         &mut findings.bad,
                     );
-                    let motion = if SCATTER {
-                        &mut buffer.motion[n]
+                    let to = if SCATTER {
+                        &mut motion[n]
                     } else {
                         let outside = V::mask_bits(live & moved.outside);
                         note(&mut flags.outside, outside, &mut findings.outside);
                         &mut work.motion[g]
                     };
-                    store3(moved.v, &mut motion.v);
-                    store9(&moved.c, &mut motion.c);
+                    store3(moved.v, &mut to.v);
+                    store9(&moved.c, &mut to.c);
                 } else {
                     work.backup[g] = *group;
-                    buffer.motion[n] = work.motion[g];
-                    let bad = absurd::<V>(pass, &buffer.motion[n]);
+                    motion[n] = work.motion[g];
+                    let bad = absurd::<V>(pass, &motion[n]);
                     note(&mut flags.bad, V::mask_bits(live & bad), &mut findings.bad);
-                }
-                if SCATTER {
-                    buffer.f[n] = group.f;
                 }
             }
             if SCATTER {
                 let law = &pass.laws[run.object];
-                let affine = affine_matrices::<V>(law, &buffer);
+                let f = [
+                    &work.groups[members.start].f,
+                    &work.groups[members.end - 1].f,
+                ];
+                let affine = affine_matrices::<V>(law, f, &motion);
                 for (n, g) in members.enumerate() {
                     let stencil = Stencil::<V>::new(load3(&work.groups[g].x));
                     for a in 0..3 {
@@ -479,7 +481,7 @@ fn staged<V: Lanes, const GATHER: bool, const SCATTER: bool>(
                         cells[a].1 = cells[a].1.max(stencil.cell[a]);
                     }
                     let mass = V::load(&work.fixed[g].mass);
-                    let v = load3(&buffer.motion[n].v);
+                    let v = load3(&motion[n].v);
                     let affine = load9(&affine[n]);
                     accumulator.scatter(work.tile, &stencil, mass, v, &affine);
                 }
@@ -501,6 +503,25 @@ fn staged<V: Lanes, const GATHER: bool, const SCATTER: bool>(
         });
     }
     findings
+}
+
+/// Asks for the two groups from `next` on while the two before them are worked on.
+#[inline(always)]
+fn prefetch(groups: &[Group], next: usize) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let end = (next + 2).min(groups.len());
+        for g in next..end {
+            let group = (&raw const groups[g]).cast::<i8>();
+            for line in 0..size_of::<Group>() / 64 {
+                // SAFETY: a hint; the address is inside the group.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(group.add(64 * line)) };
+            }
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (groups, next);
 }
 
 /// Writes lane flags where they change; almost always there is nothing to write.

@@ -4,7 +4,7 @@ use super::stencil::{Stencil, Weights, read_quarter, stored_all, z_offsets};
 use crate::{
     grid::{TILE, Tile},
     mat3::Mat3,
-    simd::{F32x16, LANES, Lanes},
+    simd::{F32x16, Lanes},
 };
 
 /// Sums of particles that share a stencil, held in registers until the stencil changes.
@@ -32,7 +32,7 @@ impl<V: Lanes> Accumulator<V> {
             // SAFETY: cells are clamped to -1..=4, so the stencil's rows start inside the tile and end at most
             // one node behind it, where it is padded.
             unsafe {
-                let to = tile.floats.as_mut_ptr().add(at);
+                let to = tile.floats.0.as_mut_ptr().add(at);
                 (V::load_at(to) + self.rows[n]).store_at(to);
             }
             self.rows[n] = V::broadcast(0.0);
@@ -82,22 +82,25 @@ impl<V: Lanes> Accumulator<V> {
             ]));
         }
         let k = z_offsets::<V>();
-        for lane in 0..LANES {
-            if first[lane] != self.first {
-                self.flush(tile);
-                self.first = first[lane];
-            }
-            let wz = read_quarter::<V>(&z_weights, lane).spread();
-            let q0 = read_quarter::<V>(&a0, lane) * wz;
-            let q0 = read_quarter::<V>(&columns[2], lane).mul_add(wz * k, q0);
-            let q1 = read_quarter::<V>(&columns[0], lane) * wz;
-            let q2 = read_quarter::<V>(&columns[1], lane) * wz;
-            let slabs = [q0 - q1, q0, q0 + q1];
-            for i in 0..3 {
-                let row = [slabs[i] - q2, slabs[i], slabs[i] + q2];
-                for j in 0..3 {
-                    let n = 3 * i + j;
-                    self.rows[n] = row[j].mul_add(V::broadcast(wxy[n].0[lane]), self.rows[n]);
+        for q in 0..4 {
+            for r in 0..4 {
+                let lane = 4 * q + r;
+                if first[lane] != self.first {
+                    self.flush(tile);
+                    self.first = first[lane];
+                }
+                let wz = read_quarter::<V>(&z_weights, q, r).spread();
+                let q0 = read_quarter::<V>(&a0, q, r) * wz;
+                let q0 = read_quarter::<V>(&columns[2], q, r).mul_add(wz * k, q0);
+                let q1 = read_quarter::<V>(&columns[0], q, r) * wz;
+                let q2 = read_quarter::<V>(&columns[1], q, r) * wz;
+                let slabs = [q0 - q1, q0, q0 + q1];
+                for i in 0..3 {
+                    let row = [slabs[i] - q2, slabs[i], slabs[i] + q2];
+                    for j in 0..3 {
+                        let n = 3 * i + j;
+                        self.rows[n] = row[j].mul_add(V::broadcast(wxy[n].0[lane]), self.rows[n]);
+                    }
                 }
             }
         }

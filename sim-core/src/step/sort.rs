@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::{
-    grid::NONE,
+    grid::{NONE, OFFSETS},
     particles::{BLOCK, Block, Extremes, Fixed, Flags, Group, Motion, NO_PARTICLE, Particles, Run},
     simd::LANES,
 };
@@ -12,142 +12,156 @@ use crate::{
 const TASK: usize = 8;
 
 /// A particle on its way to its new place.
-#[derive(Clone, Copy)]
-struct Arrival {
+#[derive(Clone, Copy, Default)]
+struct Traveller {
     /// Group and lane it comes from.
     from: u32,
     object: u32,
-    /// Block offset (0..27) it moved by, and cell in its new block (0..64).
+    /// Block offset (0..27) it moves by, and cell in its new block (0..64).
     offset: u8,
     cell: u8,
+}
+
+/// The particles of one old block, grouped by the block they move to.
+struct Departures {
+    travellers: Vec<Traveller>,
+    /// Where each offset's group begins, and the end.
+    starts: [u32; 28],
 }
 
 /// The particles that one new block receives, in their order, and how many of each object.
 struct Intake {
     index: [i32; 3],
-    arrivals: Vec<Arrival>,
+    travellers: Vec<Traveller>,
     /// Object and particle count.
     objects: Vec<(u32, usize)>,
 }
 
-/// Cell 0..64 within a block and the block's offset per axis, of a position relative to the block's centre.
-fn cell_of(x: [f32; 3]) -> (u8, [i32; 3]) {
-    let mut cell = 0;
-    let offset = x.map(|x| {
+/// Cell 0..64 within a block and the offset 0..27 of the block, for a position relative to the old block's
+/// centre.
+#[inline(always)]
+fn cell_of(x: [f32; 3]) -> (u8, u8) {
+    let (mut cell, mut offset) = (0, 0);
+    for x in x {
+        // Floor without the library call that processors without SSE 4.1 need.
+        let truncated = x as i32;
+        let floor = truncated - i32::from(x < truncated as f32);
         // At most one block away: the drift since the last sort is bounded well below that.
-        let n = ((x + 2.0).floor() as i32).clamp(-BLOCK, 2 * BLOCK - 1);
-        cell = cell * BLOCK + n.rem_euclid(BLOCK);
-        n.div_euclid(BLOCK)
-    });
-    (cell as u8, offset)
-}
-
-fn offset_code(offset: [i32; 3]) -> u8 {
-    ((offset[0] + 1) * 9 + (offset[1] + 1) * 3 + offset[2] + 1) as u8
-}
-
-fn code_offset(code: u8) -> [i32; 3] {
-    let code = i32::from(code);
-    [code / 9 - 1, code / 3 % 3 - 1, code % 3 - 1]
+        let n = (floor + 2).clamp(-BLOCK, 2 * BLOCK - 1) + BLOCK;
+        cell = cell * BLOCK + n % BLOCK;
+        offset = offset * 3 + n / BLOCK;
+    }
+    (cell as u8, offset as u8)
 }
 
 /// Sorts particles by block, object and cell; among those the order stays as it was. Reads `old`, fills `new`.
 pub(crate) fn sort(old: &Particles, new: &mut Particles) {
-    // Which blocks lose how many particles into which direction.
-    let departures: Vec<[u32; 27]> = old
+    let departures: Vec<Departures> = old
         .blocks
         .par_iter()
         .with_min_len(TASK)
-        .map(|block| {
-            let mut count = [0; 27];
-            for_each_particle(old, block, |_, x| {
-                count[usize::from(offset_code(cell_of(x).1))] += 1;
-            });
-            count
-        })
+        .map(|block| depart(old, block))
         .collect();
-    let mut flows: Vec<([i32; 3], u32, u8, u32)> = Vec::new();
-    for (at, (block, count)) in old.blocks.iter().zip(&departures).enumerate() {
-        for code in (0..27).filter(|&code| count[usize::from(code)] > 0) {
-            let offset = code_offset(code);
-            let index = std::array::from_fn(|a| block.index[a] + offset[a]);
-            flows.push((index, at as u32, code, count[usize::from(code)]));
+    // Who sends particles where: target, source block, offset. Sorted, each target finds its sources in the
+    // order of the old blocks.
+    let mut flows: Vec<([i32; 3], u32, u8)> = Vec::new();
+    for (at, (block, departures)) in (0..).zip(old.blocks.iter().zip(&departures)) {
+        let starts = &departures.starts;
+        for code in (0..27).filter(|&code| starts[code] < starts[code + 1]) {
+            let offset = OFFSETS[code];
+            let target = std::array::from_fn(|a| block.index[a] + offset[a]);
+            flows.push((target, at, code as u8));
         }
     }
-    flows.sort_unstable();
+    flows.par_sort_unstable();
     let intakes: Vec<Intake> = flows
         .chunk_by(|a, b| a.0 == b.0)
         .collect::<Vec<_>>()
         .into_par_iter()
         .with_min_len(TASK)
-        .map(|flows| take_in(old, flows))
+        .map(|flows| take_in(&departures, flows))
         .collect();
     lay_out(&intakes, new);
     fill(old, &intakes, new);
 }
 
-/// Calls `f(slot, x)` for every particle of a block, in order.
-fn for_each_particle(particles: &Particles, block: &Block, mut f: impl FnMut(u32, [f32; 3])) {
-    for group in block.groups.clone() {
-        let (x, id) = (&particles.groups[group].x, &particles.fixed[group].id);
-        for lane in (0..LANES).filter(|&lane| id[lane] != NO_PARTICLE) {
-            f(
-                (group * LANES + lane) as u32,
-                [x[0].0[lane], x[1].0[lane], x[2].0[lane]],
-            );
-        }
-    }
-}
-
-/// Collects the particles of one new block and sorts them by object and cell.
-fn take_in(old: &Particles, flows: &[([i32; 3], u32, u8, u32)]) -> Intake {
-    let mut found = Vec::with_capacity(flows.iter().map(|flow| flow.3 as usize).sum());
-    for &(_, at, wanted, _) in flows {
-        for run in &old.runs[old.blocks[at as usize].runs.clone()] {
-            for group in run.groups.clone() {
-                let (x, id) = (&old.groups[group].x, &old.fixed[group].id);
-                for lane in (0..LANES).filter(|&lane| id[lane] != NO_PARTICLE) {
-                    let (cell, offset) = cell_of([x[0].0[lane], x[1].0[lane], x[2].0[lane]]);
-                    if offset_code(offset) == wanted {
-                        found.push(Arrival {
-                            from: (group * LANES + lane) as u32,
-                            object: run.object as u32,
-                            offset: wanted,
-                            cell,
-                        });
-                    }
+/// Groups the particles of a block by where they go.
+fn depart(old: &Particles, block: &Block) -> Departures {
+    let mut found = Vec::with_capacity(block.groups.len() * LANES);
+    let mut starts = [0; 28];
+    for run in &old.runs[block.runs.clone()] {
+        for group in run.groups.clone() {
+            let ([x, y, z], id) = (&old.groups[group].x, &old.fixed[group].id);
+            for lane in 0..LANES {
+                if id[lane] == NO_PARTICLE {
+                    continue;
                 }
+                let (cell, offset) = cell_of([x.0[lane], y.0[lane], z.0[lane]]);
+                starts[usize::from(offset) + 1] += 1;
+                found.push(Traveller {
+                    from: (group * LANES + lane) as u32,
+                    object: run.object as u32,
+                    offset,
+                    cell,
+                });
             }
         }
     }
+    for n in 1..28 {
+        starts[n] += starts[n - 1];
+    }
+    let mut next = starts;
+    let mut travellers = vec![Traveller::default(); found.len()];
+    for traveller in found {
+        let place = &mut next[usize::from(traveller.offset)];
+        travellers[*place as usize] = traveller;
+        *place += 1;
+    }
+    Departures { travellers, starts }
+}
+
+/// Collects the particles of one new block and sorts them by object and cell.
+fn take_in(departures: &[Departures], flows: &[([i32; 3], u32, u8)]) -> Intake {
+    let mut found = Vec::new();
+    for &(_, at, code) in flows {
+        let Departures { travellers, starts } = &departures[at as usize];
+        let [start, end] = [0, 1].map(|n| starts[usize::from(code) + n] as usize);
+        found.extend_from_slice(&travellers[start..end]);
+    }
     let mut objects: Vec<(u32, usize)> = Vec::new();
-    for arrival in &found {
-        match objects.binary_search_by_key(&arrival.object, |o| o.0) {
-            Ok(at) => objects[at].1 += 1,
-            Err(at) => objects.insert(at, (arrival.object, 1)),
+    for traveller in &found {
+        match objects.last_mut() {
+            Some(last) if last.0 == traveller.object => last.1 += 1,
+            _ => objects.push((traveller.object, 1)),
         }
     }
+    objects.sort_unstable();
+    objects.dedup_by(|later, first| {
+        let same = later.0 == first.0;
+        first.1 += if same { later.1 } else { 0 };
+        same
+    });
     // Counting sort: one bucket per object and cell.
-    let bucket = |arrival: &Arrival| {
-        let rank = objects.partition_point(|o| o.0 < arrival.object);
-        64 * rank + usize::from(arrival.cell)
+    let bucket = |traveller: &Traveller| {
+        let rank = objects.partition_point(|o| o.0 < traveller.object);
+        64 * rank + usize::from(traveller.cell)
     };
-    let mut next = vec![0u32; 64 * objects.len() + 1];
-    for arrival in &found {
-        next[bucket(arrival) + 1] += 1;
+    let mut next = vec![0_u32; 64 * objects.len() + 1];
+    for traveller in &found {
+        next[bucket(traveller) + 1] += 1;
     }
     for n in 1..next.len() {
         next[n] += next[n - 1];
     }
-    let mut arrivals = found.clone();
-    for arrival in &found {
-        let place = &mut next[bucket(arrival)];
-        arrivals[*place as usize] = *arrival;
+    let mut travellers = vec![Traveller::default(); found.len()];
+    for traveller in &found {
+        let place = &mut next[bucket(traveller)];
+        travellers[*place as usize] = *traveller;
         *place += 1;
     }
     Intake {
         index: flows[0].0,
-        arrivals,
+        travellers,
         objects,
     }
 }
@@ -200,36 +214,45 @@ fn fill(old: &Particles, intakes: &[Intake], new: &mut Particles) {
     work.into_par_iter()
         .with_min_len(TASK)
         .for_each(|(intake, groups, motion, fixed)| {
-            let mut arrivals = intake.arrivals.as_slice();
+            let mut travellers = intake.travellers.as_slice();
             let mut group = 0;
             for &(_, count) in &intake.objects {
-                let (mine, others) = arrivals.split_at(count);
-                arrivals = others;
+                let (mine, others) = travellers.split_at(count);
+                travellers = others;
                 for chunk in mine.chunks(LANES) {
-                    groups[group] = Group::REST;
-                    motion[group] = Motion::REST;
-                    fixed[group] = Fixed::EMPTY;
-                    for (lane, arrival) in chunk.iter().enumerate() {
-                        let (from, at) =
-                            (arrival.from as usize / LANES, arrival.from as usize % LANES);
-                        let (g, m, c) = (&old.groups[from], &old.motion[from], &old.fixed[from]);
-                        let offset = code_offset(arrival.offset);
-                        for a in 0..3 {
-                            let shift = (BLOCK * offset[a]) as f32;
-                            groups[group].x[a].0[lane] = g.x[a].0[at] - shift;
-                            motion[group].v[a].0[lane] = m.v[a].0[at];
-                        }
-                        for a in 0..9 {
-                            groups[group].f[a].0[lane] = g.f[a].0[at];
-                            motion[group].c[a].0[lane] = m.c[a].0[at];
-                        }
-                        fixed[group].mass.0[lane] = c.mass.0[at];
-                        fixed[group].id[lane] = c.id[at];
-                    }
+                    let to = (&mut groups[group], &mut motion[group], &mut fixed[group]);
+                    fill_group(old, chunk, to);
                     group += 1;
                 }
             }
         });
+}
+
+/// Fills one group with up to 16 particles.
+fn fill_group(
+    old: &Particles,
+    travellers: &[Traveller],
+    (group, motion, fixed): (&mut Group, &mut Motion, &mut Fixed),
+) {
+    if travellers.len() < LANES {
+        (*group, *motion, *fixed) = (Group::REST, Motion::REST, Fixed::EMPTY);
+    }
+    for (lane, traveller) in travellers.iter().enumerate().take(LANES) {
+        let from = traveller.from as usize / LANES;
+        let at = traveller.from as usize % LANES;
+        let (g, m, c) = (&old.groups[from], &old.motion[from], &old.fixed[from]);
+        let offset = OFFSETS[usize::from(traveller.offset)];
+        for a in 0..3 {
+            group.x[a].0[lane] = g.x[a].0[at] - (BLOCK * offset[a]) as f32;
+            motion.v[a].0[lane] = m.v[a].0[at];
+        }
+        for a in 0..9 {
+            group.f[a].0[lane] = g.f[a].0[at];
+            motion.c[a].0[lane] = m.c[a].0[at];
+        }
+        fixed.mass.0[lane] = c.mass.0[at];
+        fixed.id[lane] = c.id[at];
+    }
 }
 
 /// A particle to be placed for the first time.

@@ -26,12 +26,6 @@ pub(crate) struct Weights {
     pub z: [F32x16; 4],
 }
 
-/// Where the quarter of particle `lane` lies in four quarter-transposed vectors [floats].
-#[inline(always)]
-fn quarter_of(lane: usize) -> usize {
-    lane % 4 * LANES + lane / 4 * 4
-}
-
 impl<V: Lanes> Stencil<V> {
     /// Stencils of particles at `x` relative to the block's centre.
     #[inline(always)]
@@ -89,12 +83,12 @@ pub(crate) fn stored_all<V: Lanes, const N: usize>(v: [V; N]) -> [F32x16; N] {
     out
 }
 
-/// Reads the quarter of particle `lane` from four quarter-transposed vectors, into every quarter.
+/// Reads the quarter of particle `4 q + r` from four quarter-transposed vectors, into every quarter.
 #[inline(always)]
-pub(crate) fn read_quarter<V: Lanes>(from: &[F32x16; 4], lane: usize) -> V {
-    assert!(lane < LANES);
-    // SAFETY: the quarter of a lane below 16 ends within the 64 floats.
-    unsafe { V::repeat_quarter(from.as_ptr().cast::<f32>().add(quarter_of(lane))) }
+pub(crate) fn read_quarter<V: Lanes>(from: &[F32x16; 4], q: usize, r: usize) -> V {
+    let quarter = &from[r].0[4 * q..4 * q + 4];
+    // SAFETY: the slice is 4 floats long.
+    unsafe { V::repeat_quarter(quarter.as_ptr()) }
 }
 
 /// Node offset along z of each quarter: -1, 0, 1 and a fourth that no weight reaches.
