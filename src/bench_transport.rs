@@ -91,7 +91,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let domain = Domain::named(&format!("bench{}", std::process::id()))?;
     let outcome = send(&domain, args.rounds, rounds);
-    let _ = std::fs::remove_dir_all(domain.root());
+    domain.discard();
     let report = outcome?;
     if args.json {
         println!("{}", serde_json::to_string(&report)?);

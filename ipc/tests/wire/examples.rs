@@ -67,7 +67,7 @@ fn run(mut subscriber: Command, name: &str) -> Vec<String> {
     stop.store(true, Ordering::Relaxed);
     let status = child.wait().expect("its end");
     server.join().expect("the server");
-    std::fs::remove_dir_all(domain.root()).expect("removed");
+    domain.discard();
     assert!(status.success(), "{status}: {lines:?}");
     lines
 }

@@ -214,7 +214,11 @@ fn a_service_that_this_iceoryx2_cannot_read_is_said_with_its_release() {
         fs::write(file.path(), "another format").expect("written");
         set(mode).expect("as before");
     }
-    let mark = format!("/dev/shm/{}0_node.0_9_3.global_mgmt", domain.prefix());
+    let mark = format!(
+        "/dev/shm/{}{:040}_node.0_9_3.global_mgmt",
+        domain.prefix(),
+        0
+    );
     fs::write(mark, "").expect("written");
     let error = refusal(&domain, "old");
     assert!(

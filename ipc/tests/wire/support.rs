@@ -40,19 +40,7 @@ impl std::ops::Deref for TestDomain {
 
 impl Drop for TestDomain {
     fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(self.root());
-        for file in std::fs::read_dir("/dev/shm")
-            .expect("shared memory")
-            .flatten()
-        {
-            if file
-                .file_name()
-                .to_string_lossy()
-                .starts_with(self.prefix())
-            {
-                let _ = std::fs::remove_file(file.path());
-            }
-        }
+        self.discard();
     }
 }
 
