@@ -3,6 +3,7 @@
 mod recording {
     pub mod damage;
     pub mod elsewhere;
+    pub mod killed;
     pub mod live;
     pub mod read_back;
     pub mod synthetic;
