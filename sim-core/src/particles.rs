@@ -170,6 +170,11 @@ impl Particles {
 }
 
 /// Position [cells] of a lane in the world, from its block and its offset from the block's centre.
+#[inline(always)]
 pub(crate) fn position_in_cells(block: [i32; 3], x: [f32; 3]) -> [f64; 3] {
-    std::array::from_fn(|a| f64::from(BLOCK * block[a]) + 1.5 + f64::from(x[a]))
+    let mut position = [0.0; 3];
+    for a in 0..3 {
+        position[a] = f64::from(BLOCK * block[a]) + 1.5 + f64::from(x[a]);
+    }
+    position
 }

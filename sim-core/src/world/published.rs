@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::{
     moments::ParticleArrays,
-    particles::{Block, Fixed, Group, Motion, NO_PARTICLE, Particles, position_in_cells},
+    particles::{NO_PARTICLE, Particles, position_in_cells},
     scene::{Fidelity, Scene},
     simd::LANES,
 };
@@ -92,37 +92,41 @@ impl Published {
         let velocity = Shared::new(&mut self.velocity);
         let affine = Shared::new(&mut self.affine);
         let deformation = Shared::new(&mut self.deformation);
-        let write = |block: &Block, group: &Group, motion: &Motion, fixed: &Fixed| {
-            for lane in 0..LANES {
-                let id = fixed.id[lane];
-                if id == NO_PARTICLE {
-                    continue;
-                }
-                let at = id as usize;
-                let x = position_in_cells(block.index, std::array::from_fn(|a| group.x[a].0[lane]));
-                // SAFETY: every id is in exactly one lane of one group, and a group belongs to one task.
-                unsafe {
-                    cells.set(at, x);
-                    position.set(at, x.map(|x| (x * dx) as f32));
-                    let v = |a: usize| (f64::from(motion.v[a].0[lane]) + carrier[a]) * dx;
-                    velocity.set(at, [v(0) as f32, v(1) as f32, v(2) as f32]);
-                    affine.set(at, std::array::from_fn(|n| motion.c[n].0[lane]));
-                    deformation.set(at, std::array::from_fn(|n| group.f[n].0[lane]));
-                }
-            }
-        };
         particles
             .blocks
             .par_iter()
             .with_min_len(TASK)
             .for_each(|block| {
                 for g in block.groups.clone() {
-                    write(
-                        block,
-                        &particles.groups[g],
-                        &particles.motion[g],
-                        &particles.fixed[g],
-                    );
+                    let (group, motion) = (&particles.groups[g], &particles.motion[g]);
+                    let id = &particles.fixed[g].id;
+                    for lane in (0..LANES).filter(|&lane| id[lane] != NO_PARTICLE) {
+                        // Loops, not closures: those are not always inlined, and this is most of a frame's
+                        // cost outside the substeps.
+                        let (mut x, mut v) = ([0.0; 3], [0.0; 3]);
+                        for a in 0..3 {
+                            x[a] = group.x[a].0[lane];
+                            v[a] = ((f64::from(motion.v[a].0[lane]) + carrier[a]) * dx) as f32;
+                        }
+                        let (mut c, mut f) = ([0.0; 9], [0.0; 9]);
+                        for n in 0..9 {
+                            c[n] = motion.c[n].0[lane];
+                            f[n] = group.f[n].0[lane];
+                        }
+                        let x = position_in_cells(block.index, x);
+                        let at = id[lane] as usize;
+                        // SAFETY: every id is in exactly one lane of one group, and a group belongs to one task.
+                        unsafe {
+                            cells.set(at, x);
+                            position.set(
+                                at,
+                                [(x[0] * dx) as f32, (x[1] * dx) as f32, (x[2] * dx) as f32],
+                            );
+                            velocity.set(at, v);
+                            affine.set(at, c);
+                            deformation.set(at, f);
+                        }
+                    }
                 }
             });
     }
