@@ -204,7 +204,9 @@ fn real_splats_drop_as_solids_of_one_metre_in_real_time() {
             "{name}: {} particles",
             body.particles
         );
-        assert!(body.dt >= 6.9e-4, "{name}: dt {}", body.dt);
+        // Two cores beside renderer and recorder; see the constants of `drop_scene`.
+        let cost = summary.particle_updates_per_second;
+        assert!(cost < 1.1e7, "{name}: {cost} particle-substeps/s");
         let height = object.gaussian_box.expect("visible").size[1];
         // Quantiles leave a rim of at most a tenth on either side.
         assert!((0.98..1.25).contains(&height), "{name}: {height} m");
