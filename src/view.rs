@@ -55,7 +55,7 @@ pub struct Args {
 }
 
 /// Priority given up.
-const NICENESS: i32 = 10;
+const NICENESS: i32 = 5;
 
 /// Runs the command.
 ///

@@ -166,9 +166,7 @@ impl Demo<'_> {
             objects: served.objects,
             frames_published: served.frames_published,
             frames_recorded: recorded.frames_recorded,
-            frames_dropped: served
-                .frames_published
-                .saturating_sub(recorded.frames_recorded),
+            frames_dropped: (served.steps + 1).saturating_sub(recorded.frames_recorded),
             frames_rendered: viewed.frames_rendered,
             sim_seconds: served.sim_seconds,
             wall_seconds: served.wall_seconds,

@@ -19,7 +19,8 @@ pub struct Outcome {
     pub frames_published: u64,
     /// Frames in the recording.
     pub frames_recorded: u64,
-    /// Frames published but not recorded.
+    /// Frames of the run, the initial state included, that the recording lacks: skipped by the server because readers
+    /// held its memory, or lost by the recorder.
     pub frames_dropped: u64,
     /// Frames drawn.
     pub frames_rendered: u64,
@@ -55,6 +56,7 @@ pub struct Latency {
 /// Last line of `cosplat serve --json`, as far as it is used here.
 #[derive(Debug, Deserialize)]
 pub struct Served {
+    pub steps: u64,
     pub gaussians: u64,
     pub particles: u64,
     pub objects: u64,

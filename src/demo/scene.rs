@@ -17,7 +17,7 @@ const TWO_VASES: &str = include_str!("../../scenes/two_vases.toml");
 /// The pushes of that scene.
 const TWO_VASES_PUSH: &str = include_str!("../../scenes/two_vases_push.toml");
 /// Speed that a push gives to what was dropped [m/s].
-const PUSH_SPEED: f64 = 1.5;
+const PUSH_SPEED: f64 = 0.7;
 
 /// Writes the scene file and the controller's script.
 pub fn write(files: &Files, splat: Option<&Path>, up: Option<&str>) -> anyhow::Result<()> {
