@@ -55,7 +55,8 @@ impl Client {
         let node = domain.join(role)?;
         let deadline = Instant::now() + timeout;
         let hello = loop {
-            let error = match read_hello(domain, &node, &session) {
+            let greeted = read_hello(domain, &node, &session);
+            let error = match greeted.and_then(|hello| is_complete(&node, &session, hello)) {
                 Ok(hello) => break hello,
                 Err(error) => error,
             };
@@ -136,6 +137,24 @@ impl Client {
     pub fn commands(&self) -> Result<CommandSender, ConnectError> {
         CommandSender::open(&self.node, &self.session)
     }
+}
+
+/// Passes `hello` on when the server has made the last of its services, so that all can be opened; a server
+/// of another version has others, and its hello says enough.
+fn is_complete(
+    node: &Node<Service>,
+    session: &SessionName,
+    hello: Hello,
+) -> Result<Hello, ConnectError> {
+    let ours = hello.wire_version == WIRE_VERSION && hello.schema_hash == schema_hash();
+    if ours && let Err(OpenError::Absent) = session::event(node, session, "command", false) {
+        return Err(ConnectError::Timeout {
+            session: session.as_str().into(),
+            what: "its services",
+            seconds: 0.0,
+        });
+    }
+    Ok(hello)
 }
 
 /// The hello of a living server; it comes with the next turn of the server's monitor.
