@@ -175,7 +175,7 @@ fn vector(numbers: &[f64]) -> anyhow::Result<[f64; 3]> {
 fn preset(name: &str) -> Result<MaterialSpec, String> {
     let material = Material::preset(name).map_err(|error| error.to_string())?;
     Ok(MaterialSpec {
-        law: material.law as u32,
+        law: material.law.id(),
         reserved: 0,
         youngs_modulus: material.youngs_modulus,
         poisson_ratio: material.poisson_ratio,

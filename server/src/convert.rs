@@ -78,7 +78,7 @@ pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
 fn material_from_wire(spec: &wire::MaterialSpec) -> Result<Material, WireError> {
     let law = [Law::FixedCorotated, Law::NeoHookean]
         .into_iter()
-        .find(|law| *law as u32 == spec.law)
+        .find(|law| law.id() == spec.law)
         .ok_or(WireError::UnknownLaw { law: spec.law })?;
     Ok(Material {
         name: "edited".into(),
@@ -116,7 +116,7 @@ pub fn object_info(id: usize, object: &Object) -> wire::ObjectInfo {
         particle_count: object.particles.len() as u32,
         gaussian_first: object.gaussians.start as u32,
         gaussian_count: object.gaussians.len() as u32,
-        law: object.material.law as u32,
+        law: object.material.law.id(),
         youngs_modulus: object.material.youngs_modulus,
         poisson_ratio: object.material.poisson_ratio,
         density: object.material.density,

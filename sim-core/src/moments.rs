@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::{
     mat3::{Mat3, cross},
-    materials::{Material, polar},
+    materials::{Coefficients, Material, polar},
     report::ObjectState,
 };
 
@@ -165,7 +165,7 @@ fn sum_particles<T: Copy + Into<f64>>(
     material: &Material,
 ) -> Sums {
     let d_p = 0.25 * dx * dx;
-    let (law, lambda, mu) = (material.law, material.lambda(), material.mu());
+    let (law, k) = (material.law, Coefficients::new(material));
     let mut sums = Sums::default();
     for p in range {
         let volume = particles.volume[p];
@@ -194,7 +194,7 @@ fn sum_particles<T: Copy + Into<f64>>(
             momentum: v.map(|v| volume * v),
             angular: array::from_fn(|i| volume * (orbital[i] + d_p * axial[i])),
             twice_kinetic: volume * (v_squared + d_p * Mat3(c).norm_squared()),
-            elastic: volume * law.energy_density(&f, lambda, mu),
+            elastic: volume * law.energy_density(&f, 0.0, &k),
             deformation: f.0.map(|row| row.map(|f| volume * f)),
         };
     }

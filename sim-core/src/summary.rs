@@ -199,7 +199,7 @@ fn body_summary(scene: &Scene, object: &Object) -> Option<BodySummary> {
         poisson_ratio: m.poisson_ratio,
         density_kg_m3: m.density,
         sound_speed: ((lambda + 2.0 * mu) / m.density).sqrt(),
-        dt: scene.cfl * critical_dt(m.law, lambda, mu, m.density, scene.dx, rest),
+        dt: scene.cfl * critical_dt(m, m.density, scene.dx, rest),
     })
 }
 

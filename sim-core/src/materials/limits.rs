@@ -1,6 +1,6 @@
 //! Largest stable time step of a material in closed form.
 
-use super::Law;
+use super::{Law, Material};
 use crate::{mat3::Mat3, num::Real};
 
 /// Bounds on the deformation of a set of particles.
@@ -12,6 +12,8 @@ pub struct DeformationBounds {
     pub min_j: f64,
     /// Largest `J`.
     pub max_j: f64,
+    /// Largest factor on Lamé's parameters by hardening.
+    pub max_stiffness: f64,
 }
 
 impl DeformationBounds {
@@ -20,6 +22,7 @@ impl DeformationBounds {
         max_stretch: 1.0,
         min_j: 1.0,
         max_j: 1.0,
+        max_stiffness: 1.0,
     };
 }
 
@@ -29,17 +32,12 @@ impl DeformationBounds {
 /// An isolated particle is the worst case of MLS-MPM with quadratic splines and symplectic Euler: its affine
 /// mode has `omega^2 = 4 M / (rho0 dx^2)` and is stable for `omega dt < 2`. A tangent softer than that at rest
 /// is not rewarded: on its way back the particle passes through rest.
-/// `rho0` is mass per rest volume [kg/m^3], `dx` the cell size [m], `lambda` and `mu` in [Pa].
-pub fn critical_dt(
-    law: Law,
-    lambda: f64,
-    mu: f64,
-    rho0: f64,
-    dx: f64,
-    bounds: &DeformationBounds,
-) -> f64 {
+/// `rho0` is mass per rest volume [kg/m^3], that of `material` is not read; `dx` the cell size [m].
+pub fn critical_dt(material: &Material, rho0: f64, dx: f64, bounds: &DeformationBounds) -> f64 {
     let s = bounds.max_stretch.max(1.0);
-    let tangent = match law {
+    let stiffness = bounds.max_stiffness.max(1.0);
+    let (lambda, mu) = (stiffness * material.lambda(), stiffness * material.mu());
+    let tangent = match material.law {
         Law::NeoHookean => 3.0 * lambda + 2.0 * mu * s * s,
         Law::FixedCorotated => {
             // d/d ln(s) of 2 mu (s - 1) s, and of lambda (J - 1) J; inverted elements have s, J < 0.

@@ -13,7 +13,7 @@ use crate::{
     command::Command,
     kinematics::advance_deformation,
     mat3::Mat3,
-    materials::Material,
+    materials::{Coefficients, Material, Trial},
     moments::{ParticleArrays, object_moments, total_momentum},
     report::StepReport,
     scene::{Aabb, Scene},
@@ -146,10 +146,16 @@ impl ReferenceWorld {
                 if m == 0.0 {
                     continue;
                 }
-                let f = Mat3(particles.deformation[p]);
+                let trial = Trial {
+                    f: Mat3(particles.deformation[p]),
+                    memory: 0.0,
+                    gradient: Mat3(particles.affine[p]),
+                    dt: 0.0,
+                };
                 let tau = material
                     .law
-                    .kirchhoff_stress(&f, material.lambda(), material.mu());
+                    .respond(&trial, &Coefficients::new(material))
+                    .tau;
                 let k = -dt * particles.volume[p] * 4.0 / (dx * dx);
                 let c = &particles.affine[p];
                 let affine = Mat3([

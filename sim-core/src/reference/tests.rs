@@ -101,9 +101,7 @@ fn an_isolated_particle_is_stable_just_below_the_critical_step_and_not_above() {
             let mut scene = empty(0.1);
             let material = elastic(law, 1e5, nu);
             let limit = critical_dt(
-                law,
-                material.lambda(),
-                material.mu(),
+                &material,
                 material.density,
                 scene.dx,
                 &DeformationBounds::REST,

@@ -66,9 +66,8 @@ pub(super) fn time_step(scene: &Scene, materials: &[Material], particles: &Parti
         if count == 0 {
             continue;
         }
-        let (lambda, mu) = (material.lambda(), material.mu());
         let rho0 = object.material.density;
-        let sound = critical_dt(material.law, lambda, mu, rho0, scene.dx, &bounds);
+        let sound = critical_dt(material, rho0, scene.dx, &bounds);
         for (dt, limit) in [
             (scene.cfl * sound, DtLimit::Sound),
             (MAX_TRAVEL * scene.dx / speed, DtLimit::Velocity),

@@ -7,7 +7,7 @@ use crate::{
     grid::{Grid, NONE, TILE, Tile, TileFloats, Velocities},
     kinematics::advance_deformation,
     mat3::{Mat3, dot},
-    materials::{Law, limits::max_stretch_squared},
+    materials::{Coefficients, Law, Trial, limits::max_stretch_squared},
     num::Real,
     particles::{BLOCK, Block, Extremes, Fixed, Flags, Group, Motion, Particles, Run},
     simd::{F32x16, Isa, LANES, Lanes, Pair, Portable},
@@ -35,10 +35,8 @@ pub(crate) enum Stage {
 pub(crate) struct ObjectLaw {
     /// Constitutive law.
     pub law: Law,
-    /// Lamé's first parameter [Pa].
-    pub lambda: f32,
-    /// Shear modulus [Pa].
-    pub mu: f32,
+    /// Its numbers.
+    pub coefficients: Coefficients<f64>,
     /// `4 dt / (rho0 dx^2)` of the coming substep: Kirchhoff stress [Pa] to affine velocity [1/s].
     pub stress_scale: f32,
 }
@@ -399,9 +397,14 @@ fn affine_matrices<V: Lanes>(
             f.0[i][j] = Pair(V::load(&one[3 * i + j]), V::load(&two[3 * i + j]));
         }
     }
-    let t = law
-        .law
-        .kirchhoff_stress(&f, both::<V>(law.lambda), both::<V>(law.mu));
+    let zero = both::<V>(0.0);
+    let trial = Trial {
+        f,
+        memory: zero,
+        gradient: Mat3([[zero; 3]; 3]),
+        dt: zero,
+    };
+    let t = law.law.respond(&trial, &law.coefficients.splat()).tau;
     let t = [t[0], t[1], t[2], t[1], t[3], t[4], t[2], t[4], t[5]];
     let scale = both::<V>(-law.stress_scale);
     let mut out = [[F32x16::ZERO; 9]; 2];

@@ -192,9 +192,7 @@ impl World {
             ..material.clone()
         };
         let dt_of_unit = critical_dt(
-            unit.law,
-            unit.lambda(),
-            unit.mu(),
+            &unit,
             self.scene.objects[object].material.density,
             self.scene.dx,
             &DeformationBounds::REST,

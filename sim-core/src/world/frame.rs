@@ -10,6 +10,7 @@ use super::{
 };
 use crate::{
     grid::node_pass,
+    materials::Coefficients,
     particles::{Extremes, Flags, Group, Motion, NO_PARTICLE, Particles, Run},
     report::{DtLimit, StepReport, Timings},
     simd::LANES,
@@ -274,8 +275,7 @@ impl World {
         let laws: Vec<ObjectLaw> = objects
             .map(|(object, material)| ObjectLaw {
                 law: material.law,
-                lambda: material.lambda() as f32,
-                mu: material.mu() as f32,
+                coefficients: Coefficients::new(material),
                 stress_scale: (4.0 * next_dt / (object.material.density * dx * dx)) as f32,
             })
             .collect();

@@ -32,7 +32,7 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
     hash.update(bytes_of(&state.carrier));
     hash.update(bytes_of(&state.sim_time));
     for material in &state.materials {
-        hash.update(bytes_of(&(material.law as u32)));
+        hash.update(bytes_of(&(material.law.id())));
         hash.update(bytes_of(&[
             material.youngs_modulus,
             material.poisson_ratio,

@@ -58,6 +58,7 @@ impl World {
                 max_stretch: f64::from(extremes.stretch_squared).sqrt(),
                 min_j: f64::from(extremes.min_j).min(1.0),
                 max_j: f64::from(extremes.max_j),
+                max_stiffness: 1.0,
             };
             let sound = self.scene.cfl * self.critical_dt(id, &bounds);
             let speed = f64::from(extremes.speed_squared).sqrt();
@@ -82,11 +83,8 @@ impl World {
     }
 
     fn critical_dt(&self, object: usize, bounds: &DeformationBounds) -> f64 {
-        let material = &self.state.materials[object];
         critical_dt(
-            material.law,
-            material.lambda(),
-            material.mu(),
+            &self.state.materials[object],
             self.scene.objects[object].material.density,
             self.scene.dx,
             bounds,

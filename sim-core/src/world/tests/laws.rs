@@ -203,14 +203,7 @@ fn the_time_step_is_the_closed_form_limit() {
         [4; 3],
     );
     let m = scene.objects[id].material.clone();
-    let limit = crate::materials::limits::critical_dt(
-        m.law,
-        m.lambda(),
-        m.mu(),
-        m.density,
-        0.1,
-        &DeformationBounds::REST,
-    );
+    let limit = crate::materials::limits::critical_dt(&m, m.density, 0.1, &DeformationBounds::REST);
     let mut world = World::new(scene).expect("valid scene");
     let report = world.step(0.1, &[]);
     let substeps = (0.1 / (0.4 * limit)).ceil();
