@@ -7,7 +7,10 @@ use cosplat_sim_core::{
     Isa, Scene, StepReport, World,
     assets::Gaussians,
     materials::{Law, Material},
-    scene::{Aabb, Binding, Collider, ColliderShape, Fidelity, Object, RestParticles, Surface},
+    scene::{
+        Aabb, Binding, Collider, ColliderShape, Conditions, Fidelity, Object, Pose, RestParticles,
+        Surface,
+    },
 };
 use rayon::ThreadPoolBuilder;
 use serde_json::json;
@@ -177,16 +180,16 @@ fn scene(law: Law, args: &Args) -> Scene {
             linear_velocity: [0.3, 0.2, -2.0],
             velocity_gradient: [[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0; 3]],
         }],
-        colliders: vec![Collider {
-            name: "floor".into(),
-            shape: ColliderShape::HalfSpace {
-                point: [0.0; 3],
+        colliders: vec![Collider::fixed(
+            "floor",
+            ColliderShape::HalfSpace {
                 normal: [0.0, 0.0, 1.0],
             },
-            surface: Surface::Slip,
-            friction: 0.0,
-        }],
+            Pose::IDENTITY,
+            Surface::Slip,
+        )],
         pinned_regions: vec![],
+        conditions: Conditions::default(),
         particles: RestParticles {
             position,
             volume: vec![h * h * h; count],

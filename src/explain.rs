@@ -73,10 +73,15 @@ struct Asset {
 #[derive(Serialize)]
 struct Collider {
     name: String,
+    shape: &'static str,
+    /// Where its origin is; a point of the surface of a half-space.
     point: [f64; 3],
-    normal: [f64; 3],
+    /// Of a half-space.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    normal: Option<[f64; 3]>,
     surface: &'static str,
     friction: f64,
+    restitution: f64,
 }
 
 impl Explanation {
@@ -86,7 +91,11 @@ impl Explanation {
             summary: SceneSummary::new(scene),
             assets: report.assets.iter().map(asset).collect(),
             colliders: colliders(scene),
-            pinned_regions: scene.pinned_regions.iter().map(|b| (*b).into()).collect(),
+            pinned_regions: scene
+                .pinned_regions
+                .iter()
+                .map(|r| r.bounds.into())
+                .collect(),
             probes: probes(scene),
             warnings: report.warnings.iter().map(ToString::to_string).collect(),
         }
@@ -109,10 +118,21 @@ fn asset(report: &AssetReport) -> Asset {
 
 fn colliders(scene: &Scene) -> Vec<Collider> {
     let collider = |c: &cosplat_sim_core::scene::Collider| {
-        let ColliderShape::HalfSpace { point, normal } = c.shape;
+        let normal = match c.shape {
+            ColliderShape::HalfSpace { normal } => Some(normal),
+            _ => None,
+        };
         Collider {
             name: c.name.clone(),
-            point,
+            shape: match c.shape {
+                ColliderShape::HalfSpace { .. } => "half-space",
+                ColliderShape::Box { .. } => "box",
+                ColliderShape::Sphere { .. } => "sphere",
+                ColliderShape::Cylinder { .. } => "cylinder",
+                ColliderShape::Capsule { .. } => "capsule",
+                ColliderShape::Mesh(_) => "mesh",
+            },
+            point: c.pose.translation,
             normal,
             surface: match c.surface {
                 Surface::Sticky => "sticky",
@@ -120,6 +140,7 @@ fn colliders(scene: &Scene) -> Vec<Collider> {
                 Surface::Separate => "separate",
             },
             friction: c.friction,
+            restitution: c.restitution,
         }
     };
     scene.colliders.iter().map(collider).collect()
@@ -202,14 +223,17 @@ impl fmt::Display for Explanation {
             f.write_str(&object_text(object))?;
         }
         for c in &self.colliders {
+            let normal = c.normal.map(|n| format!(", normal {}", vector(n)));
             writeln!(
                 f,
-                "collider   {}: half-space at {} m, normal {}, {}, friction {}",
+                "collider   {}: {} at {} m{}, {}, friction {}, restitution {}",
                 c.name,
+                c.shape,
                 vector(c.point),
-                vector(c.normal),
+                normal.unwrap_or_default(),
                 c.surface,
-                c.friction
+                c.friction,
+                c.restitution
             )?;
         }
         for region in &self.pinned_regions {

@@ -248,7 +248,10 @@ fn bounds(scene: &Scene) -> ([f32; 3], [f32; 3]) {
         max[axis] = positions[last - outliers][axis];
     }
     for collider in &scene.colliders {
-        let ColliderShape::HalfSpace { point, normal } = collider.shape;
+        let ColliderShape::HalfSpace { normal } = collider.shape else {
+            continue;
+        };
+        let point = collider.pose.translation;
         for axis in 0..3 {
             let (floor, height) = (point[axis] as f32, max[axis] - min[axis]);
             let faces = normal[axis] > 0.99 && floor < min[axis];

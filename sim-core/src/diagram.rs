@@ -43,16 +43,17 @@ pub fn diagram(scene: &Scene) -> Gaussians {
         }
     }
     for region in &scene.pinned_regions {
-        pen.frame(region, PINNED);
-        everything.extend([region.min, region.max]);
+        pen.frame(&region.bounds, PINNED);
+        everything.extend([region.bounds.min, region.bounds.max]);
     }
     pen.frame(&scene.domain, DOMAIN);
     let Some(seen) = bounds_of(everything.into_iter()) else {
         return pen.out;
     };
     for collider in &scene.colliders {
-        let ColliderShape::HalfSpace { point, normal } = collider.shape;
-        pen.half_space(point.into(), normal.into(), &seen);
+        if let ColliderShape::HalfSpace { normal } = collider.shape {
+            pen.half_space(collider.pose.translation.into(), normal.into(), &seen);
+        }
     }
     pen.out
 }

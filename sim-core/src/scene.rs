@@ -1,6 +1,10 @@
 //! `Scene`: everything that stays constant while a world is stepped.
 
+mod boundaries;
+
 use std::ops::Range;
+
+pub use boundaries::*;
 
 use crate::{assets::Gaussians, materials::Material};
 
@@ -22,14 +26,16 @@ pub struct Scene {
     pub cfl: f64,
     /// Seed of everything sampled.
     pub seed: u64,
-    /// Box that particles must stay in [m]; a particle outside is taken out of the simulation and reported.
+    /// Box that particles must stay in [m]; [`Conditions::domain_policy`] says what happens at its faces.
     pub domain: Aabb,
     /// Objects; an object's id is its index.
     pub objects: Vec<Object>,
     /// Rigid boundaries.
     pub colliders: Vec<Collider>,
-    /// Boxes whose grid nodes are held at rest [m].
-    pub pinned_regions: Vec<Aabb>,
+    /// Boxes whose grid nodes are held or moved.
+    pub pinned_regions: Vec<PinnedRegion>,
+    /// What is prescribed for particles, and at the faces of the domain.
+    pub conditions: Conditions,
     /// Particles at rest, object after object.
     pub particles: RestParticles,
     /// Visible Gaussians at rest in the world frame, object after object.
@@ -97,42 +103,6 @@ pub struct Binding {
     pub particle: Vec<[u32; BINDING_NEIGHBORS]>,
     /// Weights, >= 0, sum 1; all 0 for Gaussians of static objects.
     pub weight: Vec<[f32; BINDING_NEIGHBORS]>,
-}
-
-/// A rigid boundary acting on grid nodes.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Collider {
-    /// Name for reports.
-    pub name: String,
-    /// Shape.
-    pub shape: ColliderShape,
-    /// What happens to the velocity of a node inside.
-    pub surface: Surface,
-    /// Coulomb coefficient `mu_f`, >= 0; no effect on sticky surfaces.
-    pub friction: f64,
-}
-
-/// Shapes of colliders.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ColliderShape {
-    /// All points with `(x - point) . normal < 0` are inside.
-    HalfSpace {
-        /// A point on the plane [m].
-        point: [f64; 3],
-        /// Outward unit normal.
-        normal: [f64; 3],
-    },
-}
-
-/// Velocity condition at a collider.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Surface {
-    /// Velocity is zero.
-    Sticky,
-    /// No motion along the normal, in either direction; friction acts on the tangential part.
-    Slip,
-    /// No motion into the collider, free to leave; friction acts while pressed on.
-    Separate,
 }
 
 /// A reported quantity.

@@ -4,7 +4,8 @@ use crate::{
     assets::Gaussians,
     materials::{Law, Material},
     scene::{
-        Aabb, Binding, Collider, ColliderShape, Fidelity, Object, RestParticles, Scene, Surface,
+        Aabb, Binding, Collider, ColliderShape, Conditions, Fidelity, Object, Pose, RestParticles,
+        Scene, Surface,
     },
 };
 
@@ -24,6 +25,7 @@ pub fn empty(dx: f64) -> Scene {
         objects: vec![],
         colliders: vec![],
         pinned_regions: vec![],
+        conditions: Conditions::default(),
         particles: RestParticles::default(),
         gaussians: Gaussians::default(),
         binding: Binding::default(),
@@ -89,10 +91,9 @@ pub fn add_plane(
     surface: Surface,
     friction: f64,
 ) {
+    let shape = ColliderShape::HalfSpace { normal };
     scene.colliders.push(Collider {
-        name: "plane".into(),
-        shape: ColliderShape::HalfSpace { point, normal },
-        surface,
         friction,
+        ..Collider::fixed("plane", shape, Pose::at(point), surface)
     });
 }

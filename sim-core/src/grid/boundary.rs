@@ -82,16 +82,18 @@ impl Boundary {
         let planes = scene
             .colliders
             .iter()
-            .map(|collider| {
-                let ColliderShape::HalfSpace { point, normal } = collider.shape;
+            .filter_map(|collider| {
+                let ColliderShape::HalfSpace { normal } = collider.shape else {
+                    return None;
+                };
                 let length = dot(normal, normal).sqrt();
                 let normal = normal.map(|n| n / length);
-                Plane {
+                Some(Plane {
                     normal,
-                    offset: dot(normal, point) / scene.dx,
+                    offset: dot(normal, collider.pose.translation) / scene.dx,
                     surface: collider.surface,
                     friction: collider.friction,
-                }
+                })
             })
             .collect();
         let pins = scene
@@ -99,8 +101,8 @@ impl Boundary {
             .iter()
             .map(|region| {
                 [
-                    region.min.map(|x| x / scene.dx - ON_FACE),
-                    region.max.map(|x| x / scene.dx + ON_FACE),
+                    region.bounds.min.map(|x| x / scene.dx - ON_FACE),
+                    region.bounds.max.map(|x| x / scene.dx + ON_FACE),
                 ]
             })
             .collect();

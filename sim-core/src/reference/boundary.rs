@@ -1,7 +1,7 @@
 //! Velocity conditions at colliders and pinned regions.
 
 use super::contains;
-use crate::scene::{Aabb, ColliderShape, Scene, Surface};
+use crate::scene::{Aabb, ColliderShape, PinnedRegion, Scene, Surface};
 
 /// Distance from a plane or box face below which a node counts as on it [cells]: scene coordinates are rounded,
 /// and a face meant to run through nodes shall do so.
@@ -10,16 +10,19 @@ const ON_FACE: f64 = 1e-6;
 /// Velocity of the node at `x` after every collider, in order, and the pinned regions.
 pub(super) fn constrain(scene: &Scene, x: [f64; 3], mut v: [f64; 3]) -> [f64; 3] {
     for collider in &scene.colliders {
-        let ColliderShape::HalfSpace { point, normal } = collider.shape;
+        let ColliderShape::HalfSpace { normal } = collider.shape else {
+            continue;
+        };
+        let point = collider.pose.translation;
         let r = std::array::from_fn(|i| x[i] - point[i]);
         if dot(r, normal) < -ON_FACE * scene.dx {
             v = slide(v, normal, collider.surface, collider.friction);
         }
     }
-    let pinned = |region: &Aabb| {
+    let pinned = |region: &PinnedRegion| {
         let region = Aabb {
-            min: region.min.map(|x| x - ON_FACE * scene.dx),
-            max: region.max.map(|x| x + ON_FACE * scene.dx),
+            min: region.bounds.min.map(|x| x - ON_FACE * scene.dx),
+            max: region.bounds.max.map(|x| x + ON_FACE * scene.dx),
         };
         contains(&region, x)
     };

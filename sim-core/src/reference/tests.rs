@@ -7,7 +7,7 @@ use crate::{
         Law,
         limits::{DeformationBounds, critical_dt},
     },
-    scene::Surface,
+    scene::{PinnedRegion, Surface},
     test_scenes::{add_box, add_plane, elastic, empty, spin},
 };
 
@@ -152,10 +152,10 @@ fn bar(cells: usize) -> (f64, f64) {
         0.5 * dx,
         [2 * cells, 1, 1],
     );
-    scene.pinned_regions.push(Aabb {
+    scene.pinned_regions.push(PinnedRegion::fixed(Aabb {
         min: [-10.0 * dx, -10.0 * dx, -10.0 * dx],
         max: [0.0, 10.0 * dx, 10.0 * dx],
-    });
+    }));
     let mut world = ReferenceWorld::new(&scene);
     let k = std::f64::consts::PI / (2.0 * length);
     for (v, x) in world

@@ -5,7 +5,7 @@ use std::error::Error;
 use glam::{DQuat, DVec3};
 
 use super::{
-    checks,
+    boundaries, checks,
     edit::{append, bounds, subset, transform},
     error::{At, Finding, SceneErrors},
     placement::Rigid,
@@ -19,12 +19,15 @@ use crate::{
         Gaussians, Paint, ReadReport,
         generate::{self, Style},
     },
-    scene::{Aabb, Fidelity, Object, Probe, ProbeKind, Scene},
+    scene::{Aabb, Fidelity, Object, Probe, ProbeKind, Scene, TriangleMesh},
 };
 
 /// Reads the asset file that a scene file names.
 pub type Load<'a> =
     dyn FnMut(&str) -> Result<(Gaussians, ReadReport), Box<dyn Error + Send + Sync>> + 'a;
+
+/// Reads the triangle mesh file that a scene file names.
+pub type LoadMesh<'a> = dyn FnMut(&str) -> Result<TriangleMesh, Box<dyn Error + Send + Sync>> + 'a;
 
 /// Gaussians that a shape shows when the file does not say how dense.
 const DEFAULT_GAUSSIANS: f64 = 5000.0;
@@ -39,11 +42,26 @@ struct Part<'f> {
     world_from_body: Rigid,
 }
 
-/// Builds the scene that a file describes; `load` reads the asset files.
+/// Builds the scene that a file describes; `load` reads the asset files. A mesh collider is an error: see
+/// [`build_with_meshes`].
 ///
 /// # Errors
 /// Everything that is wrong with the assets, selections and sizes, each with line and field.
 pub fn build(file: &SceneFile, load: &mut Load) -> Result<(Scene, BuildReport), SceneErrors> {
+    build_with_meshes(file, load, &mut |path| {
+        Err(format!("there is nothing to read {path} with").into())
+    })
+}
+
+/// Like [`build`]; `load_mesh` reads the files of mesh colliders.
+///
+/// # Errors
+/// Those of [`build`], and everything that is wrong with the meshes.
+pub fn build_with_meshes(
+    file: &SceneFile,
+    load: &mut Load,
+    load_mesh: &mut LoadMesh,
+) -> Result<(Scene, BuildReport), SceneErrors> {
     let mut builder = Builder {
         file,
         errors: Vec::new(),
@@ -62,11 +80,14 @@ pub fn build(file: &SceneFile, load: &mut Load) -> Result<(Scene, BuildReport), 
     SceneErrors::check(std::mem::take(&mut builder.errors))?;
     builder.report_unselected(&assets);
     let dx = builder.dx()?;
-    let scene = builder.assemble(dx);
+    let mut scene = builder.assemble(dx);
+    let errors = &mut builder.errors;
+    scene.colliders = boundaries::build_colliders(file, load_mesh, errors);
+    scene.conditions = boundaries::build_conditions(&file.conditions, &scene, errors);
     SceneErrors::check(std::mem::take(&mut builder.errors))?;
     let mut report = builder.report;
     let places: Vec<&At> = builder.parts.iter().map(|p| &p.spec.at).collect();
-    checks::check(&scene, &places, &mut report)?;
+    checks::check(&scene, file, &places, &mut report)?;
     Ok((scene, report))
 }
 
@@ -452,8 +473,9 @@ impl<'f> Builder<'f> {
                 max: [0.0; 3],
             },
             objects: Vec::new(),
-            colliders: file.colliders.iter().map(|(_, c)| c.clone()).collect(),
+            colliders: Vec::new(),
             pinned_regions: file.pinned_regions.clone(),
+            conditions: Default::default(),
             particles: Default::default(),
             gaussians: Gaussians {
                 sh_degree: sampled

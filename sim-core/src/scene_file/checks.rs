@@ -7,10 +7,11 @@ use super::{
     error::{At, Finding, SceneErrors},
     report::BuildReport,
     select::contains,
+    spec::SceneFile,
 };
 use crate::{
     fill::FillReport,
-    scene::{Aabb, ColliderShape, Fidelity, Object, Scene},
+    scene::{Aabb, ColliderShape, Fidelity, Object, Scene, Selection},
 };
 
 /// Part of an object's particles that may lie inside another object before it is called overlap.
@@ -19,6 +20,7 @@ const TOUCHING: f64 = 0.03;
 /// Adds warnings to the report; `at` is the place of each object in the file.
 pub(super) fn check(
     scene: &Scene,
+    file: &SceneFile,
     at: &[&At],
     report: &mut BuildReport,
 ) -> Result<(), SceneErrors> {
@@ -54,7 +56,10 @@ pub(super) fn check(
             warn(at, message);
         }
         for collider in &scene.colliders {
-            let ColliderShape::HalfSpace { point, normal } = collider.shape;
+            let ColliderShape::HalfSpace { normal } = collider.shape else {
+                continue;
+            };
+            let point = collider.pose.translation;
             let height = |p: &[f64; 3]| (0..3).map(|a| (p[a] - point[a]) * normal[a]).sum::<f64>();
             let depths = positions.iter().map(height).filter(|h| *h < 0.0);
             let (count, deepest) = depths.fold((0, 0.0f64), |(n, d), h| (n + 1, d.min(h)));
@@ -80,7 +85,7 @@ pub(super) fn check(
             .particles
             .position
             .iter()
-            .any(|p| contains(region, *p));
+            .any(|p| contains(&region.bounds, *p));
         if !held {
             let at = At {
                 field: format!("pinned_regions[{n}]"),
@@ -88,6 +93,18 @@ pub(super) fn check(
             };
             warn(&at, "holds no particle of any object".into());
         }
+    }
+    let empty = |selection: &Selection| selection.particles(scene).is_empty();
+    let (specs, found) = (&file.conditions, &scene.conditions);
+    let prescribed = specs.prescribed.iter().zip(&found.prescribed);
+    let impulses = specs.impulses.iter().zip(&found.impulses);
+    let releases = specs.releases.iter().zip(&found.releases);
+    let selections = prescribed
+        .map(|(spec, motion)| (&spec.0, &motion.selection))
+        .chain(impulses.map(|(spec, impulse)| (&spec.0, &impulse.selection)))
+        .chain(releases.map(|(spec, release)| (&spec.0, &release.selection)));
+    for (spec, _) in selections.filter(|(_, selection)| empty(selection)) {
+        warn(&spec.at, "selects no particle of any object".into());
     }
     SceneErrors::check(errors)
 }

@@ -2,6 +2,7 @@
 //!
 //! `docs/scene.md` is the reference of the format. Every error of a file is reported at once.
 
+mod boundaries;
 mod build;
 mod checks;
 mod drop;
@@ -21,7 +22,7 @@ mod spec;
 
 pub(crate) use edit::{append, bounds_of};
 
-pub use build::{Load, build};
+pub use build::{Load, LoadMesh, build, build_with_meshes};
 pub use drop::{DropOptions, drop_scene, guess_up};
 pub use error::{At, Finding, SceneErrors};
 pub use report::{AssetReport, BuildReport};
@@ -47,6 +48,8 @@ impl ObjectSpec {
     }
 }
 
+#[cfg(test)]
+mod boundary_tests;
 #[cfg(test)]
 mod grouping_tests;
 #[cfg(test)]

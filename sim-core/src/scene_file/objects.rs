@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use toml::de::DeTable;
 
 use super::{
+    boundaries::aabb,
     error::{Finding, suggest},
     limits as l, materials,
-    parse::{aabb, asset_source, min_opacity},
+    parse::{asset_source, min_opacity},
     placement,
     reader::{Entry, Table},
     spec::{AssetSpec, Geometry, Link, ObjectSpec, ParticleMode, Placement, Select, Shape, Split},
@@ -44,6 +45,16 @@ impl Names {
             entry.error(format!("{kind} `{name}` exists already, in line {line}"));
         }
         Some(name.to_owned())
+    }
+
+    /// Whether this is one of them, or one that splitting may make of them: with a number behind. Building
+    /// checks those.
+    pub fn makes(&self, name: &str) -> bool {
+        let made_of = |o: &str| {
+            let number = name.strip_prefix(o)?.strip_prefix('_')?;
+            number.parse::<usize>().ok()
+        };
+        self.all().any(|o| o == name || made_of(o).is_some())
     }
 
     /// All of them, also those of tables with errors.

@@ -3,6 +3,7 @@
 use toml::de::DeTable;
 
 use super::{
+    boundaries,
     error::{At, Finding, SceneErrors, suggest},
     limits as l,
     objects::{self, Names},
@@ -10,10 +11,7 @@ use super::{
     reader::{Context, Entry, Table},
     spec::{AssetSource, AssetSpec, ProbeKindSpec, ProbeSpec, Resolution, SceneFile},
 };
-use crate::{
-    assets::generate::BUILTINS,
-    scene::{Aabb, Collider, ColliderShape, Surface},
-};
+use crate::assets::generate::BUILTINS;
 
 /// The one version of the format.
 const VERSION: u64 = 1;
@@ -73,20 +71,22 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
     let seed = table
         .get("seed")
         .and_then(|e| e.integer(0, i64::MAX as u64));
-    let domain = table.get("domain").and_then(|e| e.table()).and_then(aabb);
+    let (domain, policy) = boundaries::domain(table);
     let mut assets = assets(table);
     let mut object_names = Names::default();
     let objects = objects::read(table, &mut assets, &mut object_names, warnings);
     let mut collider_names = Names::default();
     let colliders = table.tables("colliders");
-    let colliders = colliders.iter().filter_map(|e| {
-        let table = e.table()?;
-        let at = table.at.clone();
-        Some((at, collider(table, &mut collider_names)?))
-    });
+    let colliders = colliders
+        .iter()
+        .filter_map(|e| boundaries::collider(e.table()?, &mut collider_names));
     let colliders = colliders.collect();
     let pinned = table.tables("pinned_regions");
-    let pinned_regions = pinned.iter().filter_map(|e| aabb(e.table()?)).collect();
+    let pinned_regions = pinned
+        .iter()
+        .filter_map(|e| boundaries::pinned_region(e.table()?))
+        .collect();
+    let conditions = boundaries::conditions(table, policy, &object_names);
     let mut probe_names = Names::default();
     let probes = table.tables("probes");
     let probes = probes
@@ -107,6 +107,7 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         objects,
         colliders,
         pinned_regions,
+        conditions,
         probes,
         warnings: Vec::new(),
     }
@@ -172,63 +173,6 @@ pub(super) fn min_opacity(table: &Table) -> f64 {
     given.unwrap_or(1.0 / 255.0)
 }
 
-/// A table with `min` and `max`.
-pub(super) fn aabb(table: Table) -> Option<Aabb> {
-    let corner = |key| table.required(key)?.numbers::<3>(l::POSITION);
-    let (min, max) = (corner("min"), corner("max"));
-    let (Some(min), Some(max)) = (min, max) else {
-        table.finish();
-        return None;
-    };
-    for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        if min[axis] >= max[axis] {
-            table.error(format!(
-                "min {name} is {} m, expected less than max {name}, which is {} m",
-                min[axis], max[axis]
-            ));
-        }
-    }
-    table.finish();
-    Some(Aabb { min, max })
-}
-
-fn collider(table: Table, names: &mut Names) -> Option<Collider> {
-    let name = names.take(&table, "collider");
-    if let Some(shape) = table.get("shape") {
-        shape.choice(&[("half_space", ())]);
-    }
-    let point = table.get("point").and_then(|e| e.numbers(l::POSITION));
-    let normal = table
-        .required("normal")
-        .and_then(|e| Some((e.numbers::<3>(l::DIRECTION)?, e)));
-    let normal = normal.and_then(|(n, entry)| {
-        let length = n.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if length < 1e-6 {
-            entry.error("has no direction, expected a vector that is not zero");
-            return None;
-        }
-        Some(n.map(|x| x / length))
-    });
-    let surface = table.get("surface").and_then(|e| {
-        e.choice(&[
-            ("sticky", Surface::Sticky),
-            ("slip", Surface::Slip),
-            ("separate", Surface::Separate),
-        ])
-    });
-    let friction = table.get("friction").and_then(|e| e.number(l::FRICTION));
-    table.finish();
-    Some(Collider {
-        name: name?,
-        shape: ColliderShape::HalfSpace {
-            point: point.unwrap_or_default(),
-            normal: normal?,
-        },
-        surface: surface.unwrap_or(Surface::Separate),
-        friction: friction.unwrap_or(0.0),
-    })
-}
-
 fn probe(table: Table, names: &mut Names, objects: &Names) -> Option<ProbeSpec> {
     let name = names.take(&table, "probe");
     let at = table.at.clone();
@@ -248,12 +192,7 @@ fn probe(table: Table, names: &mut Names, objects: &Names) -> Option<ProbeSpec> 
     let object = || {
         let entry = table.required("object")?;
         let name = entry.text()?;
-        // Splitting makes names with a number behind; building checks them.
-        let made_of = |o: &str| {
-            let number = name.strip_prefix(o)?.strip_prefix('_')?;
-            number.parse::<usize>().ok()
-        };
-        if !objects.all().any(|o| o == name || made_of(o).is_some()) {
+        if !objects.makes(name) {
             let hint = suggest(name, objects.all());
             entry.error(format!("object `{name}` does not exist: {hint}"));
         }

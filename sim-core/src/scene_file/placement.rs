@@ -40,7 +40,17 @@ pub(super) fn read(table: &Table) -> Placement {
         ])
     });
     placement.anchor = anchor.unwrap_or(placement.anchor);
-    let rotation = match table.one_of(&["rotation_deg", "rotation_xyzw"]) {
+    placement.rotation = rotation(table).unwrap_or(placement.rotation);
+    let translation = table
+        .get("translation")
+        .and_then(|e| e.numbers(l::POSITION));
+    placement.translation = translation.unwrap_or_default();
+    placement
+}
+
+/// The rotation keys, `rotation_deg` or `rotation_xyzw`; none when neither is given.
+pub(super) fn rotation(table: &Table) -> Option<[f64; 4]> {
+    match table.one_of(&["rotation_deg", "rotation_xyzw"]) {
         Some(("rotation_deg", entry)) => entry.numbers(l::ANGLE).map(|degrees| {
             let [x, y, z] = degrees.map(f64::to_radians);
             DQuat::from_euler(EulerRot::XYZEx, x, y, z).to_array()
@@ -54,13 +64,7 @@ pub(super) fn read(table: &Table) -> Placement {
             Some(q.normalize().to_array())
         }),
         None => None,
-    };
-    placement.rotation = rotation.unwrap_or(placement.rotation);
-    let translation = table
-        .get("translation")
-        .and_then(|e| e.numbers(l::POSITION));
-    placement.translation = translation.unwrap_or_default();
-    placement
+    }
 }
 
 impl Axis {

@@ -3,7 +3,10 @@
 use super::error::{At, Finding};
 use crate::{
     materials::Material,
-    scene::{Aabb, Collider, Fidelity},
+    scene::{
+        Aabb, Collider, DomainPolicy, Fidelity, PinnedRegion, PrescribedMotion, Region,
+        RegionImpulse, SequentialRelease,
+    },
 };
 
 /// A parsed scene file, SI units. `docs/scene.md` is the reference of the text format.
@@ -31,10 +34,12 @@ pub struct SceneFile {
     pub assets: Vec<AssetSpec>,
     /// Objects.
     pub objects: Vec<ObjectSpec>,
-    /// Rigid boundaries and where they stand.
-    pub colliders: Vec<(At, Collider)>,
-    /// Pinned boxes [m].
-    pub pinned_regions: Vec<Aabb>,
+    /// Rigid boundaries.
+    pub colliders: Vec<ColliderSpec>,
+    /// Boxes whose grid nodes are held or moved.
+    pub pinned_regions: Vec<PinnedRegion>,
+    /// What is prescribed for particles, and at the faces of the domain.
+    pub conditions: ConditionSpecs,
     /// Probes.
     pub probes: Vec<ProbeSpec>,
     /// What is valid but suspicious.
@@ -257,6 +262,50 @@ pub enum ParticleMode {
     },
     /// One particle at every Gaussian.
     PerGaussian,
+}
+
+/// One `[[colliders]]` entry.
+#[derive(Clone, Debug)]
+pub struct ColliderSpec {
+    /// Where it stands.
+    pub at: At,
+    /// The collider; a mesh is empty until building reads it.
+    pub collider: Collider,
+    /// Where the mesh comes from, when it is one.
+    pub mesh: Option<MeshSpec>,
+}
+
+/// A mesh file and how it gets into the collider's frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshSpec {
+    /// File, relative to the scene file.
+    pub path: String,
+    /// Size, up axis and anchor go into the mesh; rotation and translation are the collider's pose.
+    pub placement: Placement,
+}
+
+/// Everything prescribed for particles, with objects by name; the selections inside are filled when building.
+#[derive(Clone, Debug, Default)]
+pub struct ConditionSpecs {
+    /// What the faces of the domain do.
+    pub domain_policy: DomainPolicy,
+    /// See [`Conditions::prescribed`](crate::scene::Conditions::prescribed).
+    pub prescribed: Vec<(SelectionSpec, PrescribedMotion)>,
+    /// See [`Conditions::impulses`](crate::scene::Conditions::impulses).
+    pub impulses: Vec<(SelectionSpec, RegionImpulse)>,
+    /// See [`Conditions::releases`](crate::scene::Conditions::releases).
+    pub releases: Vec<(SelectionSpec, SequentialRelease)>,
+}
+
+/// Which particles are meant; see [`Selection`](crate::scene::Selection).
+#[derive(Clone, Debug, PartialEq)]
+pub struct SelectionSpec {
+    /// Where it stands.
+    pub at: At,
+    /// Name of an object.
+    pub object: Option<String>,
+    /// A region.
+    pub region: Option<Region>,
 }
 
 /// A reported quantity; objects by name, because splitting makes objects.

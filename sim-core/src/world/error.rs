@@ -1,7 +1,7 @@
 //! What makes a scene impossible to simulate.
 
 use crate::{
-    scene::{ColliderShape, Fidelity, Scene},
+    scene::{Collider, ColliderShape, Fidelity, Scene},
     simd::Isa,
 };
 
@@ -91,36 +91,34 @@ pub(super) fn validate(scene: &Scene) -> Result<(), WorldError> {
         )?;
     }
     for (id, collider) in scene.colliders.iter().enumerate() {
-        let ColliderShape::HalfSpace { point, normal } = collider.shape;
-        let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-        within(
-            || format!("length of the normal of collider {id}"),
-            length,
-            0.999,
-            1.001,
-        )?;
-        within(
-            || format!("friction of collider {id}"),
-            collider.friction,
-            0.0,
-            BIG,
-        )?;
-        for a in 0..3 {
-            within(
-                || format!("point[{a}] of collider {id}"),
-                point[a],
-                -BIG,
-                BIG,
-            )?;
-        }
+        validate_collider(id, collider)?;
     }
     for (id, region) in scene.pinned_regions.iter().enumerate() {
-        for value in region.min.into_iter().chain(region.max) {
+        let bounds = region.bounds;
+        for value in bounds.min.into_iter().chain(bounds.max) {
             within(|| format!("corner of pinned region {id}"), value, -BIG, BIG)?;
         }
     }
     validate_particles(scene)?;
     validate_objects(scene)
+}
+
+fn validate_collider(id: usize, collider: &Collider) -> Result<(), WorldError> {
+    const BIG: f64 = 1e9;
+    if let ColliderShape::HalfSpace { normal } = collider.shape {
+        let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+        let what = || format!("length of the normal of collider {id}");
+        within(what, length, 0.999, 1.001)?;
+    }
+    let what = || format!("friction of collider {id}");
+    within(what, collider.friction, 0.0, BIG)?;
+    let what = || format!("restitution of collider {id}");
+    within(what, collider.restitution, 0.0, 1.0)?;
+    for a in 0..3 {
+        let what = || format!("position[{a}] of collider {id}");
+        within(what, collider.pose.translation[a], -BIG, BIG)?;
+    }
+    Ok(())
 }
 
 fn validate_particles(scene: &Scene) -> Result<(), WorldError> {
