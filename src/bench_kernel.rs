@@ -165,6 +165,7 @@ fn scene(law: Law, args: &Args) -> Scene {
             max: [100.0; 3],
         },
         objects: vec![Object {
+            regions: vec![],
             name: "block".into(),
             material: Material {
                 name: "bench".into(),

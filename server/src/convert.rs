@@ -61,6 +61,7 @@ pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
         },
         wire::COMMAND_SET_MATERIAL => Action::SetMaterial {
             object,
+            region: None,
             material: material_from_wire(&command.material)?,
         },
         wire::COMMAND_SET_GRAVITY => Action::SetGravity {

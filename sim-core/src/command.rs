@@ -46,10 +46,13 @@ pub enum Action {
         /// Angular velocity [rad/s].
         angular: [f64; 3],
     },
-    /// Replaces an object's material; mass is kept (the density of the new material is ignored while running).
+    /// Replaces the material of an object or of one of its regions; mass is kept (the density of the new material
+    /// is ignored while running), and so is the visible shape.
     SetMaterial {
         /// Object id.
         object: usize,
+        /// Number of the region; none for the whole object, regions included.
+        region: Option<usize>,
         /// New law and parameters.
         material: Material,
     },
@@ -71,6 +74,16 @@ pub enum CommandError {
         /// The id sent.
         object: usize,
         /// Objects in the scene.
+        count: usize,
+    },
+    /// The region is not in the object.
+    #[error("object {object} has no region {region}: it has regions 0..{count}")]
+    UnknownRegion {
+        /// The object.
+        object: usize,
+        /// The region sent.
+        region: usize,
+        /// Regions of the object.
         count: usize,
     },
     /// The object has no particles.

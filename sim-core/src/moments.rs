@@ -12,6 +12,7 @@ use crate::{
     mat3::{Mat3, cross},
     materials::{Coefficients, Material, polar},
     report::ObjectState,
+    scene::Part,
 };
 
 /// Particles per partial sum. Fixed, and partial sums are added in order: same bits for any thread count.
@@ -28,41 +29,68 @@ pub struct ParticleArrays<'a, T> {
     pub velocity: &'a [[T; 3]],
     /// Affine velocity `C` [1/s], row-major.
     pub affine: &'a [[[T; 3]; 3]],
-    /// Deformation gradient `F`, row-major.
+    /// Visible deformation gradient, row-major.
     pub deformation: &'a [[[T; 3]; 3]],
+    /// Elastic deformation gradient, row-major.
+    pub elastic: &'a [[[T; 3]; 3]],
+    /// The laws' own number, see [`Trial`](crate::materials::Trial).
+    pub memory: &'a [T],
 }
 
-/// Moments of the object that owns the particles in `range`; all but the contact impulse, which stays 0.
+/// Particles of one material.
+#[derive(Clone, Debug)]
+pub struct Body<'a> {
+    /// Which.
+    pub particles: Range<usize>,
+    /// Mass per rest volume [kg/m^3].
+    pub density: f64,
+    /// The law whose energy is stored in them.
+    pub material: &'a Material,
+}
+
+/// The parts of an object with their current materials.
+pub fn bodies_of<'a>(object: usize, parts: &[Part], materials: &'a [Material]) -> Vec<Body<'a>> {
+    let all = parts.iter().zip(materials);
+    all.filter(|(part, _)| part.object == object)
+        .map(|(part, material)| Body {
+            particles: part.particles.clone(),
+            density: part.material.density,
+            material,
+        })
+        .collect()
+}
+
+/// Moments of the object that consists of these bodies; all but the contact impulse, which stays 0.
 ///
-/// `density` is mass per rest volume [kg/m^3], `dx` the cell size [m] behind the affine inertia
-/// `D_p = dx^2 / 4` of quadratic splines, `material` the law whose energy is stored in `F`.
+/// `dx` is the cell size [m] behind the affine inertia `D_p = dx^2 / 4` of quadratic splines.
 /// An object without mass gets the default state.
 pub fn object_moments<T: Copy + Sync + Into<f64>>(
     particles: &ParticleArrays<'_, T>,
-    range: Range<usize>,
-    density: f64,
+    bodies: &[Body<'_>],
     dx: f64,
-    material: &Material,
 ) -> ObjectState {
-    let Some(first) = range.clone().find(|&p| particles.volume[p] > 0.0) else {
+    let mut all = bodies.iter().flat_map(|body| body.particles.clone());
+    let Some(first) = all.find(|&p| particles.volume[p] > 0.0) else {
         return ObjectState::default();
     };
     // Sums are taken about a point of the object, so that none cancels when it is far from the origin.
     let about = to_f64(particles.position[first]);
-    let chunks = range.len().div_ceil(CHUNK);
-    let partial: Vec<Sums> = (0..chunks)
+    let mut chunks = Vec::new();
+    for body in bodies {
+        let range = body.particles.clone();
+        for start in range.clone().step_by(CHUNK) {
+            chunks.push((body, start..(start + CHUNK).min(range.end)));
+        }
+    }
+    let partial: Vec<Sums> = chunks
         .into_par_iter()
-        .map(|chunk| {
-            let start = range.start + chunk * CHUNK;
-            let end = (start + CHUNK).min(range.end);
-            chunk_sums(particles, start..end, about, dx, material)
-        })
+        .map(|(body, range)| chunk_sums(particles, body, range, about, dx))
         .collect();
     let mut sums = Sums::default();
     for chunk in &partial {
         sums += chunk;
     }
-    sums.state(about, density, dx)
+    sums.state(about, dx)
 }
 
 /// Linear momentum [kg m/s] and angular momentum about the world origin [kg m^2/s] of all objects together.
@@ -84,30 +112,30 @@ fn to_f64<T: Copy + Into<f64>>(v: [T; 3]) -> [f64; 3] {
     v.map(Into::into)
 }
 
-/// Sums over particles, per unit density, positions relative to a fixed point.
+/// Sums over particles, positions relative to a fixed point.
 #[derive(Clone, Copy, Default)]
 struct Sums {
-    /// `V`.
-    volume: f64,
-    /// `V r`.
+    /// `m`.
+    mass: f64,
+    /// `m r`.
     first: [f64; 3],
-    /// `V r r^T`, xx xy xz yy yz zz.
+    /// `m r r^T`, xx xy xz yy yz zz.
     second: [f64; 6],
-    /// `V v`.
+    /// `m v`.
     momentum: [f64; 3],
-    /// `V (r x v + D_p axial(C))`.
+    /// `m (r x v + D_p axial(C))`.
     angular: [f64; 3],
-    /// `V (|v|^2 + D_p |C|^2)`.
+    /// `m (|v|^2 + D_p |C|^2)`.
     twice_kinetic: f64,
-    /// `V psi(F)` [J], not per density.
+    /// `V psi` [J].
     elastic: f64,
-    /// `V F`.
+    /// `m F`.
     deformation: [[f64; 3]; 3],
 }
 
 impl AddAssign<&Self> for Sums {
     fn add_assign(&mut self, other: &Self) {
-        self.volume += other.volume;
+        self.mass += other.mass;
         add(&mut self.first, other.first);
         add(&mut self.second, other.second);
         add(&mut self.momentum, other.momentum);
@@ -131,41 +159,41 @@ fn add<const N: usize>(sum: &mut [f64; N], more: [f64; N]) {
 /// as the library routine that stands in for it elsewhere.
 fn chunk_sums<T: Copy + Into<f64>>(
     particles: &ParticleArrays<'_, T>,
+    body: &Body<'_>,
     range: Range<usize>,
     about: [f64; 3],
     dx: f64,
-    material: &Material,
 ) -> Sums {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2,fma")]
         fn with_fma<T: Copy + Into<f64>>(
             particles: &ParticleArrays<'_, T>,
+            body: &Body<'_>,
             range: Range<usize>,
             about: [f64; 3],
             dx: f64,
-            material: &Material,
         ) -> Sums {
-            sum_particles(particles, range, about, dx, material)
+            sum_particles(particles, body, range, about, dx)
         }
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
             // SAFETY: the features that `with_fma` is compiled for were just detected.
-            return unsafe { with_fma(particles, range, about, dx, material) };
+            return unsafe { with_fma(particles, body, range, about, dx) };
         }
     }
-    sum_particles(particles, range, about, dx, material)
+    sum_particles(particles, body, range, about, dx)
 }
 
 #[inline(always)]
 fn sum_particles<T: Copy + Into<f64>>(
     particles: &ParticleArrays<'_, T>,
+    body: &Body<'_>,
     range: Range<usize>,
     about: [f64; 3],
     dx: f64,
-    material: &Material,
 ) -> Sums {
     let d_p = 0.25 * dx * dx;
-    let (law, k) = (material.law, Coefficients::new(material));
+    let (law, k) = (body.material.law, Coefficients::new(body.material));
     let mut sums = Sums::default();
     for p in range {
         let volume = particles.volume[p];
@@ -175,27 +203,29 @@ fn sum_particles<T: Copy + Into<f64>>(
         let x = to_f64(particles.position[p]);
         let v = to_f64(particles.velocity[p]);
         let c = particles.affine[p].map(to_f64);
-        let f = Mat3(particles.deformation[p].map(to_f64));
+        let mass = volume * body.density;
+        let visible = particles.deformation[p].map(to_f64);
+        let elastic = Mat3(particles.elastic[p].map(to_f64));
         let r: [f64; 3] = array::from_fn(|i| x[i] - about[i]);
         let orbital = cross(r, v);
         let axial = [c[2][1] - c[1][2], c[0][2] - c[2][0], c[1][0] - c[0][1]];
         let v_squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
         sums += &Sums {
-            volume,
-            first: r.map(|r| volume * r),
+            mass,
+            first: r.map(|r| mass * r),
             second: [
-                volume * r[0] * r[0],
-                volume * r[0] * r[1],
-                volume * r[0] * r[2],
-                volume * r[1] * r[1],
-                volume * r[1] * r[2],
-                volume * r[2] * r[2],
+                mass * r[0] * r[0],
+                mass * r[0] * r[1],
+                mass * r[0] * r[2],
+                mass * r[1] * r[1],
+                mass * r[1] * r[2],
+                mass * r[2] * r[2],
             ],
-            momentum: v.map(|v| volume * v),
-            angular: array::from_fn(|i| volume * (orbital[i] + d_p * axial[i])),
-            twice_kinetic: volume * (v_squared + d_p * Mat3(c).norm_squared()),
-            elastic: volume * law.energy_density(&f, 0.0, &k),
-            deformation: f.0.map(|row| row.map(|f| volume * f)),
+            momentum: v.map(|v| mass * v),
+            angular: array::from_fn(|i| mass * (orbital[i] + d_p * axial[i])),
+            twice_kinetic: mass * (v_squared + d_p * Mat3(c).norm_squared()),
+            elastic: volume * law.energy_density(&elastic, particles.memory[p].into(), &k),
+            deformation: visible.map(|row| row.map(|f| mass * f)),
         };
     }
     sums
@@ -203,18 +233,18 @@ fn sum_particles<T: Copy + Into<f64>>(
 
 impl Sums {
     /// Moments about the centre of mass.
-    fn state(&self, about: [f64; 3], density: f64, dx: f64) -> ObjectState {
-        let mass = density * self.volume;
+    fn state(&self, about: [f64; 3], dx: f64) -> ObjectState {
+        let mass = self.mass;
         // Centre of mass relative to `about`.
-        let r = self.first.map(|s| s / self.volume);
-        let velocity = self.momentum.map(|s| s / self.volume);
+        let r = self.first.map(|s| s / mass);
+        let velocity = self.momentum.map(|s| s / mass);
         let shift = cross(r, self.momentum);
-        let angular_momentum = array::from_fn(|i| density * (self.angular[i] - shift[i]));
+        let angular_momentum = array::from_fn(|i| self.angular[i] - shift[i]);
         // Second moment about the centre of mass (parallel axes).
         let pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
         let s: [f64; 6] = array::from_fn(|k| {
             let (i, j) = pairs[k];
-            density * (self.second[k] - self.volume * r[i] * r[j])
+            self.second[k] - mass * r[i] * r[j]
         });
         let trace = s[0] + s[3] + s[5];
         let inertia = [
@@ -235,7 +265,7 @@ impl Sums {
         let adjugate = effective.cofactor();
         let det = effective.det();
         let angular_velocity = adjugate.mul_vec(angular_momentum).map(|w| w / det);
-        let mean = Mat3(self.deformation.map(|row| row.map(|f| f / self.volume)));
+        let mean = Mat3(self.deformation.map(|row| row.map(|f| f / mass)));
         ObjectState {
             mass,
             com: array::from_fn(|i| about[i] + r[i]),
@@ -245,7 +275,7 @@ impl Sums {
             inertia,
             rotation: quaternion(&polar::rotation(&mean)),
             radius: (5.0 / 3.0 * trace / mass).max(0.0).sqrt(),
-            kinetic_energy: 0.5 * density * self.twice_kinetic,
+            kinetic_energy: 0.5 * self.twice_kinetic,
             elastic_energy: self.elastic,
             contact_impulse: [0.0; 3],
         }

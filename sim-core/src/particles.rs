@@ -81,6 +81,8 @@ pub(crate) struct Extremes {
     pub min_j: f32,
     /// Largest `J`.
     pub max_j: f32,
+    /// Largest factor on Lamé's parameters by hardening.
+    pub stiffness: f32,
 }
 
 impl Extremes {
@@ -91,6 +93,7 @@ impl Extremes {
         stretch_squared: 0.0,
         min_j: f32::INFINITY,
         max_j: 0.0,
+        stiffness: 0.0,
     };
 
     /// Extremes over both sets.
@@ -100,16 +103,29 @@ impl Extremes {
         self.stretch_squared = self.stretch_squared.max(other.stretch_squared);
         self.min_j = self.min_j.min(other.min_j);
         self.max_j = self.max_j.max(other.max_j);
+        self.stiffness = self.stiffness.max(other.stiffness);
     }
 }
 
-/// Groups of one object within one block.
+/// Visible deformation gradients of 16 particles, row-major, where it is not the elastic one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct Shape(pub [F32x16; 9]);
+
+impl Shape {
+    /// Undeformed.
+    pub const REST: Self = Self(Group::REST.f);
+}
+
+/// Groups of one part within one block.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Run {
-    /// Object id.
-    pub object: usize,
+    /// Part id.
+    pub part: usize,
     /// Its groups.
     pub groups: Range<usize>,
+    /// Their visible shapes: as many as groups, or none.
+    pub shapes: Range<usize>,
     /// Of the latest pass over it.
     pub extremes: Extremes,
 }
@@ -119,10 +135,12 @@ pub(crate) struct Run {
 pub(crate) struct Block {
     /// Block index: its first node is 4 times this.
     pub index: [i32; 3],
-    /// Its runs, ordered by object.
+    /// Its runs, ordered by part.
     pub runs: Range<usize>,
     /// Its groups.
     pub groups: Range<usize>,
+    /// Its visible shapes.
+    pub shapes: Range<usize>,
 }
 
 /// Lanes of one group that need attention, one bit each.
@@ -134,6 +152,33 @@ pub(crate) struct Flags {
     pub outside: u16,
 }
 
+/// What a substep changes of particles, as it was at the start of a segment.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Backup {
+    /// Like [`Particles::groups`].
+    pub groups: Vec<Group>,
+    /// Like [`Particles::memory`].
+    pub memory: Vec<F32x16>,
+    /// Like [`Particles::shapes`].
+    pub shapes: Vec<Shape>,
+}
+
+impl Backup {
+    /// Makes room for as much as `particles` holds.
+    pub fn fit(&mut self, particles: &Particles) {
+        self.groups.resize(particles.groups.len(), Group::REST);
+        self.memory.resize(particles.memory.len(), F32x16::ZERO);
+        self.shapes.resize(particles.shapes.len(), Shape::REST);
+    }
+
+    /// Puts everything back.
+    pub fn restore(&self, particles: &mut Particles) {
+        particles.groups.copy_from_slice(&self.groups);
+        particles.memory.copy_from_slice(&self.memory);
+        particles.shapes.copy_from_slice(&self.shapes);
+    }
+}
+
 /// All simulated particles.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Particles {
@@ -141,8 +186,12 @@ pub(crate) struct Particles {
     pub blocks: Vec<Block>,
     /// Runs, block after block.
     pub runs: Vec<Run>,
-    /// Position and deformation, run after run.
+    /// Position and elastic deformation, run after run.
     pub groups: Vec<Group>,
+    /// The one number that laws keep per particle, like `groups`.
+    pub memory: Vec<F32x16>,
+    /// Visible deformation of runs that carry it apart.
+    pub shapes: Vec<Shape>,
     /// Velocities at segment boundaries, like `groups`.
     pub motion: Vec<Motion>,
     /// Masses and ids, like `groups`.
@@ -160,6 +209,8 @@ impl Particles {
         for (to, from) in self.groups[group].f.iter_mut().zip(&Group::REST.f) {
             to.0[lane] = from.0[lane];
         }
+        self.memory[group].0[lane] = 0.0;
+        // The lane of a visible shape keeps what it holds: nothing looks at it again.
         let motion = &mut self.motion[group];
         for to in motion.v.iter_mut().chain(&mut motion.c) {
             to.0[lane] = 0.0;

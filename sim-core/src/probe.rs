@@ -42,7 +42,7 @@ pub enum Measured {
 #[derive(Clone, Debug)]
 pub struct Probes {
     probes: Vec<Ready>,
-    /// Density at rest of every particle's object [kg/m^3].
+    /// Ends of the parts and their densities at rest [kg/m^3].
     density: Vec<(usize, f64)>,
     radius: f64,
 }
@@ -76,11 +76,12 @@ impl Probes {
                 }
             },
         });
-        let density = scene.objects.iter();
         Self {
             probes: probes.collect(),
-            density: density
-                .map(|o| (o.particles.end, o.material.density))
+            density: scene
+                .parts()
+                .iter()
+                .map(|part| (part.particles.end, part.material.density))
                 .collect(),
             radius: scene.dx,
         }
@@ -212,6 +213,8 @@ position = [1, 1, 1]
             velocity: &vec![[1.0, 2.0, 3.0]; count],
             affine: &vec![[[0.0; 3]; 3]; count],
             deformation: &vec![[[2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]; count],
+            elastic: &vec![[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]; count],
+            memory: &vec![0.0; count],
         };
         let probes = Probes::new(&scene);
         let values = probes.measure(&particles);

@@ -60,8 +60,10 @@ pub struct Aabb {
 pub struct Object {
     /// Unique name.
     pub name: String,
-    /// What it is made of.
+    /// What it is made of, but for its regions.
     pub material: Material,
+    /// Runs of its particles that are made of something else; in order, at the end of `particles`.
+    pub regions: Vec<MaterialRegion>,
     /// Whether it is simulated.
     pub fidelity: Fidelity,
     /// Its particles in [`Scene::particles`]; empty for static objects.
@@ -75,6 +77,68 @@ pub struct Object {
     pub linear_velocity: [f64; 3],
     /// Initial velocity gradient about the centre of mass [1/s], row-major: spin plus affine part.
     pub velocity_gradient: [[f64; 3]; 3],
+}
+
+/// Particles of an object with a material of their own.
+#[derive(Clone, Debug)]
+pub struct MaterialRegion {
+    /// Its particles in [`Scene::particles`], within those of the object.
+    pub particles: Range<usize>,
+    /// What it is made of.
+    pub material: Material,
+}
+
+/// Particles of one object and one material: the object outside its regions, or one region.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Object id.
+    pub object: usize,
+    /// Number of the region, from 0; none for the object outside its regions.
+    pub region: Option<usize>,
+    /// Its particles in [`Scene::particles`].
+    pub particles: Range<usize>,
+    /// What it is made of.
+    pub material: Material,
+}
+
+impl Object {
+    /// The object outside its regions, then its regions; `id` is the object's id.
+    pub fn parts(&self, id: usize) -> impl Iterator<Item = Part> {
+        let end = self
+            .regions
+            .first()
+            .map_or(self.particles.end, |region| region.particles.start);
+        let rest = Part {
+            object: id,
+            region: None,
+            particles: self.particles.start..end,
+            material: self.material.clone(),
+        };
+        let regions = self.regions.iter().enumerate();
+        std::iter::once(rest).chain(regions.map(move |(n, region)| Part {
+            object: id,
+            region: Some(n),
+            particles: region.particles.clone(),
+            material: region.material.clone(),
+        }))
+    }
+
+    /// Mass per rest volume of one of its particles [kg/m^3].
+    pub fn density_of(&self, particle: usize) -> f64 {
+        let region = self
+            .regions
+            .iter()
+            .find(|region| region.particles.contains(&particle));
+        region.map_or(self.material.density, |r| r.material.density)
+    }
+}
+
+impl Scene {
+    /// All parts, object after object.
+    pub fn parts(&self) -> Vec<Part> {
+        let objects = self.objects.iter().enumerate();
+        objects.flat_map(|(id, object)| object.parts(id)).collect()
+    }
 }
 
 /// How an object is modelled.

@@ -123,6 +123,7 @@ pub fn law_name(law: Law) -> &'static str {
     match law {
         Law::FixedCorotated => "fixed_corotated",
         Law::NeoHookean => "neo_hookean",
+        Law::Rigid => "rigid",
     }
 }
 

@@ -66,6 +66,7 @@ pub fn add_box(
         }
     }
     scene.objects.push(Object {
+        regions: vec![],
         name: format!("box{}", scene.objects.len()),
         material,
         fidelity: Fidelity::Mpm,

@@ -38,6 +38,7 @@ pub fn critical_dt(material: &Material, rho0: f64, dx: f64, bounds: &Deformation
     let stiffness = bounds.max_stiffness.max(1.0);
     let (lambda, mu) = (stiffness * material.lambda(), stiffness * material.mu());
     let tangent = match material.law {
+        Law::Rigid => return f64::INFINITY,
         Law::NeoHookean => 3.0 * lambda + 2.0 * mu * s * s,
         Law::FixedCorotated => {
             // d/d ln(s) of 2 mu (s - 1) s, and of lambda (J - 1) J; inverted elements have s, J < 0.

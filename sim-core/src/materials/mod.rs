@@ -34,6 +34,8 @@ pub enum Law {
     FixedCorotated,
     /// Compressible neo-Hookean elasticity with a logarithmic barrier (Bonet & Wood 2008).
     NeoHookean,
+    /// No deformation at all: all rigid particles of an object move as one body.
+    Rigid,
 }
 
 /// A material's numbers, ready for the law: `f64` in the reference path, the same value in all lanes in the fast
@@ -122,6 +124,7 @@ impl Law {
         match self {
             Self::FixedCorotated => 1,
             Self::NeoHookean => 2,
+            Self::Rigid => 9,
         }
     }
 
@@ -137,6 +140,11 @@ impl Law {
         false
     }
 
+    /// Whether all particles of an object under this law move as one body.
+    pub fn is_rigid(self) -> bool {
+        matches!(self, Self::Rigid)
+    }
+
     /// Return mapping and stress.
     #[inline(always)]
     pub fn respond<R: Real>(self, trial: &Trial<R>, k: &Coefficients<R>) -> Response<R> {
@@ -149,6 +157,7 @@ impl Law {
                 trial,
                 neo_hookean::kirchhoff_stress(&trial.f, k.lambda, k.mu),
             ),
+            Self::Rigid => elastic(trial, [R::splat(0.0); 6]),
         }
     }
 
@@ -158,6 +167,7 @@ impl Law {
         match self {
             Self::FixedCorotated => fixed_corotated::energy_density(f, k.lambda, k.mu),
             Self::NeoHookean => neo_hookean::energy_density(f, k.lambda, k.mu),
+            Self::Rigid => R::splat(0.0),
         }
     }
 }

@@ -12,6 +12,7 @@ struct Body {
     velocity: Vec<[f64; 3]>,
     affine: Vec<[[f64; 3]; 3]>,
     deformation: Vec<[[f64; 3]; 3]>,
+    memory: Vec<f64>,
 }
 
 impl Body {
@@ -32,6 +33,7 @@ impl Body {
             velocity: vec![],
             affine: vec![],
             deformation: vec![],
+            memory: vec![],
         };
         let offsets = || (-cells..cells).map(|i| (f64::from(i) + 0.5) * h);
         for x in offsets() {
@@ -43,6 +45,7 @@ impl Body {
                     body.velocity.push(array::from_fn(|i| v[i] + orbital[i]));
                     body.affine.push(spin);
                     body.deformation.push(Mat3::identity().0);
+                    body.memory.push(0.0);
                 }
             }
         }
@@ -56,11 +59,18 @@ impl Body {
             velocity: &self.velocity,
             affine: &self.affine,
             deformation: &self.deformation,
+            elastic: &self.deformation,
+            memory: &self.memory,
         }
     }
 
     fn state(&self, density: f64) -> ObjectState {
-        object_moments(&self.arrays(), 0..self.volume.len(), density, DX, &rubber())
+        let body = super::Body {
+            particles: 0..self.volume.len(),
+            density,
+            material: &rubber(),
+        };
+        object_moments(&self.arrays(), &[body], DX)
     }
 }
 
@@ -182,6 +192,7 @@ fn removed_particles_do_not_count_even_when_their_state_is_nan() {
     broken.velocity.insert(0, [f64::NAN; 3]);
     broken.affine.insert(0, [[f64::NAN; 3]; 3]);
     broken.deformation.insert(0, [[f64::NAN; 3]; 3]);
+    broken.memory.insert(0, f64::NAN);
     let partial = broken.state(10.0);
     assert_close(&[partial.mass], &[whole.mass], 1e-12);
     assert_close(&partial.inertia, &whole.inertia, 1e-12);

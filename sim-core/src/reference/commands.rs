@@ -6,6 +6,7 @@ use super::{Particles, ReferenceWorld};
 use crate::{
     command::{Action, Command},
     mat3::Mat3,
+    materials::Material,
 };
 
 impl ReferenceWorld {
@@ -13,6 +14,31 @@ impl ReferenceWorld {
     pub(super) fn apply(&mut self, commands: &[Command]) {
         for command in commands {
             self.act(&command.action);
+        }
+    }
+
+    /// What the new law needs of the past: volume passes between solids and fluids, all else is forgotten.
+    fn set_material(&mut self, object: usize, region: Option<usize>, material: &Material) {
+        for (part, current) in self.parts.iter().zip(&mut self.materials) {
+            if part.object != object || region.is_some() && part.region != region {
+                continue;
+            }
+            let old = std::mem::replace(current, material.clone()).law;
+            if old.id() == material.law.id() {
+                continue;
+            }
+            for p in part.particles.clone() {
+                let memory = &mut self.particles.memory[p];
+                match (old.is_fluid(), material.law.is_fluid()) {
+                    (false, true) => *memory = Mat3(self.particles.elastic[p]).det() - 1.0,
+                    (true, false) => {
+                        self.particles.elastic[p] = Mat3::diagonal([(1.0 + *memory).cbrt(); 3]).0;
+                        *memory = 0.0;
+                    }
+                    (true, true) => {}
+                    (false, false) => *memory = 0.0,
+                }
+            }
         }
     }
 
@@ -48,12 +74,9 @@ impl ReferenceWorld {
             }
             Action::SetMaterial {
                 object,
+                region,
                 ref material,
-            } => {
-                if let Some(current) = self.materials.get_mut(object) {
-                    *current = material.clone();
-                }
-            }
+            } => self.set_material(object, region, material),
             Action::SetGravity { gravity } => self.gravity = gravity,
             Action::Reset => {
                 *self = Self {

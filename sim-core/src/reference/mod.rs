@@ -7,16 +7,16 @@
 mod boundary;
 mod commands;
 mod grid;
+mod motion;
 mod time_step;
 
 use crate::{
     command::Command,
-    kinematics::advance_deformation,
     mat3::Mat3,
     materials::{Coefficients, Material, Trial},
-    moments::{ParticleArrays, object_moments, total_momentum},
+    moments::{ParticleArrays, bodies_of, object_moments, total_momentum},
     report::StepReport,
-    scene::{Aabb, Scene},
+    scene::{Aabb, Part, Scene},
 };
 use boundary::constrain;
 use grid::{Grid, Stencil};
@@ -29,6 +29,7 @@ pub struct ReferenceWorld {
     /// Particle state.
     pub particles: Particles,
     gravity: [f64; 3],
+    parts: Vec<Part>,
     materials: Vec<Material>,
     steps: u64,
     sim_time: f64,
@@ -47,8 +48,12 @@ pub struct Particles {
     pub velocity: Vec<[f64; 3]>,
     /// Affine velocity `C` [1/s], row-major.
     pub affine: Vec<[[f64; 3]; 3]>,
-    /// Deformation gradient `F`, row-major.
+    /// Visible deformation gradient, row-major.
     pub deformation: Vec<[[f64; 3]; 3]>,
+    /// Elastic deformation gradient `F`, row-major.
+    pub elastic: Vec<[[f64; 3]; 3]>,
+    /// The laws' own number, see [`Trial`].
+    pub memory: Vec<f64>,
 }
 
 impl Particles {
@@ -60,6 +65,8 @@ impl Particles {
             velocity: &self.velocity,
             affine: &self.affine,
             deformation: &self.deformation,
+            elastic: &self.elastic,
+            memory: &self.memory,
         }
     }
 
@@ -72,10 +79,12 @@ impl Particles {
             velocity: vec![[0.0; 3]; count],
             affine: vec![[[0.0; 3]; 3]; count],
             deformation: vec![Mat3::identity().0; count],
+            elastic: vec![Mat3::identity().0; count],
+            memory: vec![0.0; count],
         };
         for object in &scene.objects {
             for p in object.particles.clone() {
-                particles.mass[p] = object.material.density * particles.volume[p];
+                particles.mass[p] = object.density_of(p) * particles.volume[p];
             }
             particles.set_affine_motion(
                 object.particles.clone(),
@@ -94,10 +103,11 @@ impl ReferenceWorld {
             particles: Particles::at_rest(scene),
             gravity: scene.gravity,
             materials: scene
-                .objects
-                .iter()
-                .map(|object| object.material.clone())
+                .parts()
+                .into_iter()
+                .map(|part| part.material)
                 .collect(),
+            parts: scene.parts(),
             steps: 0,
             sim_time: 0.0,
             scene: scene.clone(),
@@ -131,7 +141,7 @@ impl ReferenceWorld {
 
     /// The largest allowed substep now, the scene's `cfl` included, and what limits it.
     pub fn time_step(&self) -> TimeStep {
-        time_step::time_step(&self.scene, &self.materials, &self.particles)
+        time_step::time_step(&self.scene, &self.parts, &self.materials, &self.particles)
     }
 
     fn substep(&mut self, dt: f64, cause: TimeStep, report: &mut StepReport) {
@@ -140,22 +150,20 @@ impl ReferenceWorld {
         let mut stencils: Vec<Option<Stencil>> = vec![None; particles.mass.len()];
 
         // P2G. Internal force of MLS-MPM: -4 V0 / dx^2 tau (x_i - x_p) w_ip, inside the affine matrix.
-        for (object, material) in self.scene.objects.iter().zip(&self.materials) {
-            for p in object.particles.clone() {
+        for (part, material) in self.parts.iter().zip(&self.materials) {
+            let numbers = Coefficients::new(material);
+            for p in part.particles.clone() {
                 let m = particles.mass[p];
                 if m == 0.0 {
                     continue;
                 }
-                let trial = Trial {
-                    f: Mat3(particles.deformation[p]),
-                    memory: 0.0,
+                let state = Trial {
+                    f: Mat3(particles.elastic[p]),
+                    memory: particles.memory[p],
                     gradient: Mat3(particles.affine[p]),
                     dt: 0.0,
                 };
-                let tau = material
-                    .law
-                    .respond(&trial, &Coefficients::new(material))
-                    .tau;
+                let tau = material.law.respond(&state, &numbers).tau;
                 let k = -dt * particles.volume[p] * 4.0 / (dx * dx);
                 let c = &particles.affine[p];
                 let affine = Mat3([
@@ -189,16 +197,28 @@ impl ReferenceWorld {
             node.velocity = constrain(&self.scene, x, velocity);
         }
 
-        // G2P: gather, move, deform.
+        // G2P; then rigid objects move as one body each, all else particle by particle.
         for (p, stencil) in stencils.iter().enumerate() {
             let Some(stencil) = stencil else { continue };
             let (v, c) = grid.gather(stencil, dx);
             particles.velocity[p] = v;
             particles.affine[p] = c.0;
-            let a = Mat3(c.0.map(|row| row.map(|c| dt * c)));
-            particles.deformation[p] = advance_deformation(&Mat3(particles.deformation[p]), &a).0;
-            for i in 0..3 {
-                particles.position[p][i] += dt * v[i];
+        }
+        for (part, material) in self.parts.iter().zip(&self.materials) {
+            if !material.law.is_rigid() {
+                particles.move_and_deform(part.particles.clone(), material, dt);
+            }
+        }
+        for object in 0..self.scene.objects.len() {
+            let parts = self.parts.iter().zip(&self.materials);
+            let rigid = parts.filter(|(p, m)| p.object == object && m.law.is_rigid());
+            let body: Vec<usize> = rigid.flat_map(|(part, _)| part.particles.clone()).collect();
+            particles.move_as_one(&body, dx, dt);
+        }
+
+        for (p, stencil) in stencils.iter().enumerate() {
+            if stencil.is_none() {
+                continue;
             }
             if !contains(&self.scene.domain, particles.position[p]) {
                 particles.mass[p] = 0.0;
@@ -267,18 +287,10 @@ impl ReferenceWorld {
     /// Moments of every object.
     pub fn objects(&self) -> Vec<crate::ObjectState> {
         let particles = self.particles.arrays();
-        self.scene
-            .objects
-            .iter()
-            .zip(&self.materials)
-            .map(|(object, material)| {
-                object_moments(
-                    &particles,
-                    object.particles.clone(),
-                    object.material.density,
-                    self.scene.dx,
-                    material,
-                )
+        (0..self.scene.objects.len())
+            .map(|id| {
+                let bodies = bodies_of(id, &self.parts, &self.materials);
+                object_moments(&particles, &bodies, self.scene.dx)
             })
             .collect()
     }

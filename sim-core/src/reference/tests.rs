@@ -110,11 +110,11 @@ fn an_isolated_particle_is_stable_just_below_the_critical_step_and_not_above() {
             // Largest strain within `steps` after a start at 1e-6.
             let largest = |factor: f64, steps: usize| {
                 let mut world = ReferenceWorld::new(&scene);
-                world.particles.deformation[0] = Mat3::diagonal([1.0 + 1e-6; 3]).0;
+                world.particles.elastic[0] = Mat3::diagonal([1.0 + 1e-6; 3]).0;
                 let mut largest = 0.0_f64;
                 for _ in 0..steps {
                     world.step_with(&[factor * limit], &[]);
-                    let strain = Mat3(world.particles.deformation[0]).sub(&Mat3::identity());
+                    let strain = Mat3(world.particles.elastic[0]).sub(&Mat3::identity());
                     largest = largest.max(strain.norm_squared().sqrt());
                     if largest > 0.1 {
                         break;

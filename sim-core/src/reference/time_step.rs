@@ -4,12 +4,12 @@ use super::Particles;
 use crate::{
     mat3::Mat3,
     materials::{
-        Material,
+        Coefficients, Material, Trial,
         limits::{DeformationBounds, critical_dt},
         svd::svd,
     },
     report::DtLimit,
-    scene::Scene,
+    scene::{Part, Scene},
 };
 
 /// A substep and what limits it.
@@ -38,21 +38,36 @@ const MAX_TRAVEL: f64 = 0.5;
 const MAX_STRAIN: f64 = 0.4;
 
 /// Smallest of: `cfl` times the isolated-particle limit at the current tangent, and the kinematic limits.
-pub(super) fn time_step(scene: &Scene, materials: &[Material], particles: &Particles) -> TimeStep {
+pub(super) fn time_step(
+    scene: &Scene,
+    parts: &[Part],
+    materials: &[Material],
+    particles: &Particles,
+) -> TimeStep {
     let mut smallest = TimeStep::FRAME;
-    for (id, (object, material)) in scene.objects.iter().zip(materials).enumerate() {
+    for (part, material) in parts.iter().zip(materials) {
+        let k = Coefficients::new(material);
         let mut bounds = DeformationBounds::REST;
         let (mut speed, mut rate) = (0.0_f64, 0.0_f64);
-        let alive = object
-            .particles
-            .clone()
-            .filter(|&p| particles.mass[p] > 0.0);
+        let alive = part.particles.clone().filter(|&p| particles.mass[p] > 0.0);
         let mut count = 0;
         for p in alive {
-            let f = Mat3(particles.deformation[p]);
-            bounds.max_stretch = bounds.max_stretch.max(svd(&f).sigma[0]);
-            bounds.min_j = bounds.min_j.min(f.det());
-            bounds.max_j = bounds.max_j.max(f.det());
+            let response = material.law.respond(
+                &Trial {
+                    f: Mat3(particles.elastic[p]),
+                    memory: particles.memory[p],
+                    gradient: Mat3(particles.affine[p]),
+                    dt: 0.0,
+                },
+                &k,
+            );
+            if !material.law.is_fluid() {
+                let stretch = svd(&response.f).sigma[0];
+                bounds.max_stretch = bounds.max_stretch.max(stretch);
+            }
+            bounds.min_j = bounds.min_j.min(response.j);
+            bounds.max_j = bounds.max_j.max(response.j);
+            bounds.max_stiffness = bounds.max_stiffness.max(response.stiffness);
             speed = speed.max(
                 particles.velocity[p]
                     .iter()
@@ -66,7 +81,7 @@ pub(super) fn time_step(scene: &Scene, materials: &[Material], particles: &Parti
         if count == 0 {
             continue;
         }
-        let rho0 = object.material.density;
+        let rho0 = part.material.density;
         let sound = critical_dt(material, rho0, scene.dx, &bounds);
         for (dt, limit) in [
             (scene.cfl * sound, DtLimit::Sound),
@@ -77,7 +92,7 @@ pub(super) fn time_step(scene: &Scene, materials: &[Material], particles: &Parti
                 smallest = TimeStep {
                     dt,
                     limit,
-                    object: Some(id),
+                    object: Some(part.object),
                 };
             }
         }

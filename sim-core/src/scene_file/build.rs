@@ -9,6 +9,7 @@ use super::{
     edit::{append, bounds, subset, transform},
     error::{At, Finding, SceneErrors},
     placement::Rigid,
+    regions,
     report::{AssetReport, BuildReport},
     sampling::{self, Body, Rest},
     select::{Placed, longest_side},
@@ -497,6 +498,8 @@ impl<'f> Builder<'f> {
             self.report.fills.push(sampled[part.body].fill);
             let body = &self.bodies[part.body].1;
             push(&mut scene, part, &sampled[part.body], body.body_from_asset);
+            let errors = regions::arrange(&mut scene, &part.spec.regions, dx);
+            self.errors.extend(errors);
         }
         scene.probes = file
             .probes
@@ -539,6 +542,7 @@ fn push(scene: &mut Scene, part: &Part, sampled: &sampling::Sampled, body_from_a
     scene.objects.push(Object {
         name: part.name.clone(),
         material: spec.material.clone(),
+        regions: Vec::new(),
         fidelity: spec.fidelity,
         particles: first_particle..scene.particles.position.len(),
         gaussians: first_gaussian..scene.gaussians.len(),

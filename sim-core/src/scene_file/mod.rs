@@ -14,6 +14,7 @@ mod objects;
 mod parse;
 mod placement;
 mod reader;
+mod regions;
 mod report;
 mod sampling;
 mod select;

@@ -11,6 +11,7 @@ use super::{
     parse::{asset_source, min_opacity},
     placement,
     reader::{Entry, Table},
+    regions,
     spec::{AssetSpec, Geometry, Link, ObjectSpec, ParticleMode, Placement, Select, Shape, Split},
 };
 use crate::{
@@ -168,6 +169,7 @@ fn object(
         is_clone: table.get_own("clone").is_some(),
         placement: placement::read(table),
         material: material.unwrap_or_else(|| Some(static_material()))?,
+        regions: regions::read(table, known, warnings),
         fidelity,
         particles: particles.unwrap_or(filled),
         linear_velocity: linear_velocity.unwrap_or_default(),
@@ -296,7 +298,7 @@ fn select(table: Table) -> Option<Select> {
     selected
 }
 
-fn ranges(entry: &Entry) -> Option<Vec<[u64; 2]>> {
+pub(super) fn ranges(entry: &Entry) -> Option<Vec<[u64; 2]>> {
     let range = |e: &Entry| {
         let ends = e.array()?;
         let [first, end] = ends.as_slice() else {

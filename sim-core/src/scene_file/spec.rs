@@ -1,5 +1,7 @@
 //! What a scene file says, checked line by line but with no asset read yet.
 
+pub use super::regions::{RegionSelect, RegionSpec};
+
 use super::error::{At, Finding};
 use crate::{
     materials::Material,
@@ -155,6 +157,8 @@ pub struct ObjectSpec {
     pub placement: Placement,
     /// Material; a placeholder for static objects.
     pub material: Material,
+    /// Parts of it with another material.
+    pub regions: Vec<RegionSpec>,
     /// Whether it is simulated.
     pub fidelity: Fidelity,
     /// Where its particles come from.

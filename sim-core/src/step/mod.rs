@@ -1,7 +1,10 @@
 //! The phases of a substep, one file each.
 
+mod block;
+pub(crate) mod constitutive;
 pub(crate) mod gather;
 pub(crate) mod particle_pass;
+pub(crate) mod rigid;
 pub(crate) mod scatter;
 pub(crate) mod sort;
 pub(crate) mod stencil;

@@ -1,11 +1,13 @@
-//! Stable counting sort of particles into blocks, objects and cells; first placement.
+//! Stable counting sort of particles into blocks, parts and cells; first placement.
 
 use rayon::prelude::*;
 
 use crate::{
     grid::{NONE, OFFSETS},
-    particles::{BLOCK, Block, Extremes, Fixed, Flags, Group, Motion, NO_PARTICLE, Particles, Run},
-    simd::LANES,
+    particles::{
+        BLOCK, Block, Extremes, Fixed, Flags, Group, Motion, NO_PARTICLE, Particles, Run, Shape,
+    },
+    simd::{F32x16, LANES},
 };
 
 /// Blocks per task at least.
@@ -16,7 +18,7 @@ const TASK: usize = 8;
 struct Traveller {
     /// Group and lane it comes from.
     from: u32,
-    object: u32,
+    part: u32,
     /// Block offset (0..27) it moves by, and cell in its new block (0..64).
     offset: u8,
     cell: u8,
@@ -29,12 +31,12 @@ struct Departures {
     starts: [u32; 28],
 }
 
-/// The particles that one new block receives, in their order, and how many of each object.
+/// The particles that one new block receives, in their order, and how many of each part.
 struct Intake {
     index: [i32; 3],
     travellers: Vec<Traveller>,
-    /// Object and particle count.
-    objects: Vec<(u32, usize)>,
+    /// Part and particle count.
+    parts: Vec<(u32, usize)>,
 }
 
 /// Cell 0..64 within a block and the offset 0..27 of the block, for a position relative to the old block's
@@ -54,8 +56,9 @@ fn cell_of(x: [f32; 3]) -> (u8, u8) {
     (cell as u8, offset as u8)
 }
 
-/// Sorts particles by block, object and cell; among those the order stays as it was. Reads `old`, fills `new`.
-pub(crate) fn sort(old: &Particles, new: &mut Particles) {
+/// Sorts particles by block, part and cell; among those the order stays as it was. Reads `old`, fills `new`.
+/// `shaped` tells the parts whose visible deformation is carried apart: one that was not so far begins with `F`.
+pub(crate) fn sort(old: &Particles, shaped: &[bool], new: &mut Particles) {
     let departures: Vec<Departures> = old
         .blocks
         .par_iter()
@@ -81,7 +84,7 @@ pub(crate) fn sort(old: &Particles, new: &mut Particles) {
         .with_min_len(TASK)
         .map(|flows| take_in(&departures, flows))
         .collect();
-    lay_out(&intakes, new);
+    lay_out(&intakes, shaped, new);
     fill(old, &intakes, new);
 }
 
@@ -100,7 +103,7 @@ fn depart(old: &Particles, block: &Block) -> Departures {
                 starts[usize::from(offset) + 1] += 1;
                 found.push(Traveller {
                     from: (group * LANES + lane) as u32,
-                    object: run.object as u32,
+                    part: run.part as u32,
                     offset,
                     cell,
                 });
@@ -120,7 +123,7 @@ fn depart(old: &Particles, block: &Block) -> Departures {
     Departures { travellers, starts }
 }
 
-/// Collects the particles of one new block and sorts them by object and cell.
+/// Collects the particles of one new block and sorts them by part and cell.
 fn take_in(departures: &[Departures], flows: &[([i32; 3], u32, u8)]) -> Intake {
     let mut found = Vec::new();
     for &(_, at, code) in flows {
@@ -128,25 +131,25 @@ fn take_in(departures: &[Departures], flows: &[([i32; 3], u32, u8)]) -> Intake {
         let [start, end] = [0, 1].map(|n| starts[usize::from(code) + n] as usize);
         found.extend_from_slice(&travellers[start..end]);
     }
-    let mut objects: Vec<(u32, usize)> = Vec::new();
+    let mut parts: Vec<(u32, usize)> = Vec::new();
     for traveller in &found {
-        match objects.last_mut() {
-            Some(last) if last.0 == traveller.object => last.1 += 1,
-            _ => objects.push((traveller.object, 1)),
+        match parts.last_mut() {
+            Some(last) if last.0 == traveller.part => last.1 += 1,
+            _ => parts.push((traveller.part, 1)),
         }
     }
-    objects.sort_unstable();
-    objects.dedup_by(|later, first| {
+    parts.sort_unstable();
+    parts.dedup_by(|later, first| {
         let same = later.0 == first.0;
         first.1 += if same { later.1 } else { 0 };
         same
     });
-    // Counting sort: one bucket per object and cell.
+    // Counting sort: one bucket per part and cell.
     let bucket = |traveller: &Traveller| {
-        let rank = objects.partition_point(|o| o.0 < traveller.object);
+        let rank = parts.partition_point(|p| p.0 < traveller.part);
         64 * rank + usize::from(traveller.cell)
     };
-    let mut next = vec![0_u32; 64 * objects.len() + 1];
+    let mut next = vec![0_u32; 64 * parts.len() + 1];
     for traveller in &found {
         next[bucket(traveller) + 1] += 1;
     }
@@ -162,45 +165,63 @@ fn take_in(departures: &[Departures], flows: &[([i32; 3], u32, u8)]) -> Intake {
     Intake {
         index: flows[0].0,
         travellers,
-        objects,
+        parts,
     }
 }
 
 /// Blocks, runs and empty groups for the particles to come: every run begins a group of its own.
-fn lay_out(intakes: &[Intake], new: &mut Particles) {
+fn lay_out(intakes: &[Intake], shaped: &[bool], new: &mut Particles) {
     new.blocks.clear();
     new.runs.clear();
-    let mut groups = 0;
+    let (mut groups, mut shapes) = (0, 0);
     for intake in intakes {
-        let (first_run, first_group) = (new.runs.len(), groups);
-        for &(object, count) in &intake.objects {
+        let (first_run, first_group, first_shape) = (new.runs.len(), groups, shapes);
+        for &(part, count) in &intake.parts {
+            let part = part as usize;
             let end = groups + count.div_ceil(LANES);
+            let last_shape = shapes + if shaped[part] { end - groups } else { 0 };
             new.runs.push(Run {
-                object: object as usize,
+                part,
                 groups: groups..end,
+                shapes: shapes..last_shape,
                 extremes: Extremes::NONE,
             });
-            groups = end;
+            (groups, shapes) = (end, last_shape);
         }
         new.blocks.push(Block {
             index: intake.index,
             runs: first_run..new.runs.len(),
             groups: first_group..groups,
+            shapes: first_shape..shapes,
         });
     }
     new.groups.resize(groups, Group::REST);
+    new.memory.resize(groups, F32x16::ZERO);
+    new.shapes.resize(shapes, Shape::REST);
     new.motion.resize(groups, Motion::REST);
     new.fixed.resize(groups, Fixed::EMPTY);
     new.flags.clear();
     new.flags.resize(groups, Flags::default());
 }
 
+/// One group to fill.
+struct Place<'a> {
+    group: &'a mut Group,
+    motion: &'a mut Motion,
+    fixed: &'a mut Fixed,
+    memory: &'a mut F32x16,
+    shape: Option<&'a mut Shape>,
+}
+
 /// Moves particle state to its new place.
 fn fill(old: &Particles, intakes: &[Intake], new: &mut Particles) {
+    let shape_of = shape_of_group(old);
     let mut rest = (
         new.groups.as_mut_slice(),
         new.motion.as_mut_slice(),
         new.fixed.as_mut_slice(),
+        new.memory.as_mut_slice(),
+        new.shapes.as_mut_slice(),
     );
     let mut work = Vec::with_capacity(intakes.len());
     for (intake, block) in intakes.iter().zip(&new.blocks) {
@@ -208,34 +229,66 @@ fn fill(old: &Particles, intakes: &[Intake], new: &mut Particles) {
         let (groups, more_groups) = rest.0.split_at_mut(count);
         let (motion, more_motion) = rest.1.split_at_mut(count);
         let (fixed, more_fixed) = rest.2.split_at_mut(count);
-        rest = (more_groups, more_motion, more_fixed);
-        work.push((intake, groups, motion, fixed));
+        let (memory, more_memory) = rest.3.split_at_mut(count);
+        let (shapes, more_shapes) = rest.4.split_at_mut(block.shapes.len());
+        rest = (
+            more_groups,
+            more_motion,
+            more_fixed,
+            more_memory,
+            more_shapes,
+        );
+        let runs = &new.runs[block.runs.clone()];
+        work.push((intake, block, runs, groups, motion, fixed, memory, shapes));
     }
-    work.into_par_iter()
-        .with_min_len(TASK)
-        .for_each(|(intake, groups, motion, fixed)| {
+    work.into_par_iter().with_min_len(TASK).for_each(
+        |(intake, block, runs, groups, motion, fixed, memory, shapes)| {
             let mut travellers = intake.travellers.as_slice();
-            let mut group = 0;
-            for &(_, count) in &intake.objects {
+            for (&(_, count), run) in intake.parts.iter().zip(runs) {
                 let (mine, others) = travellers.split_at(count);
                 travellers = others;
-                for chunk in mine.chunks(LANES) {
-                    let to = (&mut groups[group], &mut motion[group], &mut fixed[group]);
-                    fill_group(old, chunk, to);
-                    group += 1;
+                for (n, chunk) in mine.chunks(LANES).enumerate() {
+                    let g = run.groups.start + n - block.groups.start;
+                    let shape = match run.shapes.is_empty() {
+                        true => None,
+                        false => Some(&mut shapes[run.shapes.start + n - block.shapes.start]),
+                    };
+                    let place = Place {
+                        group: &mut groups[g],
+                        motion: &mut motion[g],
+                        fixed: &mut fixed[g],
+                        memory: &mut memory[g],
+                        shape,
+                    };
+                    fill_group(old, &shape_of, chunk, place);
                 }
             }
-        });
+        },
+    );
+}
+
+/// Where each group's visible shape is, for those that have one; empty when none has.
+fn shape_of_group(particles: &Particles) -> Vec<u32> {
+    if particles.shapes.is_empty() {
+        return vec![];
+    }
+    let mut shape_of = vec![NONE; particles.groups.len()];
+    for run in &particles.runs {
+        for (group, shape) in run.groups.clone().zip(run.shapes.clone()) {
+            shape_of[group] = shape as u32;
+        }
+    }
+    shape_of
 }
 
 /// Fills one group with up to 16 particles.
-fn fill_group(
-    old: &Particles,
-    travellers: &[Traveller],
-    (group, motion, fixed): (&mut Group, &mut Motion, &mut Fixed),
-) {
+fn fill_group(old: &Particles, shape_of: &[u32], travellers: &[Traveller], mut to: Place<'_>) {
     if travellers.len() < LANES {
-        (*group, *motion, *fixed) = (Group::REST, Motion::REST, Fixed::EMPTY);
+        (*to.group, *to.motion, *to.fixed) = (Group::REST, Motion::REST, Fixed::EMPTY);
+        *to.memory = F32x16::ZERO;
+        if let Some(shape) = &mut to.shape {
+            **shape = Shape::REST;
+        }
     }
     for (lane, traveller) in travellers.iter().enumerate().take(LANES) {
         let from = traveller.from as usize / LANES;
@@ -243,15 +296,25 @@ fn fill_group(
         let (g, m, c) = (&old.groups[from], &old.motion[from], &old.fixed[from]);
         let offset = OFFSETS[usize::from(traveller.offset)];
         for a in 0..3 {
-            group.x[a].0[lane] = g.x[a].0[at] - (BLOCK * offset[a]) as f32;
-            motion.v[a].0[lane] = m.v[a].0[at];
+            to.group.x[a].0[lane] = g.x[a].0[at] - (BLOCK * offset[a]) as f32;
+            to.motion.v[a].0[lane] = m.v[a].0[at];
         }
         for a in 0..9 {
-            group.f[a].0[lane] = g.f[a].0[at];
-            motion.c[a].0[lane] = m.c[a].0[at];
+            to.group.f[a].0[lane] = g.f[a].0[at];
+            to.motion.c[a].0[lane] = m.c[a].0[at];
         }
-        fixed.mass.0[lane] = c.mass.0[at];
-        fixed.id[lane] = c.id[at];
+        to.memory.0[lane] = old.memory[from].0[at];
+        if let Some(shape) = &mut to.shape {
+            let old_shape = match shape_of.get(from) {
+                Some(&s) if s != NONE => &old.shapes[s as usize].0,
+                _ => &g.f,
+            };
+            for a in 0..9 {
+                shape.0[a].0[lane] = old_shape[a].0[at];
+            }
+        }
+        to.fixed.mass.0[lane] = c.mass.0[at];
+        to.fixed.id[lane] = c.id[at];
     }
 }
 
@@ -260,8 +323,8 @@ fn fill_group(
 pub(crate) struct Newcomer {
     /// Index into the scene's particles.
     pub id: u32,
-    /// Object id.
-    pub object: u32,
+    /// Part id.
+    pub part: u32,
     /// Position [cells].
     pub x: [f64; 3],
     /// Velocity [cells/s].
@@ -272,13 +335,13 @@ pub(crate) struct Newcomer {
     pub mass: f32,
 }
 
-/// Places undeformed particles, ordered by block, object and id; a [`sort`] must follow for the order of cells.
+/// Places undeformed particles, ordered by block, part and id; a [`sort`] must follow for the order of cells.
 pub(crate) fn place(newcomers: &[Newcomer]) -> Particles {
     let block_of = |x: f64| ((x + 0.5).floor() as i32).div_euclid(BLOCK);
     let mut order: Vec<([i32; 3], u32, u32)> = newcomers
         .iter()
         .enumerate()
-        .map(|(at, n)| (n.x.map(block_of), n.object, at as u32))
+        .map(|(at, n)| (n.x.map(block_of), n.part, at as u32))
         .collect();
     order.par_sort_unstable();
     let mut particles = Particles::default();
@@ -306,8 +369,9 @@ pub(crate) fn place(newcomers: &[Newcomer]) -> Particles {
                 particles.fixed.push(fixed);
             }
             particles.runs.push(Run {
-                object: in_run[0].1 as usize,
+                part: in_run[0].1 as usize,
                 groups: start..particles.groups.len(),
+                shapes: 0..0,
                 extremes: Extremes::NONE,
             });
         }
@@ -315,8 +379,11 @@ pub(crate) fn place(newcomers: &[Newcomer]) -> Particles {
             index: in_block[0].0,
             runs: first_run..particles.runs.len(),
             groups: first_group..particles.groups.len(),
+            shapes: 0..0,
         });
     }
+    let count = particles.groups.len();
+    particles.memory.resize(count, F32x16::ZERO);
     particles
         .flags
         .resize(particles.groups.len(), Flags::default());

@@ -63,6 +63,7 @@ enum Effect<'a> {
     },
     Material {
         object: usize,
+        region: Option<usize>,
         material: Cow<'a, Material>,
     },
     Gravity([f64; 3]),
@@ -121,9 +122,7 @@ impl World {
                 }
                 within("radius", radius, f64::MIN_POSITIVE, MAX_LENGTH)?;
                 let particles = self.within_reach(object, point, radius);
-                let volume = &self.published.volume;
-                let mass = self.scene.objects[object].material.density
-                    * particles.iter().map(|&p| volume[p as usize]).sum::<f64>();
+                let mass = self.mass_of_particles(object, &particles);
                 within("impulse", length(impulse), 0.0, mass * self.max_speed())?;
                 Ok(Effect::Push {
                     object,
@@ -151,12 +150,15 @@ impl World {
             }
             Action::SetMaterial {
                 object,
+                region,
                 ref material,
             } => {
                 self.mass_of(object)?;
+                self.check_region(object, region)?;
                 self.check_material(object, material)?;
                 Ok(Effect::Material {
                     object,
+                    region,
                     material: Cow::Borrowed(material),
                 })
             }
@@ -180,6 +182,29 @@ impl World {
             return Err(CommandError::StaticObject { object });
         }
         Ok(mass)
+    }
+
+    /// Mass of some particles of an object [kg].
+    fn mass_of_particles(&self, object: usize, particles: &[u32]) -> f64 {
+        let owner = &self.scene.objects[object];
+        let volume = &self.published.volume;
+        let masses = particles.iter().map(|&p| {
+            let p = p as usize;
+            owner.density_of(p) * volume[p]
+        });
+        masses.sum()
+    }
+
+    fn check_region(&self, object: usize, region: Option<usize>) -> Result<(), CommandError> {
+        let count = self.scene.objects[object].regions.len();
+        match region {
+            Some(region) if region >= count => Err(CommandError::UnknownRegion {
+                object,
+                region,
+                count,
+            }),
+            _ => Ok(()),
+        }
     }
 
     fn check_material(&self, object: usize, material: &Material) -> Result<(), CommandError> {
@@ -236,9 +261,11 @@ impl World {
                 linear,
                 angular,
             } => self.set_velocity(object, linear, angular),
-            Effect::Material { object, material } => {
-                self.state.materials[object] = material.into_owned();
-            }
+            Effect::Material {
+                object,
+                region,
+                material,
+            } => self.set_material(object, region, &material),
             Effect::Gravity(gravity) => self.state.gravity = gravity,
             Effect::Reset => {
                 self.reset();
@@ -252,7 +279,9 @@ impl World {
         let cells = change.map(|v| (v / self.scene.dx) as f32);
         let touched = |id: u32| particles.is_none_or(|list| list.binary_search(&id).is_ok());
         let all = &mut self.state.particles;
-        for run in all.runs.iter().filter(|run| run.object == object) {
+        let parts = &self.parts;
+        let runs = all.runs.iter();
+        for run in runs.filter(|run| parts[run.part].object == object) {
             for g in run.groups.clone() {
                 for lane in 0..LANES {
                     let id = all.fixed[g].id[lane];
@@ -264,13 +293,9 @@ impl World {
                 }
             }
         }
-        let density = self.scene.objects[object].material.density;
         let mass = match particles {
             None => self.report.objects[object].mass,
-            Some(list) => {
-                let volume = &self.published.volume;
-                density * list.iter().map(|&p| volume[p as usize]).sum::<f64>()
-            }
+            Some(list) => self.mass_of_particles(object, list),
         };
         for a in 0..3 {
             self.state.momentum[object][a] += mass * change[a];
@@ -288,7 +313,7 @@ impl World {
         for block in &all.blocks {
             let runs = all.runs[block.runs.clone()].iter();
             for g in runs
-                .filter(|run| run.object == object)
+                .filter(|run| self.parts[run.part].object == object)
                 .flat_map(|run| run.groups.clone())
             {
                 for lane in (0..LANES).filter(|&lane| all.fixed[g].id[lane] != NO_PARTICLE) {

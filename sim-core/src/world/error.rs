@@ -39,6 +39,22 @@ pub enum WorldError {
         /// Particles in the scene.
         count: usize,
     },
+    /// The regions of an object do not follow each other up to the end of its particles.
+    #[error(
+        "region {region} of object {object} claims particles {start}..{end}, expected a range that begins at {expected}"
+    )]
+    RegionRange {
+        /// Object id.
+        object: usize,
+        /// Region.
+        region: usize,
+        /// First particle claimed.
+        start: usize,
+        /// End of the claim.
+        end: usize,
+        /// Where it must begin.
+        expected: usize,
+    },
     /// Parallel arrays differ in length.
     #[error(
         "scene has {positions} particle positions and {volumes} volumes, expected equal counts"
@@ -169,11 +185,38 @@ fn validate_objects(scene: &Scene) -> Result<(), WorldError> {
         if o.fidelity == Fidelity::Static {
             continue;
         }
-        let m = &o.material;
+        let mut end = o.regions.first().map_or(range.end, |r| r.particles.start);
+        for (region, r) in o.regions.iter().enumerate() {
+            let (first, last) = (r.particles.start, r.particles.end);
+            if first != end || first < range.start || last < first || last > range.end {
+                return Err(WorldError::RegionRange {
+                    object,
+                    region,
+                    start: first,
+                    end: last,
+                    expected: end,
+                });
+            }
+            end = last;
+        }
+        if end != range.end {
+            return Err(WorldError::RegionRange {
+                object,
+                region: o.regions.len(),
+                start: range.end,
+                end: range.end,
+                expected: end,
+            });
+        }
         let what = |name: &str| format!("{name} of object {object}");
-        within(|| what("youngs_modulus"), m.youngs_modulus, 1e-6, 1e15)?;
-        within(|| what("poisson_ratio"), m.poisson_ratio, 0.0, 0.4999)?;
-        within(|| what("density"), m.density, 1e-6, 1e9)?;
+        for part in o.parts(object) {
+            let m = &part.material;
+            if !m.law.is_fluid() && !m.law.is_rigid() {
+                within(|| what("youngs_modulus"), m.youngs_modulus, 1e-6, 1e15)?;
+                within(|| what("poisson_ratio"), m.poisson_ratio, 0.0, 0.4999)?;
+            }
+            within(|| what("density"), m.density, 1e-6, 1e9)?;
+        }
         for a in 0..3 {
             within(|| what("linear_velocity"), o.linear_velocity[a], -1e6, 1e6)?;
             for value in o.velocity_gradient[a] {

@@ -11,11 +11,13 @@ use super::{
 use crate::{
     grid::node_pass,
     materials::Coefficients,
-    particles::{Extremes, Flags, Group, Motion, NO_PARTICLE, Particles, Run},
+    particles::{Extremes, Flags, Motion, NO_PARTICLE, Particles, Run},
     report::{DtLimit, StepReport, Timings},
     simd::LANES,
     step::{
-        particle_pass::{Findings, ObjectLaw, Pass, Stage, particle_pass},
+        constitutive::PartLaw,
+        particle_pass::{Findings, Pass, Stage, particle_pass},
+        rigid::rigid_motions,
         sort::sort,
     },
 };
@@ -246,44 +248,68 @@ impl World {
         self.state.carrier = to.carrier;
         self.state.grid_speed = to.grid_speed;
         self.state.extremes.clone_from(&to.extremes);
-        self.state
-            .particles
-            .groups
-            .copy_from_slice(&self.workspace.backup);
+        self.workspace.backup.restore(&mut self.state.particles);
     }
 
     fn sort(&mut self, frame: &mut Frame) {
         let start = Instant::now();
-        let particles = &mut self.state.particles;
-        sort(particles, &mut self.workspace.sorted);
+        self.rearrange();
+        frame.timings.sort += start.elapsed().as_secs_f64();
+    }
+
+    /// Sorts the particles and builds the grid around them.
+    pub(super) fn rearrange(&mut self) {
+        let State {
+            particles, shaped, ..
+        } = &mut self.state;
+        sort(particles, shaped, &mut self.workspace.sorted);
         std::mem::swap(particles, &mut self.workspace.sorted);
+        self.workspace.backup.fit(particles);
         let count = particles.groups.len();
-        self.workspace.backup.resize(count, Group::REST);
         self.workspace.motion.resize(count, Motion::REST);
         self.workspace
             .grid
             .rebuild(&particles.blocks, &self.boundary);
         self.state.drift = 0.0;
-        frame.timings.sort += start.elapsed().as_secs_f64();
     }
 
     /// Runs one particle pass: gathered motion advances by `dt`, stress acts for `next_dt`.
     fn particles(&mut self, frame: &mut Frame, stage: Stage, dt: f64, next_dt: f64) -> Findings {
         let start = Instant::now();
         let dx = self.scene.dx;
-        let objects = self.scene.objects.iter().zip(&self.state.materials);
-        let laws: Vec<ObjectLaw> = objects
-            .map(|(object, material)| ObjectLaw {
-                law: material.law,
-                coefficients: Coefficients::new(material),
-                stress_scale: (4.0 * next_dt / (object.material.density * dx * dx)) as f32,
+        let laws: Vec<PartLaw> = (0..self.parts.len())
+            .map(|part| {
+                let material = &self.state.materials[part];
+                let density = self.parts[part].material.density;
+                PartLaw {
+                    law: material.law,
+                    coefficients: Coefficients::new(material),
+                    stress_scale: (4.0 * next_dt / (density * dx * dx)) as f32,
+                    visible: self.is_visible(part),
+                }
             })
             .collect();
+        let bodies = laws.iter().zip(&self.parts);
+        let body_of: Vec<Option<usize>> = bodies
+            .map(|(law, part)| law.law.is_rigid().then_some(part.object))
+            .collect();
+        let rigid = match stage {
+            Stage::Scatter => vec![None; laws.len()],
+            Stage::Fused | Stage::Gather => rigid_motions(
+                self.isa,
+                &body_of,
+                &self.state.particles,
+                &self.workspace.grid,
+                self.state.carrier,
+                dt,
+            ),
+        };
         let pass = Pass {
             stage,
             dt: dt as f32,
             carrier: self.state.carrier,
             laws: &laws,
+            rigid: &rigid,
             max_strain: MAX_STRAIN as f32,
             max_speed: (MAX_TRAVEL / self.smallest_dt(frame.length)) as f32,
             max_rate: (MAX_STRAIN / self.smallest_dt(frame.length)) as f32,
@@ -385,7 +411,7 @@ impl World {
             (extremes.speed_squared, extremes.rate_squared) = (0.0, 0.0);
         }
         for run in &self.state.particles.runs {
-            let extremes = &mut self.state.extremes[run.object];
+            let extremes = &mut self.state.extremes[run.part];
             extremes.speed_squared = extremes.speed_squared.max(run.extremes.speed_squared);
             extremes.rate_squared = extremes.rate_squared.max(run.extremes.rate_squared);
         }
@@ -395,7 +421,7 @@ impl World {
     fn collect_extremes(&mut self) {
         self.state.extremes.fill(Extremes::NONE);
         for run in &self.state.particles.runs {
-            self.state.extremes[run.object].join(&run.extremes);
+            self.state.extremes[run.part].join(&run.extremes);
         }
     }
 
@@ -415,7 +441,8 @@ impl World {
             let flags = &particles.flags[run.groups.clone()];
             flags.iter().any(|f| f.bad != 0)
         };
-        particles.runs.iter().find(flagged).map(|run| run.object)
+        let run = particles.runs.iter().find(flagged)?;
+        Some(self.parts[run.part].object)
     }
 
     /// Blames the run with the largest speed: the way out when the grid fails and no particle shows why.

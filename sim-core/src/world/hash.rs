@@ -16,7 +16,13 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
         .into_par_iter()
         .map(|chunk| {
             let range = chunk * CHUNK..count.min((chunk + 1) * CHUNK);
+            let elastic = match published.elastic.get(range.clone()) {
+                Some(elastic) => xxh3_64(bytemuck::cast_slice(elastic)),
+                None => 0,
+            };
             let fields = [
+                elastic,
+                xxh3_64(bytemuck::cast_slice(&published.memory[range.clone()])),
                 xxh3_64(bytemuck::cast_slice(&published.cells[range.clone()])),
                 xxh3_64(bytemuck::cast_slice(&published.velocity[range.clone()])),
                 xxh3_64(bytemuck::cast_slice(&published.affine[range.clone()])),

@@ -2,9 +2,10 @@
 
 use super::{State, Workspace, World, error::MAX_CELLS, published::Published};
 use crate::{
+    materials::Law,
     particles::{Extremes, position_in_cells},
     report::StepReport,
-    scene::Fidelity,
+    scene::{Fidelity, Object, Scene},
     simd::LANES,
     step::sort::{Newcomer, place},
 };
@@ -18,11 +19,14 @@ impl World {
             steps: self.state.steps,
             sim_time: 0.0,
             gravity: scene.gravity,
-            materials: scene.objects.iter().map(|o| o.material.clone()).collect(),
+            materials: self.parts.iter().map(|p| p.material.clone()).collect(),
+            shaped: (0..self.parts.len())
+                .map(|p| self.is_shaped(p, self.parts[p].material.law))
+                .collect(),
             live: newcomers.len(),
             particles: place(&newcomers),
             drift: f64::INFINITY,
-            extremes: vec![Extremes::NONE; scene.objects.len()],
+            extremes: vec![Extremes::NONE; self.parts.len()],
             carrier: [0.0; 3],
             grid_speed: 0.0,
             removed: vec![],
@@ -53,31 +57,36 @@ impl World {
 
     /// Largest particle mass [kg]: the solver's unit, so that single precision never under- or overflows.
     pub(super) fn mass_unit(&self) -> f64 {
-        let objects = self.scene.objects.iter();
-        let heaviest = objects.flat_map(|object| {
-            let volumes = &self.scene.particles.volume[object.particles.clone()];
-            volumes.iter().map(|v| v * object.material.density)
+        let heaviest = self.parts.iter().flat_map(|part| {
+            let volumes = &self.scene.particles.volume[part.particles.clone()];
+            volumes.iter().map(|v| v * part.material.density)
         });
         heaviest.fold(f64::MIN_POSITIVE, f64::max)
+    }
+
+    /// Whether the visible deformation of a part under this law must be carried apart from the elastic one.
+    pub(super) fn is_shaped(&self, part: usize, law: Law) -> bool {
+        law.is_plastic() && self.is_visible(part)
+    }
+
+    /// Whether Gaussians follow a part.
+    pub(super) fn is_visible(&self, part: usize) -> bool {
+        !self.scene.objects[self.parts[part].object]
+            .gaussians
+            .is_empty()
     }
 
     fn newcomers(&self) -> Vec<Newcomer> {
         let (scene, unit) = (&self.scene, self.mass_unit());
         let mut newcomers = Vec::with_capacity(scene.particles.position.len());
-        for (id, object) in scene.objects.iter().enumerate() {
+        for (id, part) in self.parts.iter().enumerate() {
+            let object = &scene.objects[part.object];
             if object.fidelity == Fidelity::Static {
                 continue;
             }
-            let particles = object.particles.clone();
-            let volume: f64 = scene.particles.volume[particles.clone()].iter().sum();
-            let mut com = [0.0; 3];
-            for p in particles.clone() {
-                for a in 0..3 {
-                    com[a] += scene.particles.volume[p] / volume * scene.particles.position[p][a];
-                }
-            }
+            let com = centre_of_mass(scene, object);
             let g = object.velocity_gradient;
-            for p in particles {
+            for p in part.particles.clone() {
                 let x = scene.particles.position[p];
                 let r: [f64; 3] = std::array::from_fn(|a| x[a] - com[a]);
                 let v = std::array::from_fn(|a| {
@@ -86,11 +95,11 @@ impl World {
                 });
                 newcomers.push(Newcomer {
                     id: p as u32,
-                    object: id as u32,
+                    part: id as u32,
                     x: x.map(|x| x / scene.dx),
                     v,
                     c: std::array::from_fn(|n| g[n / 3][n % 3] as f32),
-                    mass: (scene.particles.volume[p] * object.material.density / unit) as f32,
+                    mass: (scene.particles.volume[p] * part.material.density / unit) as f32,
                 });
             }
         }
@@ -105,4 +114,19 @@ impl World {
             self.scene.domain.max.map(cells),
         ]
     }
+}
+
+/// Of an object at rest [m].
+fn centre_of_mass(scene: &Scene, object: &Object) -> [f64; 3] {
+    let (mut mass, mut com) = (0.0, [0.0; 3]);
+    for p in object.particles.clone() {
+        mass += scene.particles.volume[p] * object.density_of(p);
+    }
+    for p in object.particles.clone() {
+        let share = scene.particles.volume[p] * object.density_of(p) / mass;
+        for a in 0..3 {
+            com[a] += share * scene.particles.position[p][a];
+        }
+    }
+    com
 }

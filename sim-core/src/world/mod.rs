@@ -1,6 +1,7 @@
 //! `World`: a scene in motion on the fast solver.
 
 mod commands;
+mod edit;
 mod error;
 mod frame;
 mod hash;
@@ -19,10 +20,10 @@ use crate::{
     command::Command,
     grid::{Boundary, Grid},
     materials::Material,
-    moments::{ParticleArrays, object_moments, total_momentum},
-    particles::{Extremes, Group, Motion, Particles},
+    moments::{ParticleArrays, bodies_of, object_moments, total_momentum},
+    particles::{Backup, Extremes, Motion, Particles},
     report::StepReport,
-    scene::Scene,
+    scene::{Part, Scene},
     simd::Isa,
 };
 use frame::Frame;
@@ -33,6 +34,7 @@ use published::Published;
 #[derive(Debug)]
 pub struct World {
     scene: Scene,
+    parts: Vec<Part>,
     isa: Isa,
     boundary: Boundary,
     state: State,
@@ -50,15 +52,17 @@ struct State {
     sim_time: f64,
     /// Gravitational acceleration [m/s^2].
     gravity: [f64; 3],
-    /// Current material of every object.
+    /// Current material of every part.
     materials: Vec<Material>,
+    /// Parts whose visible deformation is not, or was not always, the elastic one.
+    shaped: Vec<bool>,
     /// Particles in blocks.
     particles: Particles,
     /// Particles that are simulated.
     live: usize,
     /// Bound of how far any particle moved since the last sort [cells]; infinite before the first.
     drift: f64,
-    /// Per object the extremes of its particles after the latest substep.
+    /// Per part the extremes of its particles after the latest substep.
     extremes: Vec<Extremes>,
     /// Velocity that those of particles and nodes are relative to [cells/s]: all that gravity adds goes here, in
     /// double precision.
@@ -77,8 +81,8 @@ struct Workspace {
     grid: Grid,
     /// Where sorting writes to.
     sorted: Particles,
-    /// Groups at the start of the segment.
-    backup: Vec<Group>,
+    /// Particles at the start of the segment.
+    backup: Backup,
     /// Velocities at the end of the segment, until it is accepted.
     motion: Vec<Motion>,
     /// Substeps of the latest frame [s], for comparison with the reference solver.
@@ -106,6 +110,7 @@ impl World {
         error::validate(&scene)?;
         let mut world = Self {
             isa,
+            parts: scene.parts(),
             boundary: Boundary::new(&scene),
             state: State::default(),
             workspace: Workspace::default(),
@@ -183,12 +188,13 @@ impl World {
         self.published.arrays()
     }
 
-    /// Current material of an object.
+    /// Current material of an object, outside its regions.
     ///
     /// # Panics
     /// When `object` is not an object id of the scene, like slice indexing.
     pub fn material(&self, object: usize) -> &Material {
-        &self.state.materials[object]
+        let part = self.parts.iter().position(|part| part.object == object);
+        &self.state.materials[part.expect("every object has a part")]
     }
 
     /// Current gravitational acceleration [m/s^2].
@@ -201,14 +207,9 @@ impl World {
         let arrays = self.published.arrays();
         let mut report = frame.report(&self.state);
         let before = &self.report.objects;
-        for (id, object) in self.scene.objects.iter().enumerate() {
-            let mut state = object_moments(
-                &arrays,
-                object.particles.clone(),
-                object.material.density,
-                self.scene.dx,
-                &self.state.materials[id],
-            );
+        for id in 0..self.scene.objects.len() {
+            let bodies = bodies_of(id, &self.parts, &self.state.materials);
+            let mut state = object_moments(&arrays, &bodies, self.scene.dx);
             // What left with particles that were taken out is no contact.
             let kept = match before.get(id) {
                 Some(old) if old.mass > 0.0 => Some(state.mass / old.mass),

@@ -23,8 +23,12 @@ pub(super) struct Published {
     pub velocity: Vec<[f32; 3]>,
     /// Affine velocity `C` [1/s], row-major.
     pub affine: Vec<[f32; 9]>,
-    /// Deformation gradient, row-major.
+    /// Visible deformation gradient, row-major.
     pub deformation: Vec<[f32; 9]>,
+    /// Elastic deformation gradient, row-major; empty while no part keeps the two apart.
+    pub elastic: Vec<[f32; 9]>,
+    /// The laws' own number.
+    pub memory: Vec<f32>,
     /// Rest volume [m^3]; 0 once a particle has been taken out, and for particles of static objects.
     pub volume: Vec<f64>,
 }
@@ -70,6 +74,8 @@ impl Published {
             velocity: vec![[0.0; 3]; count],
             affine: vec![[0.0; 9]; count],
             deformation: vec![identity; count],
+            elastic: vec![],
+            memory: vec![0.0; count],
             volume,
         }
     }
@@ -82,6 +88,11 @@ impl Published {
             velocity: &self.velocity,
             affine: bytemuck::cast_slice(&self.affine),
             deformation: bytemuck::cast_slice(&self.deformation),
+            elastic: bytemuck::cast_slice(match self.elastic.is_empty() {
+                true => &self.deformation,
+                false => &self.elastic,
+            }),
+            memory: &self.memory,
         }
     }
 
@@ -91,13 +102,28 @@ impl Published {
         let position = Shared::new(&mut self.position);
         let velocity = Shared::new(&mut self.velocity);
         let affine = Shared::new(&mut self.affine);
+        if self.elastic.is_empty() && !particles.shapes.is_empty() {
+            self.elastic.clone_from(&self.deformation);
+        }
+        let apart = !self.elastic.is_empty();
         let deformation = Shared::new(&mut self.deformation);
+        let elastic = Shared::new(&mut self.elastic);
+        let memory = Shared::new(&mut self.memory);
         particles
             .blocks
             .par_iter()
             .with_min_len(TASK)
             .for_each(|block| {
-                for g in block.groups.clone() {
+                let runs = particles.runs[block.runs.clone()].iter();
+                let groups = runs.flat_map(|run| {
+                    let shapes = run.shapes.clone().map(Some).chain(std::iter::repeat(None));
+                    run.groups.clone().zip(shapes)
+                });
+                for (g, shape) in groups {
+                    let visible = match shape {
+                        Some(shape) => &particles.shapes[shape].0,
+                        None => &particles.groups[g].f,
+                    };
                     let (group, motion) = (&particles.groups[g], &particles.motion[g]);
                     let id = &particles.fixed[g].id;
                     for lane in (0..LANES).filter(|&lane| id[lane] != NO_PARTICLE) {
@@ -108,10 +134,11 @@ impl Published {
                             x[a] = group.x[a].0[lane];
                             v[a] = ((f64::from(motion.v[a].0[lane]) + carrier[a]) * dx) as f32;
                         }
-                        let (mut c, mut f) = ([0.0; 9], [0.0; 9]);
+                        let (mut c, mut f, mut f_e) = ([0.0; 9], [0.0; 9], [0.0; 9]);
                         for n in 0..9 {
                             c[n] = motion.c[n].0[lane];
-                            f[n] = group.f[n].0[lane];
+                            f[n] = visible[n].0[lane];
+                            f_e[n] = group.f[n].0[lane];
                         }
                         let x = position_in_cells(block.index, x);
                         let at = id[lane] as usize;
@@ -125,6 +152,10 @@ impl Published {
                             velocity.set(at, v);
                             affine.set(at, c);
                             deformation.set(at, f);
+                            memory.set(at, particles.memory[g].0[lane]);
+                            if apart {
+                                elastic.set(at, f_e);
+                            }
                         }
                     }
                 }

@@ -4,7 +4,7 @@ use super::World;
 use crate::{
     materials::limits::{DeformationBounds, critical_dt},
     report::DtLimit,
-    scene::Fidelity,
+    scene::{Fidelity, Part},
 };
 
 /// Largest `|v| dt` that is planned [cells].
@@ -49,23 +49,24 @@ impl World {
     /// (numerically the isolated-particle limit), and the kinematic limits.
     pub(super) fn time_step(&self) -> Limit {
         let mut limit = Limit::FRAME;
-        for (id, object) in self.scene.objects.iter().enumerate() {
-            if object.fidelity == Fidelity::Static || object.particles.is_empty() {
+        for (id, part) in self.parts.iter().enumerate() {
+            if !self.is_simulated(id) {
                 continue;
             }
+            let object = Some(part.object);
             let extremes = &self.state.extremes[id];
             let bounds = DeformationBounds {
                 max_stretch: f64::from(extremes.stretch_squared).sqrt(),
                 min_j: f64::from(extremes.min_j).min(1.0),
                 max_j: f64::from(extremes.max_j),
-                max_stiffness: 1.0,
+                max_stiffness: f64::from(extremes.stiffness),
             };
             let sound = self.scene.cfl * self.critical_dt(id, &bounds);
             let speed = f64::from(extremes.speed_squared).sqrt();
             let rate = f64::from(extremes.rate_squared).sqrt();
-            limit.lower(sound, DtLimit::Sound, Some(id));
-            limit.lower(PLANNED_TRAVEL / speed, DtLimit::Velocity, Some(id));
-            limit.lower(PLANNED_STRAIN / rate, DtLimit::Deformation, Some(id));
+            limit.lower(sound, DtLimit::Sound, object);
+            limit.lower(PLANNED_TRAVEL / speed, DtLimit::Velocity, object);
+            limit.lower(PLANNED_STRAIN / rate, DtLimit::Deformation, object);
         }
         let grid = PLANNED_TRAVEL / self.state.grid_speed;
         limit.lower(grid, DtLimit::Velocity, None);
@@ -74,18 +75,25 @@ impl World {
 
     /// Smallest substep that is planned: beyond it, what demands it is left to the guard.
     pub(super) fn smallest_dt(&self, frame_dt: f64) -> f64 {
-        let objects = self.scene.objects.iter().enumerate();
-        let at_rest = objects
-            .filter(|(_, object)| object.fidelity != Fidelity::Static)
-            .map(|(id, _)| self.critical_dt(id, &DeformationBounds::REST))
+        let at_rest = (0..self.parts.len())
+            .filter(|&id| self.is_simulated(id))
+            .map(|id| self.critical_dt(id, &DeformationBounds::REST))
             .fold(f64::INFINITY, f64::min);
         (self.scene.cfl * at_rest / 64.0).min(frame_dt / 65_536.0)
     }
 
-    fn critical_dt(&self, object: usize, bounds: &DeformationBounds) -> f64 {
+    /// Whether a part has particles that move.
+    pub(super) fn is_simulated(&self, part: usize) -> bool {
+        let Part {
+            object, particles, ..
+        } = &self.parts[part];
+        self.scene.objects[*object].fidelity != Fidelity::Static && !particles.is_empty()
+    }
+
+    fn critical_dt(&self, part: usize, bounds: &DeformationBounds) -> f64 {
         critical_dt(
-            &self.state.materials[object],
-            self.scene.objects[object].material.density,
+            &self.state.materials[part],
+            self.parts[part].material.density,
             self.scene.dx,
             bounds,
         )

@@ -1,6 +1,7 @@
 //! Laws and stories of the fast solver.
 
 mod laws;
+mod rigid;
 mod stories;
 
 use super::*;

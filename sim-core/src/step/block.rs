@@ -1,0 +1,489 @@
+//! Kernel of the particle pass: one stage over the particles of one block.
+
+use super::{
+    constitutive::{Answer, Constitutive, Deformed},
+    gather::gather,
+    particle_pass::{Findings, Pass, Stage, Work},
+    rigid::RigidMotion,
+    scatter::Accumulator,
+    stencil::Stencil,
+};
+use crate::{
+    grid::{NONE, TILE, Tile, TileFloats, Velocities},
+    kinematics::advance_deformation,
+    mat3::{Mat3, cross, dot},
+    num::Real,
+    particles::{BLOCK, Block, Extremes, Flags, Group, Motion},
+    simd::{F32x16, LANES, Lanes},
+};
+
+#[inline(always)]
+pub(super) fn block<V: Constitutive>(
+    pass: &Pass<'_>,
+    work: &mut Work<'_>,
+    nodes: &[Velocities],
+) -> Findings {
+    match pass.stage {
+        Stage::Scatter => staged::<V, false, true>(pass, work, nodes),
+        Stage::Fused => staged::<V, true, true>(pass, work, nodes),
+        Stage::Gather => staged::<V, true, false>(pass, work, nodes),
+    }
+}
+
+/// Copies the velocities of the nodes in use around a block into a tile.
+#[inline(always)]
+pub(super) fn load_velocities(
+    nodes_of: &[u32; 27],
+    nodes: &[Velocities],
+    cells: &[(i32, i32); 3],
+    to: &mut TileFloats,
+) {
+    let [(x0, x1), (y0, y1), _] = *cells;
+    for i in x0 - 1..=x1 + 1 {
+        for j in y0 - 1..=y1 + 1 {
+            let (side_i, side_j) = (i.div_euclid(BLOCK) + 1, j.div_euclid(BLOCK) + 1);
+            let row = (BLOCK * i.rem_euclid(BLOCK) + j.rem_euclid(BLOCK)) as usize;
+            let column = (9 * side_i + 3 * side_j) as usize;
+            let at = Tile::at((i + 2) as usize, (j + 2) as usize, 0);
+            let out = &mut to.0[at..at + 4 * TILE];
+            let part = |k: usize| {
+                let block = nodes_of[column + k];
+                debug_assert_ne!(block, NONE, "all neighbours of a particle block exist");
+                &nodes[block as usize].0[row].0
+            };
+            out[..8].copy_from_slice(&part(0)[8..]);
+            out[8..24].copy_from_slice(part(1));
+            out[24..].copy_from_slice(&part(2)[..8]);
+        }
+    }
+}
+
+#[inline(always)]
+fn load3<V: Lanes>(from: &[F32x16; 3]) -> [V; 3] {
+    [V::load(&from[0]), V::load(&from[1]), V::load(&from[2])]
+}
+
+#[inline(always)]
+fn load9<V: Lanes>(m: &[F32x16; 9]) -> Mat3<V> {
+    Mat3([
+        [V::load(&m[0]), V::load(&m[1]), V::load(&m[2])],
+        [V::load(&m[3]), V::load(&m[4]), V::load(&m[5])],
+        [V::load(&m[6]), V::load(&m[7]), V::load(&m[8])],
+    ])
+}
+
+#[inline(always)]
+fn store3<V: Lanes>(v: [V; 3], to: &mut [F32x16; 3]) {
+    for a in 0..3 {
+        v[a].store(&mut to[a]);
+    }
+}
+
+#[inline(always)]
+fn store9<V: Lanes>(m: &Mat3<V>, to: &mut [F32x16; 9]) {
+    for i in 0..3 {
+        for j in 0..3 {
+            m.0[i][j].store(&mut to[3 * i + j]);
+        }
+    }
+}
+
+/// Extremes of a run, one lane each.
+struct Largest<V> {
+    speed: V,
+    rate: V,
+    stretch: V,
+    min_j: V,
+    max_j: V,
+    stiffness: V,
+}
+
+impl<V: Lanes> Largest<V> {
+    #[inline(always)]
+    fn none() -> Self {
+        let zero = V::broadcast(0.0);
+        Self {
+            speed: zero,
+            rate: zero,
+            stretch: zero,
+            min_j: V::broadcast(f32::INFINITY),
+            max_j: zero,
+            stiffness: zero,
+        }
+    }
+
+    /// Takes in speed and velocity gradient of moved particles.
+    #[inline(always)]
+    fn take_motion(&mut self, live: V::Mask, speed_squared: V, rate_squared: V) {
+        let zero = V::broadcast(0.0);
+        self.speed = self.speed.max(V::select(live, speed_squared, zero));
+        self.rate = self.rate.max(V::select(live, rate_squared, zero));
+    }
+
+    /// Takes in the law's answer about group `n` of a pair; returns the lanes that are turned inside out.
+    #[inline(always)]
+    fn take_answer(&mut self, live: V::Mask, answer: &Answer, n: usize) -> V::Mask {
+        let zero = V::broadcast(0.0);
+        let stretch = V::load(&answer.stretch_squared[n]);
+        let stiffness = V::load(&answer.stiffness[n]);
+        let j = V::load(&answer.j[n]);
+        self.stretch = self.stretch.max(V::select(live, stretch, zero));
+        self.stiffness = self.stiffness.max(V::select(live, stiffness, zero));
+        self.max_j = self.max_j.max(V::select(live, j, zero));
+        self.min_j = self.min_j.min(V::select(live, j, self.min_j));
+        // Written so that NaN counts as bad.
+        !zero.lt(j)
+    }
+
+    #[inline(always)]
+    fn extremes(self) -> Extremes {
+        let fold = |v: V, f: fn(f32, f32) -> f32| {
+            let mut lanes = F32x16::ZERO;
+            v.store(&mut lanes);
+            lanes.0.into_iter().reduce(f).unwrap_or(0.0)
+        };
+        Extremes {
+            speed_squared: fold(self.speed, f32::max),
+            rate_squared: fold(self.rate, f32::max),
+            stretch_squared: fold(self.stretch, f32::max),
+            min_j: fold(self.min_j, f32::min),
+            max_j: fold(self.max_j, f32::max),
+            stiffness: fold(self.stiffness, f32::max),
+        }
+    }
+}
+
+/// What a moved particle is checked against.
+struct Limits<V> {
+    dt: V,
+    /// The carrier's velocity [cells/s] and displacement [cells].
+    carrier: [[V; 3]; 2],
+    /// Square of the largest `dt |C|`.
+    strain_squared: V,
+    /// Corners of the domain, relative to the block's centre [cells].
+    domain: [[V; 3]; 2],
+}
+
+impl<V: Lanes> Limits<V> {
+    #[inline(always)]
+    fn new(pass: &Pass<'_>, block: &Block) -> Self {
+        let mut domain = [[V::broadcast(0.0); 3]; 2];
+        let mut carrier = domain;
+        for a in 0..3 {
+            carrier[0][a] = V::broadcast(pass.carrier[a] as f32);
+            carrier[1][a] = V::broadcast((f64::from(pass.dt) * pass.carrier[a]) as f32);
+        }
+        for n in 0..2 {
+            for a in 0..3 {
+                let centre = f64::from(BLOCK * block.index[a]) + 1.5;
+                domain[n][a] = V::broadcast((pass.domain[n][a] - centre) as f32);
+            }
+        }
+        Self {
+            dt: V::broadcast(pass.dt),
+            carrier,
+            strain_squared: V::broadcast(pass.max_strain * pass.max_strain),
+            domain,
+        }
+    }
+}
+
+/// Sixteen particles after gathering and advancing.
+struct Moved<V: Real> {
+    v: [V; 3],
+    c: Mat3<V>,
+    bad: V::Mask,
+    outside: V::Mask,
+}
+
+/// Gathers from the grid and advances position and deformation; lanes that are not `live` stay as they are.
+#[inline(always)]
+fn advance<V: Lanes>(
+    group: &mut Group,
+    shape: Option<&mut [F32x16; 9]>,
+    deforms: bool,
+    live: V::Mask,
+    velocities: &TileFloats,
+    limits: &Limits<V>,
+    largest: &mut Largest<V>,
+) -> Moved<V> {
+    let zero = V::broadcast(0.0);
+    let x = load3::<V>(&group.x);
+    let (v, c) = gather(velocities, &Stencil::new(x));
+    let dt = V::select(live, limits.dt, zero);
+    let shift = &limits.carrier[1];
+    let x = [
+        dt.mul_add(v[0], V::select(live, shift[0], zero)) + x[0],
+        dt.mul_add(v[1], V::select(live, shift[1], zero)) + x[1],
+        dt.mul_add(v[2], V::select(live, shift[2], zero)) + x[2],
+    ];
+    store3(x, &mut group.x);
+    let mut increment = c;
+    for i in 0..3 {
+        for j in 0..3 {
+            increment.0[i][j] = dt * c.0[i][j];
+        }
+    }
+    if deforms {
+        store9(
+            &advance_deformation(&load9(&group.f), &increment),
+            &mut group.f,
+        );
+    }
+    if let Some(shape) = shape {
+        store9(&advance_deformation(&load9(shape), &increment), shape);
+    }
+    judge(x, v, c, increment.norm_squared(), live, limits, largest)
+}
+
+/// Moves particles of a rigid object; lanes that are not `live` stay as they are.
+#[inline(always)]
+fn advance_rigid<V: Lanes>(
+    group: &mut Group,
+    motion: &RigidMotion,
+    centre: [f64; 3],
+    live: V::Mask,
+    limits: &Limits<V>,
+    largest: &mut Largest<V>,
+) -> Moved<V> {
+    let zero = V::broadcast(0.0);
+    let mut x = load3::<V>(&group.x);
+    let (mut turn, mut spin, mut v) = (Mat3([[zero; 3]; 3]), [zero; 3], [zero; 3]);
+    let (mut r, mut shift) = ([zero; 3], [zero; 3]);
+    for a in 0..3 {
+        r[a] = x[a] + V::broadcast((centre[a] - motion.com[a]) as f32);
+        shift[a] = V::broadcast(motion.shift[a] as f32);
+        spin[a] = V::broadcast(motion.spin[a] as f32);
+        v[a] = V::broadcast(motion.velocity[a] as f32);
+        for b in 0..3 {
+            turn.0[a][b] = V::broadcast(motion.turn.0[a][b] as f32);
+        }
+    }
+    let way = turn.mul_vec(r);
+    for a in 0..3 {
+        x[a] = x[a] + V::select(live, shift[a] + way[a], zero);
+        r[a] = r[a] + way[a];
+    }
+    store3(x, &mut group.x);
+    let f = load9::<V>(&group.f);
+    let turned = turn.mul(&f).blend(V::broadcast(1.0), &f, V::broadcast(1.0));
+    store9(&Mat3::select(live, &turned, &f), &mut group.f);
+    let orbit = cross(spin, r);
+    for a in 0..3 {
+        v[a] = v[a] + orbit[a];
+    }
+    let [x_, y_, z_] = spin;
+    let c = Mat3([[zero, -z_, y_], [z_, zero, -x_], [-y_, x_, zero]]);
+    let strain_squared = limits.dt * limits.dt * c.norm_squared();
+    judge(x, v, c, strain_squared, live, limits, largest)
+}
+
+/// Checks moved particles against the limits.
+#[inline(always)]
+fn judge<V: Lanes>(
+    x: [V; 3],
+    v: [V; 3],
+    c: Mat3<V>,
+    strain_squared: V,
+    live: V::Mask,
+    limits: &Limits<V>,
+    largest: &mut Largest<V>,
+) -> Moved<V> {
+    let u = &limits.carrier[0];
+    let total = [v[0] + u[0], v[1] + u[1], v[2] + u[2]];
+    let bad = !strain_squared.lt(limits.strain_squared);
+    let mut outside = bad;
+    for a in 0..3 {
+        outside = outside | x[a].lt(limits.domain[0][a]) | limits.domain[1][a].lt(x[a]);
+    }
+    largest.take_motion(live, dot(total, total), c.norm_squared());
+    Moved { v, c, bad, outside }
+}
+
+/// Lanes whose motion is NaN, infinite or too fast for any substep.
+#[inline(always)]
+fn absurd<V: Lanes>(pass: &Pass<'_>, motion: &Motion) -> V::Mask {
+    let v = load3::<V>(&motion.v);
+    let speed = dot(v, v).lt(V::broadcast(pass.max_speed * pass.max_speed));
+    let rate = load9::<V>(&motion.c).norm_squared();
+    !(speed & rate.lt(V::broadcast(pass.max_rate * pass.max_rate)))
+}
+
+#[inline(always)]
+fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
+    pass: &Pass<'_>,
+    work: &mut Work<'_>,
+    nodes: &[Velocities],
+) -> Findings {
+    let mut velocity_tile = TileFloats::ZERO;
+    if GATHER {
+        load_velocities(work.nodes_of, nodes, &work.tile.cells, &mut velocity_tile);
+    }
+    if SCATTER {
+        work.tile.clear();
+    }
+    let mut cells = [(V::splat(4.0), V::splat(-1.0)); 3];
+    let mut accumulator = Accumulator::<V>::new();
+    let mut findings = Findings::default();
+    // What two groups hand from one loop to the next stays in the first-level cache.
+    let mut motion = [Motion::REST; 2];
+    let mut dt = [F32x16::ZERO; 2];
+    let mut answer = Answer::EMPTY;
+    let limits = Limits::<V>::new(pass, work.block);
+    let (origin, first_shape) = (work.block.groups.start, work.block.shapes.start);
+    let mut centre = [0.0; 3];
+    for a in 0..3 {
+        centre[a] = f64::from(BLOCK * work.block.index[a]) + 1.5;
+    }
+    for run in work.runs.iter_mut() {
+        let mut largest = Largest::none();
+        let law = &pass.laws[run.part];
+        let deforms = law.visible || !law.law.is_fluid();
+        let remembers = law.law.is_plastic() || law.law.is_fluid();
+        // Two groups at a time; the law sees an odd last one twice.
+        for first in (run.groups.start..run.groups.end).step_by(2) {
+            let members = first - origin..(first + 2).min(run.groups.end) - origin;
+            prefetch(work.groups, members.end, deforms);
+            for (n, g) in members.clone().enumerate() {
+                let (group, flags) = (&mut work.groups[g], &mut work.flags[g]);
+                let live = V::broadcast(0.0).lt(V::load(&work.fixed[g].mass));
+                let mut shape = None;
+                if !run.shapes.is_empty() {
+                    let at = run.shapes.start + (g + origin - run.groups.start) - first_shape;
+                    shape = Some(&mut work.shapes[at].0);
+                    if !GATHER {
+                        work.backup.shapes[at] = work.shapes[at];
+                        shape = None;
+                    }
+                }
+                if GATHER {
+                    let moved = match &pass.rigid[run.part] {
+                        None => advance(
+                            group,
+                            shape,
+                            deforms,
+                            live,
+                            &velocity_tile,
+                            &limits,
+                            &mut largest,
+                        ),
+                        Some(body) => {
+                            advance_rigid(group, body, centre, live, &limits, &mut largest)
+                        }
+                    };
+                    V::select(live, limits.dt, V::broadcast(0.0)).store(&mut dt[n]);
+                    note(
+                        &mut flags.bad,
+                        V::mask_bits(live & moved.bad),
+                        &mut findings.bad,
+                    );
+                    if !SCATTER {
+                        let outside = V::mask_bits(live & moved.outside);
+                        note(&mut flags.outside, outside, &mut findings.outside);
+                    }
+                    store3(moved.v, &mut motion[n].v);
+                    store9(&moved.c, &mut motion[n].c);
+                } else {
+                    work.backup.groups[g] = *group;
+                    work.backup.memory[g] = work.memory[g];
+                    motion[n] = work.motion[g];
+                    let bad = absurd::<V>(pass, &motion[n]);
+                    note(&mut flags.bad, V::mask_bits(live & bad), &mut findings.bad);
+                }
+            }
+            let (one, two) = (members.start, members.end - 1);
+            if members.len() == 1 {
+                (motion[1], dt[1]) = (motion[0], dt[0]);
+            }
+            let deformed = Deformed {
+                f: [&work.groups[one].f, &work.groups[two].f],
+                memory: [&work.memory[one], &work.memory[two]],
+                motion: &motion,
+                dt,
+            };
+            V::respond(law, &deformed, &mut answer);
+            for (n, g) in members.enumerate() {
+                if GATHER {
+                    if law.law.is_plastic() {
+                        work.groups[g].f = answer.f[n];
+                    }
+                    if remembers {
+                        work.memory[g] = answer.memory[n];
+                    }
+                    let live = V::broadcast(0.0).lt(V::load(&work.fixed[g].mass));
+                    let inverted = V::mask_bits(live & largest.take_answer(live, &answer, n));
+                    add_note(&mut work.flags[g], inverted, &mut findings);
+                }
+                if SCATTER {
+                    let stencil = Stencil::<V>::new(load3(&work.groups[g].x));
+                    for a in 0..3 {
+                        cells[a].0 = cells[a].0.min(stencil.cell[a]);
+                        cells[a].1 = cells[a].1.max(stencil.cell[a]);
+                    }
+                    let mass = V::load(&work.fixed[g].mass);
+                    let v = load3(&motion[n].v);
+                    let affine = load9(&answer.affine[n]);
+                    accumulator.scatter(work.tile, &stencil, mass, v, &affine);
+                } else {
+                    work.motion[g] = motion[n];
+                }
+            }
+        }
+        if GATHER {
+            run.extremes = largest.extremes();
+        }
+    }
+    if SCATTER {
+        accumulator.flush(work.tile);
+        work.tile.cells = cells.map(|(low, high)| {
+            let fold = |v: V, f: fn(f32, f32) -> f32| {
+                let mut lanes = F32x16::ZERO;
+                v.store(&mut lanes);
+                lanes.0.into_iter().reduce(f).unwrap_or(0.0) as i32
+            };
+            (fold(low, f32::min), fold(high, f32::max))
+        });
+    }
+    findings
+}
+
+/// Asks for the two groups from `next` on while the two before them are worked on.
+#[inline(always)]
+fn prefetch(groups: &[Group], next: usize, deforms: bool) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let end = (next + 2).min(groups.len());
+        for g in next..end {
+            let group = (&raw const groups[g]).cast::<i8>();
+            // Positions come first; a fluid's deformation is not read.
+            let bytes = if deforms { size_of::<Group>() } else { 192 };
+            for line in 0..bytes / 64 {
+                // SAFETY: a hint; the address is inside the group.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(group.add(64 * line)) };
+            }
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (groups, next, deforms);
+}
+
+/// Writes lane flags where they change; almost always there is nothing to write.
+#[inline(always)]
+fn note(flags: &mut u16, lanes: u32, any: &mut bool) {
+    const { assert!(LANES == 16, "flags hold 16 lanes") };
+    if lanes != 0 || *flags != 0 {
+        *flags = lanes as u16;
+        *any |= lanes != 0;
+    }
+}
+
+/// Adds lanes to those noted as bad in this pass.
+#[inline(always)]
+fn add_note(flags: &mut Flags, lanes: u32, findings: &mut Findings) {
+    if lanes != 0 {
+        flags.bad |= lanes as u16;
+        flags.outside |= lanes as u16;
+        findings.bad = true;
+    }
+}
