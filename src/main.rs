@@ -4,6 +4,7 @@ mod bench;
 mod ctl;
 mod demo;
 mod explain;
+mod import;
 mod progress;
 mod record;
 mod recover;
@@ -31,6 +32,7 @@ enum Command {
     Ctl(ctl::Args),
     Demo(demo::Args),
     Explain(explain::Args),
+    Import(import::Args),
     Record(record::Args),
     Recover(recover::Args),
     Serve(serve::Args),
@@ -51,6 +53,7 @@ fn main() -> ExitCode {
         Command::Ctl(args) => ctl::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Explain(args) => explain::run(&args),
+        Command::Import(args) => import::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Serve(args) => serve::run(&args),
@@ -62,7 +65,8 @@ fn main() -> ExitCode {
         Err(error) => {
             eprintln!("error: {error:#}");
             // Like a wrong command line: the input has to change before another try makes sense.
-            let bad_input = error.is::<cosplat_server::load::LoadError>();
+            let bad_input = error.is::<cosplat_server::load::LoadError>()
+                || error.is::<cosplat_server::import::files::ImportError>();
             ExitCode::from(if bad_input { 2 } else { 1 })
         }
     }

@@ -1,6 +1,7 @@
 //! The simulation process: ingest commands, step, write each frame into loaned shared memory, publish, pace.
 
 pub mod convert;
+pub mod import;
 pub mod ingest;
 pub mod load;
 pub mod pace;
