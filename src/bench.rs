@@ -2,6 +2,8 @@
 
 #[path = "bench_kernel.rs"]
 mod kernel;
+#[path = "bench_physgaussian.rs"]
+mod physgaussian;
 #[path = "bench_transport.rs"]
 mod transport;
 
@@ -15,6 +17,7 @@ pub struct Args {
 #[derive(clap::Subcommand)]
 enum What {
     Kernel(kernel::Args),
+    Physgaussian(physgaussian::Args),
     Transport(transport::Args),
 }
 
@@ -25,6 +28,7 @@ enum What {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     match &args.what {
         What::Kernel(args) => kernel::run(args),
+        What::Physgaussian(args) => physgaussian::run(args),
         What::Transport(args) => transport::run(args),
     }
 }

@@ -19,11 +19,19 @@ pub(super) struct Conditions<'c> {
     config: &'c Config,
     place: &'c Place,
     compat: bool,
-    /// Random points per volume that the original puts inside; none without filling.
-    filling_per_volume: Option<(f64, Vec<([f64; 3], f64)>)>,
+    /// What the original's filling adds; none without filling.
+    inside: Option<Inside>,
     /// Length of the whole run [s].
     duration: f64,
     blocks: Vec<String>,
+}
+
+/// The inside of the object.
+struct Inside {
+    /// Random points that the original puts into a volume [1/m^3].
+    per_volume: f64,
+    /// Positions and volumes that stand for it.
+    shares: Vec<([f64; 3], f64)>,
 }
 
 impl<'c> Conditions<'c> {
@@ -36,15 +44,15 @@ impl<'c> Conditions<'c> {
         inside: Vec<([f64; 3], f64)>,
     ) -> Self {
         let dx = config.dx();
-        let filling_per_volume = config.filling.map(|f| {
-            let per_volume = f.per_simulation_cell(dx, config.grid_lim) / dx.powi(3);
-            (per_volume, inside)
+        let inside = config.filling.map(|f| Inside {
+            per_volume: f.per_simulation_cell(dx, config.grid_lim) / dx.powi(3),
+            shares: inside,
         });
         Self {
             config,
             place,
             compat,
-            filling_per_volume,
+            inside,
             duration,
             blocks: Vec::new(),
         }
@@ -379,9 +387,9 @@ impl<'c> Conditions<'c> {
     fn count_inside(&self, center: [f64; 3], half: [f64; 3]) -> f64 {
         let inside = |p: &[f64; 3]| (0..3).all(|a| (p[a] - center[a]).abs() < half[a]);
         let gaussians = self.place.simulated.iter().filter(|p| inside(p)).count();
-        let filled = match &self.filling_per_volume {
-            Some((per_volume, points)) => {
-                let volumes = points.iter().filter(|(p, _)| inside(p)).map(|(_, v)| v);
+        let filled = match &self.inside {
+            Some(Inside { per_volume, shares }) => {
+                let volumes = shares.iter().filter(|(p, _)| inside(p)).map(|(_, v)| v);
                 volumes.sum::<f64>() * per_volume
             }
             None => 0.0,

@@ -8,6 +8,8 @@ use serde_json::{Value, json};
 
 use super::*;
 
+mod conditions;
+
 fn model() -> Gaussians {
     generate::builtin("vase").expect("known")
 }
