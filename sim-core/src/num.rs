@@ -24,6 +24,9 @@ pub trait Real:
         + BitOr<Output = Self::Mask>
         + Not<Output = Self::Mask>;
 
+    /// Distance from 1 to the next number: how many terms of a series pay.
+    const EPSILON: f64 = f32::EPSILON as f64;
+
     /// The same value in every lane.
     fn splat(value: f64) -> Self;
     /// `self * a + b`, rounded once.
@@ -50,6 +53,7 @@ pub trait Real:
 
 impl Real for f64 {
     type Mask = bool;
+    const EPSILON: f64 = Self::EPSILON;
 
     #[inline(always)]
     fn splat(value: f64) -> Self {

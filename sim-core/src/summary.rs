@@ -3,10 +3,7 @@
 use serde::Serialize;
 
 use crate::{
-    materials::{
-        Law,
-        limits::{DeformationBounds, critical_dt},
-    },
+    materials::limits::{DeformationBounds, critical_dt},
     scene::{Aabb, Fidelity, Object, Scene},
     scene_file::bounds_of,
 };
@@ -118,15 +115,6 @@ pub struct BodySummary {
     pub dt: f64,
 }
 
-/// Name of a law in scene files.
-pub fn law_name(law: Law) -> &'static str {
-    match law {
-        Law::FixedCorotated => "fixed_corotated",
-        Law::NeoHookean => "neo_hookean",
-        Law::Rigid => "rigid",
-    }
-}
-
 impl SceneSummary {
     /// Sums a scene up.
     pub fn new(scene: &Scene) -> Self {
@@ -195,7 +183,7 @@ fn body_summary(scene: &Scene, object: &Object) -> Option<BodySummary> {
         mass: volume * m.density,
         com: [0, 1, 2].map(|a| moment(a) / volume),
         material: m.name.clone(),
-        law: law_name(m.law),
+        law: m.law.name(),
         youngs_modulus_pa: m.youngs_modulus,
         poisson_ratio: m.poisson_ratio,
         density_kg_m3: m.density,

@@ -12,10 +12,15 @@ use crate::{
 /// inverted ones included.
 #[inline(always)]
 pub fn kirchhoff_stress<R: Real>(f: &Mat3<R>, lambda: R, mu: R) -> Sym3<R> {
-    let j = f.det();
+    stress_about(f, &rotation(f), f.det(), lambda, mu)
+}
+
+/// The same with the rotation `r` of `f` and `j = det f` at hand.
+#[inline(always)]
+pub(super) fn stress_about<R: Real>(f: &Mat3<R>, r: &Mat3<R>, j: R, lambda: R, mu: R) -> Sym3<R> {
     let pressure = lambda * (j - R::splat(1.0)) * j;
     let two_mu = mu + mu;
-    let s = f.sub(&rotation(f)).mul_transposed_sym(f);
+    let s = f.sub(r).mul_transposed_sym(f);
     [
         s[0].mul_add(two_mu, pressure),
         s[1] * two_mu,

@@ -1,11 +1,20 @@
 //! Constitutive laws, one file each.
 
+pub mod drucker_prager;
 pub mod fixed_corotated;
+pub mod fluid;
+pub mod foam;
+pub mod hencky;
+pub mod laws;
 pub mod limits;
 pub mod neo_hookean;
+pub mod plasticine;
 pub mod polar;
 pub mod presets;
+pub mod series;
+pub mod snow;
 pub mod svd;
+pub mod von_mises;
 
 use crate::{
     mat3::{Mat3, Sym3},
@@ -19,9 +28,9 @@ pub struct Material {
     pub name: String,
     /// Constitutive law.
     pub law: Law,
-    /// Young's modulus `E` [Pa], > 0.
+    /// Young's modulus `E` [Pa], > 0; 0 of fluid and rigid matter.
     pub youngs_modulus: f64,
-    /// Poisson's ratio `nu`, 0 <= nu < 0.5.
+    /// Poisson's ratio `nu`, 0 <= nu < 0.5; 0 of fluid and rigid matter.
     pub poisson_ratio: f64,
     /// Density at rest [kg/m^3], > 0.
     pub density: f64,
@@ -34,7 +43,53 @@ pub enum Law {
     FixedCorotated,
     /// Compressible neo-Hookean elasticity with a logarithmic barrier (Bonet & Wood 2008).
     NeoHookean,
-    /// No deformation at all: all rigid particles of an object move as one body.
+    /// Metal: Hencky elasticity with von Mises yield.
+    VonMises {
+        /// Yield stress in a tension test [Pa], > 0.
+        yield_stress: f64,
+        /// Growth of the yield stress per equivalent plastic strain [Pa], >= 0.
+        hardening: f64,
+    },
+    /// Sand: Hencky elasticity with Drucker-Prager yield and volume correction (Klar et al. 2016).
+    DruckerPrager {
+        /// Friction angle [degrees], 1 to 60.
+        friction_angle: f64,
+        /// Cohesion of Mohr and Coulomb [Pa], >= 0; 0 when dry.
+        cohesion: f64,
+    },
+    /// Snow (Stomakhin et al. 2013).
+    Snow {
+        /// Elastic limit in compression, as `1 - stretch`.
+        critical_compression: f64,
+        /// Elastic limit in tension, as `stretch - 1`.
+        critical_stretch: f64,
+        /// Exponent of hardening per plastic volume change.
+        hardening: f64,
+    },
+    /// Visco-plastic foam or paste: Hencky elasticity with Herschel-Bulkley flow (Yue et al. 2015).
+    Foam {
+        /// Yield stress in a tension test [Pa], >= 0.
+        yield_stress: f64,
+        /// Consistency [Pa s^exponent], >= 0.
+        viscosity: f64,
+        /// Exponent of the shear rate, 0.2 to 1.
+        exponent: f64,
+    },
+    /// Plasticine: von Mises yield that softens, then damage.
+    Plasticine {
+        /// Yield stress in a tension test [Pa], > 0.
+        yield_stress: f64,
+        /// Loss of yield stress per equivalent plastic strain [Pa], >= 0.
+        softening: f64,
+    },
+    /// Weakly compressible fluid (Tait) with Newtonian viscosity. Has no Lamé parameters.
+    Fluid {
+        /// Bulk modulus at rest [Pa], > 0.
+        bulk_modulus: f64,
+        /// Dynamic viscosity [Pa s], >= 0.
+        viscosity: f64,
+    },
+    /// No deformation at all and no stress: all rigid particles of an object move as one body.
     Rigid,
 }
 
@@ -81,8 +136,11 @@ pub struct Response<R> {
 }
 
 impl Material {
-    /// Lamé's first parameter `lambda` [Pa].
+    /// Lamé's first parameter `lambda` [Pa]; of a fluid its bulk modulus.
     pub fn lambda(&self) -> f64 {
+        if let Law::Fluid { bulk_modulus, .. } = self.law {
+            return bulk_modulus;
+        }
         self.youngs_modulus * self.poisson_ratio
             / ((1.0 + self.poisson_ratio) * (1.0 - 2.0 * self.poisson_ratio))
     }
@@ -99,7 +157,7 @@ impl Coefficients<f64> {
         Self {
             lambda: material.lambda(),
             mu: material.mu(),
-            parameters: [0.0; 4],
+            parameters: material.law.prepared(material.lambda(), material.mu()),
         }
     }
 
@@ -118,26 +176,81 @@ impl Coefficients<f64> {
     }
 }
 
-impl Law {
-    /// Number of the law on the wire and in hashes.
-    pub fn id(self) -> u32 {
-        match self {
-            Self::FixedCorotated => 1,
-            Self::NeoHookean => 2,
-            Self::Rigid => 9,
+impl<R: Real> Response<R> {
+    /// Lane-wise `mask ? a : b`.
+    #[inline(always)]
+    fn select(mask: R::Mask, a: &Self, b: &Self) -> Self {
+        let mut tau = a.tau;
+        for n in 0..6 {
+            tau[n] = R::select(mask, a.tau[n], b.tau[n]);
+        }
+        Self {
+            f: Mat3::select(mask, &a.f, &b.f),
+            memory: R::select(mask, a.memory, b.memory),
+            tau,
+            stretch_squared: R::select(mask, a.stretch_squared, b.stretch_squared),
+            j: R::select(mask, a.j, b.j),
+            stiffness: R::select(mask, a.stiffness, b.stiffness),
         }
     }
+}
 
+impl Law {
     /// Whether matter forgets its shape: then the elastic deformation gradient is not the visible one, which the
     /// solver carries apart where Gaussians need it.
     pub fn is_plastic(self) -> bool {
-        false
+        match self {
+            Self::VonMises { .. }
+            | Self::DruckerPrager { .. }
+            | Self::Snow { .. }
+            | Self::Foam { .. }
+            | Self::Plasticine { .. } => true,
+            Self::FixedCorotated | Self::NeoHookean | Self::Fluid { .. } | Self::Rigid => false,
+        }
     }
 
     /// Whether only the volume ratio matters: the law then ignores `F`, which is free to carry the visible shape,
     /// and its memory is `J - 1`.
     pub fn is_fluid(self) -> bool {
-        false
+        matches!(self, Self::Fluid { .. })
+    }
+
+    /// Whether `E` and `nu` belong to the law.
+    pub fn is_elastic(self) -> bool {
+        !self.is_fluid() && !self.is_rigid()
+    }
+
+    /// The law's numbers as its kernel wants them; see its file.
+    fn prepared(self, lambda: f64, mu: f64) -> [f64; 4] {
+        match self {
+            Self::FixedCorotated | Self::NeoHookean | Self::Rigid => [0.0; 4],
+            Self::VonMises {
+                yield_stress,
+                hardening,
+            } => von_mises::parameters(yield_stress, hardening, mu),
+            Self::DruckerPrager {
+                friction_angle,
+                cohesion,
+            } => drucker_prager::parameters(friction_angle, cohesion, lambda, mu),
+            Self::Snow {
+                critical_compression,
+                critical_stretch,
+                hardening,
+            } => snow::parameters(critical_compression, critical_stretch, hardening),
+            Self::Foam {
+                yield_stress,
+                viscosity,
+                exponent,
+            } => foam::parameters(yield_stress, viscosity, exponent, mu),
+            Self::Plasticine {
+                yield_stress,
+                softening,
+            } => plasticine::parameters(yield_stress, softening, mu),
+            Self::Fluid {
+                bulk_modulus,
+                viscosity,
+            } => fluid::parameters(bulk_modulus, viscosity),
+        }
     }
 
     /// Whether all particles of an object under this law move as one body.
@@ -157,16 +270,31 @@ impl Law {
                 trial,
                 neo_hookean::kirchhoff_stress(&trial.f, k.lambda, k.mu),
             ),
+            Self::VonMises { .. }
+            | Self::DruckerPrager { .. }
+            | Self::Foam { .. }
+            | Self::Plasticine { .. } => hencky::respond(self, trial, k),
+            Self::Snow { .. } => snow::respond(trial, k),
+            Self::Fluid { .. } => fluid::respond(trial, k),
             Self::Rigid => elastic(trial, [R::splat(0.0); 6]),
         }
     }
 
     /// Elastic energy per rest volume [J/m^3] at the elastic deformation gradient `f` and the law's own number.
     #[inline(always)]
-    pub fn energy_density<R: Real>(self, f: &Mat3<R>, _memory: R, k: &Coefficients<R>) -> R {
+    pub fn energy_density<R: Real>(self, f: &Mat3<R>, memory: R, k: &Coefficients<R>) -> R {
         match self {
             Self::FixedCorotated => fixed_corotated::energy_density(f, k.lambda, k.mu),
             Self::NeoHookean => neo_hookean::energy_density(f, k.lambda, k.mu),
+            Self::VonMises { .. }
+            | Self::DruckerPrager { .. }
+            | Self::Foam { .. }
+            | Self::Plasticine { .. } => hencky::energy_density(self, f, memory, k),
+            Self::Snow { .. } => {
+                let factor = snow::stiffness(memory, k);
+                fixed_corotated::energy_density(f, k.lambda * factor, k.mu * factor)
+            }
+            Self::Fluid { .. } => fluid::energy_density(memory, k),
             Self::Rigid => R::splat(0.0),
         }
     }
@@ -185,5 +313,9 @@ fn elastic<R: Real>(trial: &Trial<R>, tau: Sym3<R>) -> Response<R> {
     }
 }
 
+#[cfg(test)]
+mod flow_tests;
+#[cfg(test)]
+pub(crate) mod testing;
 #[cfg(test)]
 mod tests;

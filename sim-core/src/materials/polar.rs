@@ -10,6 +10,27 @@ const STEPS: usize = 5;
 /// half of it.
 const RESIDUAL: f64 = 1e-5;
 
+/// Newton steps for stretches within a tenth of 1: the error is `d^2 / 2` after one step, then squares and halves.
+const STEPS_NEAR: usize = 4;
+
+#[inline(always)]
+fn newton<R: Real>(f: &Mat3<R>, steps: usize) -> Mat3<R> {
+    let half = R::splat(0.5);
+    let mut r = *f;
+    for _ in 0..steps {
+        let cofactor = r.cofactor();
+        let det = crate::mat3::dot(r.0[0], cofactor.0[0]);
+        r = r.blend(half, &cofactor, half / det);
+    }
+    r
+}
+
+/// The rotation nearest to an `f` whose stretches are within a tenth of 1, unchecked.
+#[inline(always)]
+pub fn nearly_rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
+    newton(f, STEPS_NEAR)
+}
+
 /// The rotation nearest to `f`, also for inverted `f`.
 ///
 /// Newton iteration `R <- (R + R^-T) / 2` (Higham 1986), the inverse by cofactors, a fixed number of steps for
@@ -17,13 +38,7 @@ const RESIDUAL: f64 = 1e-5;
 /// did either, those lanes take `U V^T` of the signed singular value decomposition instead.
 #[inline(always)]
 pub fn rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
-    let half = R::splat(0.5);
-    let mut r = *f;
-    for _ in 0..STEPS {
-        let cofactor = r.cofactor();
-        let det = crate::mat3::dot(r.0[0], cofactor.0[0]);
-        r = r.blend(half, &cofactor, half / det);
-    }
+    let r = newton(f, STEPS);
     let residual = r.transpose().mul(&r).sub(&Mat3::identity()).norm_squared();
     // Written so that NaN counts as bad.
     let good = R::splat(0.0).lt(f.det()) & residual.lt(R::splat(RESIDUAL * RESIDUAL));

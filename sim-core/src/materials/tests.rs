@@ -1,20 +1,24 @@
 //! Laws of the constitutive models: stress is the derivative of energy, rotations do no work, closed forms.
 
-use rand_core::Rng;
-use rand_pcg::Pcg64Mcg;
-
 use super::{
     Coefficients, Law, Material, Trial,
     limits::{DeformationBounds, critical_dt, max_stretch_squared},
     polar::rotation,
     svd::{Svd, svd},
+    testing::Random,
 };
 use crate::{
     mat3::{Mat3, Sym3},
     num::Real,
 };
 
-const LAWS: [Law; 2] = [Law::FixedCorotated, Law::NeoHookean];
+/// Hencky elasticity, by way of a metal that does not yield.
+const HENCKY: Law = Law::VonMises {
+    yield_stress: 1e13,
+    hardening: 0.0,
+};
+
+const LAWS: [Law; 3] = [Law::FixedCorotated, Law::NeoHookean, HENCKY];
 
 /// Young's modulus [Pa] and Poisson's ratio of the tested materials, and Lamé's parameters that follow.
 const E: f64 = 1e6;
@@ -46,61 +50,6 @@ fn stress<R: Real>(law: Law, f: &Mat3<R>) -> Sym3<R> {
 
 fn energy(law: Law, f: &Mat3<f64>) -> f64 {
     law.energy_density(f, 0.0, &Coefficients::new(&material(law)))
-}
-
-/// Seeded source of random matrices.
-struct Random(Pcg64Mcg);
-
-impl Random {
-    fn new(seed: u128) -> Self {
-        Self(Pcg64Mcg::new(seed))
-    }
-
-    fn uniform(&mut self, low: f64, high: f64) -> f64 {
-        let unit = (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
-        low + (high - low) * unit
-    }
-
-    fn rotation(&mut self) -> Mat3<f64> {
-        loop {
-            let q: [f64; 4] = std::array::from_fn(|_| self.uniform(-1.0, 1.0));
-            let n = q.iter().map(|c| c * c).sum::<f64>();
-            if !(0.01..=1.0).contains(&n) {
-                continue;
-            }
-            let [x, y, z, w] = q.map(|c| c / n.sqrt());
-            return Mat3([
-                [
-                    1.0 - 2.0 * (y * y + z * z),
-                    2.0 * (x * y - z * w),
-                    2.0 * (x * z + y * w),
-                ],
-                [
-                    2.0 * (x * y + z * w),
-                    1.0 - 2.0 * (x * x + z * z),
-                    2.0 * (y * z - x * w),
-                ],
-                [
-                    2.0 * (x * z - y * w),
-                    2.0 * (y * z + x * w),
-                    1.0 - 2.0 * (x * x + y * y),
-                ],
-            ]);
-        }
-    }
-
-    /// `F = U diag(s) V^T` with stretches in `low..high`, and its exact rotation `U V^T`.
-    fn deformation(&mut self, low: f64, high: f64, inverted: bool) -> (Mat3<f64>, Mat3<f64>) {
-        let (u, v) = (self.rotation(), self.rotation());
-        let mut s: [f64; 3] = std::array::from_fn(|_| self.uniform(low, high));
-        if inverted {
-            s.sort_by(f64::total_cmp);
-            // Where the two smallest stretches meet, the nearest rotation is not unique.
-            s[0] = -s[0].min(0.8 * s[1]);
-        }
-        let f = u.mul(&Mat3::diagonal(s)).mul_transposed(&v);
-        (f, u.mul_transposed(&v))
-    }
 }
 
 fn to_f32(m: &Mat3<f64>) -> Mat3<f32> {

@@ -7,7 +7,7 @@ use crate::{
     command::{Action, Command, CommandError},
     mat3::{cross, dot},
     materials::{
-        Material,
+        Law, Material,
         limits::{DeformationBounds, critical_dt},
     },
     particles::{NO_PARTICLE, position_in_cells},
@@ -208,24 +208,51 @@ impl World {
     }
 
     fn check_material(&self, object: usize, material: &Material) -> Result<(), CommandError> {
-        within("poisson_ratio", material.poisson_ratio, 0.0, 0.4999)?;
-        within("density", material.density, 1e-6, 1e9)?;
-        // The critical step goes with one over the square root of Young's modulus.
-        let softest = 1e-6;
-        let unit = Material {
-            youngs_modulus: 1.0,
-            ..material.clone()
+        material.check().map_err(|found| CommandError::OutOfRange {
+            field: found.key,
+            value: found.value,
+            min: found.min,
+            max: found.max,
+        })?;
+        let current = &self.scene.objects[object].material;
+        let (density, dx) = (current.density, self.scene.dx);
+        let room = self.scene.cfl * self.scene.frame_rate * MATERIAL_SUBSTEPS;
+        // The critical step goes with one over the square root of the moduli.
+        let stiffest = |soft: &Material| {
+            let substeps = room * critical_dt(soft, density, dx, &DeformationBounds::REST);
+            substeps * substeps
         };
-        let dt_of_unit = critical_dt(
-            &unit,
-            self.scene.objects[object].material.density,
-            self.scene.dx,
-            &DeformationBounds::REST,
-        );
-        let substeps = self.scene.cfl * dt_of_unit * self.scene.frame_rate * MATERIAL_SUBSTEPS;
-        let stiffest =
-            (substeps * substeps).max(self.scene.objects[object].material.youngs_modulus);
-        within("youngs_modulus", material.youngs_modulus, softest, stiffest)
+        match material.law {
+            Law::Rigid => Ok(()),
+            Law::Fluid {
+                bulk_modulus,
+                viscosity,
+            } => {
+                let soft = Material {
+                    law: Law::Fluid {
+                        bulk_modulus: 1.0,
+                        viscosity: 0.0,
+                    },
+                    ..material.clone()
+                };
+                let stiffest = stiffest(&soft).max(current.lambda());
+                within("bulk_modulus_pa", bulk_modulus, 0.0, stiffest)?;
+                within(
+                    "viscosity_pa_s",
+                    viscosity,
+                    0.0,
+                    room * density * dx * dx / 4.0,
+                )
+            }
+            _ => {
+                let soft = Material {
+                    youngs_modulus: 1.0,
+                    ..material.clone()
+                };
+                let stiffest = stiffest(&soft).max(current.youngs_modulus);
+                within("youngs_modulus", material.youngs_modulus, 0.0, stiffest)
+            }
+        }
     }
 
     /// Simulated particles of an object within `radius` of `point` [m], ascending; the nearest when there are

@@ -210,12 +210,14 @@ fn validate_objects(scene: &Scene) -> Result<(), WorldError> {
         }
         let what = |name: &str| format!("{name} of object {object}");
         for part in o.parts(object) {
-            let m = &part.material;
-            if !m.law.is_fluid() && !m.law.is_rigid() {
-                within(|| what("youngs_modulus"), m.youngs_modulus, 1e-6, 1e15)?;
-                within(|| what("poisson_ratio"), m.poisson_ratio, 0.0, 0.4999)?;
-            }
-            within(|| what("density"), m.density, 1e-6, 1e9)?;
+            part.material
+                .check()
+                .map_err(|found| WorldError::OutOfRange {
+                    what: what(found.key),
+                    value: found.value,
+                    min: found.min,
+                    max: found.max,
+                })?;
         }
         for a in 0..3 {
             within(|| what("linear_velocity"), o.linear_velocity[a], -1e6, 1e6)?;

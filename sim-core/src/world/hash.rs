@@ -44,6 +44,7 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
             material.poisson_ratio,
             material.density,
         ]));
+        hash.update(bytes_of(&material.law.parameters()));
     }
     hash.digest()
 }
