@@ -34,4 +34,4 @@ pub use reference::ReferenceWorld;
 pub use report::{DtLimit, ObjectState, StepReport};
 pub use scene::Scene;
 pub use simd::Isa;
-pub use world::{World, WorldError};
+pub use world::{CheckpointError, World, WorldError};

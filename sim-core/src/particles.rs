@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use serde::{Deserialize, Serialize};
+
 use crate::simd::{F32x16, LANES};
 
 /// Cells along one edge of a block.
@@ -11,7 +13,7 @@ pub(crate) const BLOCK: i32 = 4;
 pub(crate) const NO_PARTICLE: u32 = u32::MAX;
 
 /// What persists between substeps, 16 particles, one vector per field.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[repr(C, align(64))]
 pub(crate) struct Group {
     /// Position relative to the block's centre [cells]: at most 2 in magnitude after sorting, and moving to a
@@ -33,7 +35,7 @@ impl Group {
 }
 
 /// What lives on the grid between substeps and is written out where a segment of substeps ends.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[repr(C, align(64))]
 pub(crate) struct Motion {
     /// Velocity relative to the world's carrier velocity [cells/s].
@@ -51,7 +53,7 @@ impl Motion {
 }
 
 /// What never changes while a particle is simulated.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[repr(C, align(64))]
 pub(crate) struct Fixed {
     /// Mass in units of the heaviest particle; 0 in unused lanes.
@@ -69,7 +71,7 @@ impl Fixed {
 }
 
 /// Extremes over some particles in one pass.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Extremes {
     /// Largest squared speed [cells^2/s^2].
     pub speed_squared: f32,
@@ -108,7 +110,7 @@ impl Extremes {
 }
 
 /// Visible deformation gradients of 16 particles, row-major, where it is not the elastic one.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[repr(C, align(64))]
 pub(crate) struct Shape(pub [F32x16; 9]);
 
@@ -118,7 +120,7 @@ impl Shape {
 }
 
 /// Groups of one part within one block.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Run {
     /// Part id.
     pub part: usize,
@@ -131,7 +133,7 @@ pub(crate) struct Run {
 }
 
 /// A block of 4x4x4 cells that holds particles.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Block {
     /// Block index: its first node is 4 times this.
     pub index: [i32; 3],
@@ -144,7 +146,7 @@ pub(crate) struct Block {
 }
 
 /// Lanes of one group that need attention, one bit each.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Flags {
     /// Not finite, turned inside out, or moved beyond the limits.
     pub bad: u16,
@@ -180,7 +182,7 @@ impl Backup {
 }
 
 /// All simulated particles.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Particles {
     /// Blocks in lexicographic order.
     pub blocks: Vec<Block>,

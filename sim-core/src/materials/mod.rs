@@ -16,13 +16,15 @@ pub mod snow;
 pub mod svd;
 pub mod von_mises;
 
+use serde::{Deserialize, Serialize};
+
 use crate::{
     mat3::{Mat3, Sym3},
     num::Real,
 };
 
 /// A material: a law and its parameters in SI units.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Material {
     /// Preset or user name, for reports.
     pub name: String,
@@ -37,7 +39,7 @@ pub struct Material {
 }
 
 /// Constitutive laws, with what they need besides Lamé's parameters.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Law {
     /// Fixed corotated elasticity (Stomakhin et al. 2012).
     FixedCorotated,
@@ -251,6 +253,11 @@ impl Law {
                 viscosity,
             } => fluid::parameters(bulk_modulus, viscosity),
         }
+    }
+
+    /// Whether matter has no shape of its own: fluids and grains.
+    pub fn is_loose(self) -> bool {
+        matches!(self, Self::Fluid { .. } | Self::DruckerPrager { .. })
     }
 
     /// Whether all particles of an object under this law move as one body.

@@ -29,7 +29,7 @@ use crate::num::Real;
 pub const LANES: usize = 16;
 
 /// One vector in memory, aligned to a cache line.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[repr(C, align(64))]
 pub(crate) struct F32x16(pub [f32; LANES]);
 

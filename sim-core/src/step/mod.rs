@@ -6,5 +6,6 @@ pub(crate) mod gather;
 pub(crate) mod particle_pass;
 pub(crate) mod rigid;
 pub(crate) mod scatter;
+pub(crate) mod shapes;
 pub(crate) mod sort;
 pub(crate) mod stencil;

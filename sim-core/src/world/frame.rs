@@ -18,6 +18,7 @@ use crate::{
         constitutive::PartLaw,
         particle_pass::{Findings, Pass, Stage, particle_pass},
         rigid::rigid_motions,
+        shapes::limit_shapes,
         sort::sort,
     },
 };
@@ -135,6 +136,8 @@ impl World {
         while frame.remaining > 0.0 && !self.state.particles.groups.is_empty() {
             self.segment(frame);
         }
+        let laws = self.laws(0.0);
+        limit_shapes(self.isa, &mut self.state.particles, &laws, frame.length);
     }
 
     /// Takes substeps until velocities must be written out: the frame ends, particles drifted too far from
@@ -264,31 +267,25 @@ impl World {
         } = &mut self.state;
         sort(particles, shaped, &mut self.workspace.sorted);
         std::mem::swap(particles, &mut self.workspace.sorted);
+        self.fit_workspace();
+        self.state.drift = 0.0;
+    }
+
+    /// Scratch memory and grid for the particles as they are arranged.
+    pub(super) fn fit_workspace(&mut self) {
+        let particles = &self.state.particles;
         self.workspace.backup.fit(particles);
         let count = particles.groups.len();
         self.workspace.motion.resize(count, Motion::REST);
         self.workspace
             .grid
             .rebuild(&particles.blocks, &self.boundary);
-        self.state.drift = 0.0;
     }
 
     /// Runs one particle pass: gathered motion advances by `dt`, stress acts for `next_dt`.
     fn particles(&mut self, frame: &mut Frame, stage: Stage, dt: f64, next_dt: f64) -> Findings {
         let start = Instant::now();
-        let dx = self.scene.dx;
-        let laws: Vec<PartLaw> = (0..self.parts.len())
-            .map(|part| {
-                let material = &self.state.materials[part];
-                let density = self.parts[part].material.density;
-                PartLaw {
-                    law: material.law,
-                    coefficients: Coefficients::new(material),
-                    stress_scale: (4.0 * next_dt / (density * dx * dx)) as f32,
-                    visible: self.is_visible(part),
-                }
-            })
-            .collect();
+        let laws = self.laws(next_dt);
         let bodies = laws.iter().zip(&self.parts);
         let body_of: Vec<Option<usize>> = bodies
             .map(|(law, part)| law.law.is_rigid().then_some(part.object))
@@ -328,6 +325,23 @@ impl World {
         }
         frame.timings.particles += start.elapsed().as_secs_f64();
         findings
+    }
+
+    /// Law and numbers of every part, for a coming substep of `dt` [s].
+    fn laws(&self, dt: f64) -> Vec<PartLaw> {
+        let dx = self.scene.dx;
+        (0..self.parts.len())
+            .map(|part| {
+                let material = &self.state.materials[part];
+                let density = self.parts[part].material.density;
+                PartLaw {
+                    law: material.law,
+                    coefficients: Coefficients::new(material),
+                    stress_scale: (4.0 * dt / (density * dx * dx)) as f32,
+                    visible: self.is_visible(part),
+                }
+            })
+            .collect()
     }
 
     /// Runs the grid pass; returns the largest velocity component [cells/s].

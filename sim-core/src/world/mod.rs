@@ -1,5 +1,6 @@
 //! `World`: a scene in motion on the fast solver.
 
+mod checkpoint;
 mod commands;
 mod edit;
 mod error;
@@ -14,7 +15,9 @@ mod tests;
 
 use std::time::Instant;
 
+pub use checkpoint::CheckpointError;
 pub use error::WorldError;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     command::Command,
@@ -44,7 +47,7 @@ pub struct World {
 }
 
 /// What varies in time.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct State {
     /// Frames stepped since the world was made.
     steps: u64,
