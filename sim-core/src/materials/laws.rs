@@ -24,6 +24,8 @@ pub struct Entry {
     pub name: &'static str,
     /// Number on the wire and in hashes.
     pub id: u32,
+    /// Whether the law needs Young's modulus and Poisson's ratio.
+    pub elastic: bool,
     /// What the law needs besides density and, if elastic, Young's modulus and Poisson's ratio; at most 4, in the
     /// order of the wire.
     pub parameters: &'static [Parameter],
@@ -59,21 +61,25 @@ pub const LAWS: &[Entry] = &[
     Entry {
         name: "fixed_corotated",
         id: 1,
+        elastic: true,
         parameters: &[],
     },
     Entry {
         name: "neo_hookean",
         id: 2,
+        elastic: true,
         parameters: &[],
     },
     Entry {
         name: "von_mises",
         id: 3,
+        elastic: true,
         parameters: &[YIELD_STRESS, parameter("hardening_pa", "Pa", 0.0, 1e13)],
     },
     Entry {
         name: "drucker_prager",
         id: 4,
+        elastic: true,
         parameters: &[
             parameter("friction_angle_deg", "degrees", 1.0, 60.0),
             parameter("cohesion", "Pa", 0.0, 1e9),
@@ -82,6 +88,7 @@ pub const LAWS: &[Entry] = &[
     Entry {
         name: "snow",
         id: 5,
+        elastic: true,
         // Up to a tenth, for which the short polar decomposition is made.
         parameters: &[
             parameter("critical_compression", "", 1e-4, 0.1),
@@ -92,6 +99,7 @@ pub const LAWS: &[Entry] = &[
     Entry {
         name: "foam",
         id: 6,
+        elastic: true,
         parameters: &[
             YIELD_STRESS,
             parameter("viscosity_pa_s", "Pa s^exponent", 0.0, 1e9),
@@ -101,11 +109,13 @@ pub const LAWS: &[Entry] = &[
     Entry {
         name: "plasticine",
         id: 7,
+        elastic: true,
         parameters: &[YIELD_STRESS, parameter("softening", "Pa", 0.0, 1e13)],
     },
     Entry {
         name: "fluid",
         id: 8,
+        elastic: false,
         parameters: &[
             parameter("bulk_modulus_pa", "Pa", 1e-3, 1e13),
             parameter("viscosity_pa_s", "Pa s", 0.0, 1e9),
@@ -114,6 +124,7 @@ pub const LAWS: &[Entry] = &[
     Entry {
         name: "rigid",
         id: 9,
+        elastic: false,
         parameters: &[],
     },
 ];

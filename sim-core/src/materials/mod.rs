@@ -219,7 +219,7 @@ impl Law {
 
     /// Whether `E` and `nu` belong to the law.
     pub fn is_elastic(self) -> bool {
-        !self.is_fluid() && !self.is_rigid()
+        self.entry().elastic
     }
 
     /// The law's numbers as its kernel wants them; see its file.
