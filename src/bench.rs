@@ -1,6 +1,6 @@
 //! `cosplat bench`: measurements.
 
-#[path = "bench_kernel.rs"]
+#[path = "bench_kernel/mod.rs"]
 mod kernel;
 #[path = "bench_physgaussian.rs"]
 mod physgaussian;

@@ -1,4 +1,4 @@
-//! `cosplat bench transport` measures every path in two processes and reports ratios that agree with its times.
+//! `cosplat bench` measures what it says, and its figures agree with each other.
 
 use std::process::Command;
 
@@ -35,4 +35,51 @@ fn the_transport_bench_reports_every_path() {
     }
     assert!(number(&report["ping_64_bytes_us"]["p50"]) > 0.0);
     assert!(number(&report["write_in_place_gb_per_s"]) > 0.0);
+}
+
+#[test]
+fn the_kernel_bench_compares_solver_yardstick_and_reference() {
+    let args = [
+        "bench",
+        "kernel",
+        "--materials",
+        "neo_hookean,fluid",
+        "--particles",
+        "4096",
+        "--threads",
+        "1,2",
+        "--rounds",
+        "3",
+        "--json",
+    ];
+    let output = Command::new(env!("CARGO_BIN_EXE_cosplat"))
+        .args(args)
+        .output()
+        .expect("cosplat runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    let lines: Vec<Value> = String::from_utf8_lossy(&output.stdout)
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("one JSON object per line"))
+        .collect();
+    assert_eq!(lines.len(), 4);
+    for line in &lines {
+        assert_eq!(line["particles"], 4096);
+        let shares = ["sort", "particles", "grid"].map(|phase| line["phases"][phase].as_f64());
+        let sum: f64 = shares.into_iter().flatten().sum();
+        // Each is a median over rounds of its own.
+        assert!((0.8..1.2).contains(&sum), "{line}");
+        for key in [
+            "mparticle_substeps_per_s",
+            "yardstick",
+            "ratio",
+            "reference",
+        ] {
+            let [q1, median, q3] = ["q1", "median", "q3"].map(|q| line[key][q].as_f64());
+            assert!(
+                q1 > Some(0.0) && q1 <= median && median <= q3,
+                "{key}: {line}"
+            );
+        }
+    }
 }

@@ -1,0 +1,269 @@
+//! What was measured, as JSON lines, sentences and Markdown tables.
+
+use std::{fmt::Write as _, fs, path::Path, process::Command};
+
+use anyhow::{Context, bail};
+use cosplat_sim_core::Isa;
+use serde_json::{Value, json};
+
+use super::measure::{Measured, Quartiles};
+
+/// Lines of a Markdown file between which tables go.
+const MARKERS: [&str; 2] = [
+    "<!-- cosplat bench kernel: begin -->",
+    "<!-- cosplat bench kernel: end -->",
+];
+
+/// Asked of one thread at 262,144 particles, 8 per cell, AVX-512: multiples of the yardstick's speed.
+const RATIOS: [(&str, f64); 6] = [
+    ("fixed_corotated", 6.0),
+    ("neo_hookean", 5.0),
+    ("snow", 11.0),
+    ("fluid", 4.5),
+    ("drucker_prager", 8.0),
+    ("von_mises", 8.0),
+];
+/// Asked at a million particles: share of the speed at 262,144.
+const LARGE: f64 = 0.9;
+/// Asked of AVX2: share of the speed with AVX-512.
+const AVX2: f64 = 0.55;
+/// Asked of two threads: multiple of the speed of one.
+const TWO_THREADS: f64 = 1.7;
+
+/// Where and with what was measured.
+pub struct Run {
+    machine: String,
+    commit: String,
+    flags: String,
+    date: String,
+    load: String,
+}
+
+/// First line that a program prints, or "unknown".
+fn said(program: &str, args: &[&str]) -> String {
+    let output = Command::new(program).args(args).output();
+    let text = output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned());
+    text.ok()
+        .filter(|text| !text.is_empty())
+        .unwrap_or_else(|| "unknown".into())
+}
+
+impl Run {
+    /// This process, here and now.
+    pub fn here() -> Self {
+        let cpu = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let field = |key: &str| {
+            let line = cpu.lines().find(|line| line.starts_with(key));
+            let value = line.and_then(|line| line.split(':').nth(1));
+            value.map_or("unknown", str::trim).to_owned()
+        };
+        let cores = std::thread::available_parallelism().map_or(0, usize::from);
+        let built = if cfg!(debug_assertions) {
+            "dev profile"
+        } else {
+            "release profile"
+        };
+        let target = if cfg!(target_feature = "avx2") {
+            "compiled for AVX2 or more"
+        } else {
+            "baseline target"
+        };
+        let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
+        Self {
+            machine: format!(
+                "{} (family {}, model {}), {cores} cores",
+                field("model name"),
+                field("cpu family"),
+                field("model\t"),
+            ),
+            commit: said("git", &["describe", "--always", "--dirty", "--exclude=*"]),
+            flags: format!("{built}, {} {target}", std::env::consts::ARCH),
+            date: said("date", &["-u", "+%Y-%m-%d %H:%M UTC"]),
+            load: load.split(' ').next().unwrap_or("unknown").to_owned(),
+        }
+    }
+}
+
+impl Measured {
+    fn rate(&self) -> Quartiles {
+        Quartiles::of(self.rates.clone())
+    }
+
+    fn ratio(&self) -> Quartiles {
+        Quartiles::of_ratios(&self.rates, &self.yardstick)
+    }
+}
+
+/// One JSON object.
+pub fn line(name: &str, measured: &Measured, run: &Run) -> Value {
+    let case = &measured.case;
+    let [sort, particles, grid] = measured.phases;
+    json!({
+        "material": name,
+        "particles": measured.particles,
+        "particles_per_cell": case.per_cell,
+        "threads": case.threads,
+        "isa": case.isa.to_string(),
+        "gaussians": case.gaussians,
+        "rounds": measured.rates.len(),
+        "mparticle_substeps_per_s": measured.rate(),
+        "phases": {"sort": sort, "particles": particles, "grid": grid},
+        "yardstick": Quartiles::of(measured.yardstick.clone()),
+        "ratio": measured.ratio(),
+        "reference": Quartiles::of(measured.reference.clone()),
+        "machine": run.machine,
+        "commit": run.commit,
+        "flags": run.flags,
+    })
+}
+
+/// One line for people.
+pub fn sentence(name: &str, measured: &Measured) -> String {
+    let case = &measured.case;
+    let (rate, ratio) = (measured.rate(), measured.ratio());
+    let [sort, particles, grid] = measured.phases.map(|share| 100.0 * share);
+    format!(
+        "{name}: {:.1} million particle-substeps/s (quartiles {:.1} to {:.1}), {:.2} times the yardstick; {} \
+         particles, {} per cell{}, {} threads, {}; sort {sort:.0} %, particles {particles:.0} %, grid {grid:.0} %",
+        rate.median,
+        rate.q1,
+        rate.q3,
+        ratio.median,
+        measured.particles,
+        case.per_cell,
+        if case.gaussians {
+            ", with Gaussians"
+        } else {
+            ""
+        },
+        case.threads,
+        case.isa,
+    )
+}
+
+/// Where the markers are in a text.
+fn markers(text: &str) -> Option<(usize, usize)> {
+    let begin = text.find(MARKERS[0])? + MARKERS[0].len();
+    let end = begin + text[begin..].find(MARKERS[1])?;
+    Some((begin, end))
+}
+
+/// Whether tables can be written to this file.
+///
+/// # Errors
+/// When it cannot be read or has no markers.
+pub fn check(path: &Path) -> anyhow::Result<()> {
+    let text =
+        fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    if markers(&text).is_none() {
+        bail!(
+            "{} lacks the lines `{}` and `{}`",
+            path.display(),
+            MARKERS[0],
+            MARKERS[1]
+        );
+    }
+    Ok(())
+}
+
+/// Writes the tables between the markers of a Markdown file.
+///
+/// # Errors
+/// When the file cannot be read or written or has no markers.
+pub fn write(path: &Path, results: &[(String, Vec<Measured>)], run: &Run) -> anyhow::Result<()> {
+    check(path)?;
+    let mut text = fs::read_to_string(path)?;
+    if let Some((begin, end)) = markers(&text) {
+        text.replace_range(begin..end, &tables(results, run));
+    }
+    fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// `median (q1 to q3)`.
+fn spread(q: Quartiles, digits: usize) -> String {
+    format!(
+        "{:.digits$} ({:.digits$} to {:.digits$})",
+        q.median, q.q1, q.q3
+    )
+}
+
+/// A measured value against the least that is asked.
+fn verdict(found: Option<Quartiles>, asked: f64) -> String {
+    match found {
+        None => "not measured".into(),
+        Some(q) if q.median >= asked => format!("{}, met", spread(q, 2)),
+        Some(q) => format!("{}, **missed**", spread(q, 2)),
+    }
+}
+
+/// All tables.
+fn tables(results: &[(String, Vec<Measured>)], run: &Run) -> String {
+    let mut text = format!(
+        "\n\nMachine: {}. Commit `{}`, {}, {}; load average at the start {}.\n\n",
+        run.machine, run.commit, run.flags, run.date, run.load
+    );
+    bars(&mut text, results);
+    lines(&mut text, results);
+    text
+}
+
+/// Every bar, and whether it is met. Writing to a string cannot fail.
+fn bars(text: &mut String, results: &[(String, Vec<Measured>)]) {
+    text.push_str(
+        "| law | speed [million/s] | yardstick [million/s] | ratio asked | ratio | 1,048,576 particles, asked 0.9 | AVX2, asked 0.55 | two threads, asked 1.7 |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for (name, measured) in results {
+        let base = &measured[0];
+        let against_base = |wanted: &dyn Fn(&Measured) -> bool| {
+            let other = measured.iter().find(|m| wanted(m))?;
+            Some(Quartiles::of_ratios(&other.rates, &base.rates))
+        };
+        let asked = RATIOS.iter().find(|(law, _)| law == name).map(|r| r.1);
+        let large = against_base(&|m| m.particles == 1 << 20);
+        let avx2 = against_base(&|m| m.case.isa == Isa::Avx2 && base.case.isa == Isa::Avx512);
+        let two = against_base(&|m| m.case.threads == 2);
+        let _ = writeln!(
+            text,
+            "| {name} | {} | {} | {} | {} | {} | {} | {} |",
+            spread(base.rate(), 1),
+            spread(Quartiles::of(base.yardstick.clone()), 2),
+            asked.map_or("none".into(), |asked| format!("{asked}")),
+            verdict(Some(base.ratio()), asked.unwrap_or(0.0)),
+            verdict(large, LARGE),
+            verdict(avx2, AVX2),
+            verdict(two, TWO_THREADS),
+        );
+    }
+    text.push('\n');
+}
+
+/// Every configuration.
+fn lines(text: &mut String, results: &[(String, Vec<Measured>)]) {
+    text.push_str(
+        "| law | particles | per cell | threads | instruction set | speed [million/s] | times the yardstick | sort, particles, grid [%] | reference path [million/s] |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for (name, measured) in results {
+        for m in measured {
+            let [sort, particles, grid] = m.phases.map(|share| 100.0 * share);
+            let _ = writeln!(
+                text,
+                "| {name}{} | {} | {} | {} | {} | {} | {} | {sort:.0}, {particles:.0}, {grid:.0} | {:.2} |",
+                if m.case.gaussians {
+                    ", with Gaussians"
+                } else {
+                    ""
+                },
+                m.particles,
+                m.case.per_cell,
+                m.case.threads,
+                m.case.isa,
+                spread(m.rate(), 1),
+                spread(m.ratio(), 2),
+                Quartiles::of(m.reference.clone()).median,
+            );
+        }
+    }
+    text.push('\n');
+}
