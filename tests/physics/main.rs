@@ -5,6 +5,7 @@ mod conservation;
 mod determinism;
 mod free_fall;
 mod incline;
+mod physgaussian;
 
 use std::process::{Command, Output};
 

@@ -9,6 +9,10 @@ use super::{
 const SUSPICIOUS: f64 = 100.0;
 /// What a material without stress gets: the least that the scene format takes [Pa].
 const STRESS_FREE: f64 = 1e-3;
+/// Angles of friction that the law of sand takes [degrees].
+const FRICTION: (f64, f64) = (1.0, 60.0);
+/// Steepest softening of plasticine per shear modulus, just below what the law takes.
+const STEEPEST: f64 = 2.69;
 /// Substeps of an explicit method are unstable beyond this part of a cell that sound crosses in one.
 const COURANT_LIMIT: f64 = 1.0;
 
@@ -168,18 +172,20 @@ fn yield_stress(base: &Material, compat: bool, notes: &mut Notes) -> f64 {
     stated
 }
 
-/// `yield += 2 mu xi dgamma`, per equivalent plastic strain `sqrt(2/3) dgamma`.
+/// Change of the yield stress per equivalent plastic strain, of one per norm of the plastic strain, which is
+/// sqrt(3/2) larger.
+fn per_equivalent_strain(slope: f64, compat: bool) -> f64 {
+    let slope = slope * 1.5f64.sqrt();
+    // As above: of the yield stress itself, or of its sqrt(2/3).
+    if compat { slope * 1.5f64.sqrt() } else { slope }
+}
+
+/// `yield += 2 mu xi dgamma`, when `hardening` is 1.
 fn hardening(elastic: Elastic, base: &Material, compat: bool) -> f64 {
-    if !base.hardens {
-        return 0.0;
-    }
-    let per_gamma = 2.0 * elastic.mu() * base.xi;
-    let per_strain = per_gamma * 1.5f64.sqrt();
-    // As above: the yield stress itself is meant, or its sqrt(2/3).
-    if compat {
-        per_strain * 1.5f64.sqrt()
+    if base.hardens {
+        per_equivalent_strain(2.0 * elastic.mu() * base.xi, compat)
     } else {
-        per_strain
+        0.0
     }
 }
 
@@ -203,8 +209,10 @@ fn metal(lines: &mut Writer, elastic: Elastic, base: &Material, compat: bool, no
     };
     lines.number("yield_stress_pa", yield_stress(base, compat, notes), from);
     let slope = hardening(elastic, base, compat);
-    lines.number("hardening_pa", slope, "hardening, xi");
-    if base.hardens {
+    lines.number("hardening_pa", slope.max(0.0), "hardening, xi");
+    if slope < 0.0 {
+        notes.ignore("xi", base.xi, "a metal that softens has no law here");
+    } else if base.hardens {
         notes.add(
             NoteKind::Changed,
             "xi",
@@ -240,7 +248,17 @@ fn hencky(compat: bool, notes: &mut Notes) {
 
 fn sand(lines: &mut Writer, elastic: Elastic, base: &Material, notes: &mut Notes) {
     lines.law("drucker_prager", elastic);
-    lines.number("friction_angle_deg", base.friction_angle, "friction_angle");
+    let angle = base.friction_angle.clamp(FRICTION.0, FRICTION.1);
+    if angle != base.friction_angle {
+        notes.add(
+            NoteKind::Changed,
+            "friction_angle",
+            base.friction_angle,
+            angle,
+            "the law is made for angles that sand has",
+        );
+    }
+    lines.number("friction_angle_deg", angle, "friction_angle");
     lines.number("cohesion", 0.0, "dry");
     notes.add(
         NoteKind::Changed,
@@ -327,7 +345,33 @@ fn plasticine(
         "yield_stress"
     };
     lines.number("yield_stress_pa", yield_stress(base, compat, notes), from);
-    lines.number("softening", base.softening, "softening");
+    let slope = per_equivalent_strain(base.softening, compat) - hardening(elastic, base, compat);
+    let steepest = STEEPEST * elastic.mu();
+    lines.number(
+        "softening",
+        slope.clamp(0.0, steepest),
+        "softening, hardening, xi",
+    );
+    notes.add(
+        NoteKind::Changed,
+        "softening",
+        base.softening,
+        slope.clamp(0.0, steepest),
+        "loss of yield stress per equivalent plastic strain [Pa]",
+    );
+    if slope < 0.0 {
+        notes.ignore(
+            "xi",
+            base.xi,
+            "plasticine that hardens more than it softens has no law here",
+        );
+    } else if slope > steepest {
+        notes.warn(
+            "softening",
+            base.softening,
+            format!("the strength would fall faster than elastic strain takes it up: {steepest} Pa is used"),
+        );
+    }
     notes.add(
         NoteKind::Changed,
         "material",

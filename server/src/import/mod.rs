@@ -28,6 +28,9 @@ use notes::Notes;
 use place::Place;
 use scene::{Parts, schedule};
 
+/// Largest damping that a scene file takes [1/s].
+const LARGEST_DAMPING: f64 = 1e6;
+
 /// What may be chosen about an import.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Options {
@@ -84,7 +87,7 @@ pub fn import(
         return Err(ImportErrors(notes.errors));
     };
     materials::check_stiffness(&mut config, options.e_multiplier, &mut notes);
-    damping(&config, &mut notes);
+    let damping = damping(&config, options.compat, &mut notes);
     let schedule = schedule(&config, options.compat, &mut notes);
     let Some(place) = Place::new(&config, model, &mut notes) else {
         return Err(ImportErrors(notes.errors));
@@ -93,6 +96,7 @@ pub fn import(
         config: &config,
         place: &place,
         schedule,
+        damping,
         options,
         inside: inside(&config, model, &place),
     };
@@ -130,24 +134,38 @@ fn inside(config: &Config, model: &Gaussians, place: &Place) -> Vec<([f64; 3], f
     filled.position.into_iter().zip(filled.volume).collect()
 }
 
-/// Damping per substep of the original.
-fn damping(config: &Config, notes: &mut Notes) {
+/// Rate of the original's damping per substep [1/s].
+fn damping(config: &Config, compat: bool, notes: &mut Notes) -> f64 {
     let dt = config.substep_dt;
-    let scale = config.grid_v_damping_scale;
-    if scale < 1.0 {
-        let rate = -scale.ln() / dt;
-        notes.ignore(
-            "grid_v_damping_scale",
-            scale,
-            format!("a damping of {rate:.4} 1/s, which the scene format cannot say yet"),
-        );
-    }
     let rpic = config.rpic_damping;
     if rpic != 0.0 {
-        notes.ignore(
-            "rpic_damping",
-            rpic,
-            "the transfer is APIC, without damping of the affine velocity",
-        );
+        let message = if rpic < -0.001 {
+            "the original drops the affine velocity (PIC); here it is kept (APIC), which loses less motion"
+        } else {
+            "the original takes this part of the affine velocity's strain per substep; here it is kept (APIC), which \
+             loses less motion"
+        };
+        notes.ignore("rpic_damping", rpic, message);
     }
+    let scale = config.grid_v_damping_scale;
+    if scale >= 1.0 {
+        return 0.0;
+    }
+    let rate = (-scale.ln() / dt).min(LARGEST_DAMPING);
+    let repeated = if compat {
+        ". So with --compat as well: substeps have no fixed length here"
+    } else {
+        ""
+    };
+    notes.add(
+        NoteKind::Corrected,
+        "grid_v_damping_scale",
+        scale,
+        rate,
+        format!(
+            "the original multiplies all velocities by it every {dt} s; as a rate [1/s] it does not depend on the \
+             substep{repeated}"
+        ),
+    );
+    rate
 }

@@ -69,6 +69,8 @@ pub(super) struct Parts<'p> {
     pub config: &'p Config,
     pub place: &'p Place,
     pub schedule: Schedule,
+    /// Rate at which velocities decay [1/s].
+    pub damping: f64,
     pub options: &'p Options,
     /// Positions and volumes that stand for the filled inside; empty without filling.
     pub inside: Vec<([f64; 3], f64)>,
@@ -86,6 +88,7 @@ pub(super) fn text(parts: Parts, notes: &mut Notes) -> String {
         schedule,
         options,
         inside,
+        ..
     } = parts;
     if place.static_count > 0 {
         text += "\n# Outside of sim_area: visible, at rest.\n[[objects]]\nname = \"surroundings\"\nasset = \"model\"\n\
@@ -100,9 +103,15 @@ fn head(parts: &Parts, notes: &mut Notes) -> String {
     let Parts {
         config,
         schedule,
+        damping,
         options,
         ..
     } = parts;
+    let damping = if *damping > 0.0 {
+        format!("damping = {damping:?} # -ln(grid_v_damping_scale) / substep_dt\n")
+    } else {
+        String::new()
+    };
     let per_cell = particles_per_cell(config, options.compat, notes);
     let quoted = toml::Value::String(options.name.clone());
     let compat = if options.compat {
@@ -121,7 +130,8 @@ fn head(parts: &Parts, notes: &mut Notes) -> String {
          dx = {dx:?} # grid_lim / n_grid = {grid_lim} / {n_grid}\n\
          particles_per_cell = {per_cell:?}\n\
          frame_rate = {frame_rate:?} # frame_dt\n\
-         cfl = {CFL:?} # the step is chosen; substep_dt was {substep_dt:?} s\n",
+         cfl = {CFL:?} # the step is chosen; substep_dt was {substep_dt:?} s\n\
+         {damping}",
         frames = config.frame_num,
         duration = schedule.duration,
         substeps = schedule.substeps,

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::*;
 
 mod conditions;
+mod materials;
 
 fn model() -> Gaussians {
     generate::builtin("vase").expect("known")
@@ -93,7 +94,7 @@ fn no_key_is_passed_over_in_silence() {
             .iter()
             .any(|n| n.key.starts_with(key.as_str()));
         let written = imported.scene.contains(key.as_str());
-        // These four say nothing unless the material or the damping is another, and the others where up is.
+        // These say nothing unless the material or the damping is another, gravity a number, the length of the run.
         let silent = [
             "yield_stress",
             "hardening",
@@ -254,6 +255,25 @@ fn a_frame_keeps_the_substep_that_rounding_cut_off() {
     near(repeated.duration, 50.0 * 1999.0 * 2e-5);
     let whole = imported(json!({}), false);
     assert!(!whole.notes.iter().any(|n| n.key == "frame_dt"));
+}
+
+#[test]
+fn damping_per_substep_becomes_a_rate() {
+    // 0.9999 in 1e-4 s is about 1 /s.
+    for compat in [false, true] {
+        let damped = imported(json!({"grid_v_damping_scale": 0.9999}), compat);
+        find(&damped, NoteKind::Corrected, "grid_v_damping_scale");
+        let rate = number(&toml::Value::Table(built(&damped)), "damping");
+        near(rate, -0.9999f64.ln() / 1e-4);
+        assert!((rate - 1.00005).abs() < 1e-7, "{rate}");
+    }
+    let undamped = imported(json!({"grid_v_damping_scale": 1.1}), false);
+    assert!(!undamped.scene.contains("damping ="));
+    find(
+        &imported(json!({"rpic_damping": 0.5}), false),
+        NoteKind::Ignored,
+        "rpic_damping",
+    );
 }
 
 #[test]

@@ -1,0 +1,131 @@
+//! Scenes of PhysGaussian: `cosplat import` writes what `cosplat simulate` runs, and the six samples of the original do.
+
+use std::{
+    path::Path,
+    process::{Command, Output},
+};
+
+use serde_json::Value;
+
+fn cosplat(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_cosplat"))
+        .args(args)
+        .output()
+        .expect("cosplat starts")
+}
+
+fn succeeds(args: &[&str]) -> Vec<Value> {
+    let output = cosplat(args);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{args:?}: {errors}");
+    let text = String::from_utf8(output.stdout).expect("text");
+    let lines = text.lines();
+    lines
+        .map(|l| serde_json::from_str(l).expect("JSON"))
+        .collect()
+}
+
+fn shown(path: &Path) -> &str {
+    path.to_str().expect("temporary paths are text")
+}
+
+#[test]
+fn the_six_sample_settings_run() {
+    // 5 ms of each, ten of the wolf's hundred thousand substeps per millisecond: the whole runs are in
+    // docs/physgaussian.md.
+    let rows = succeeds(&["bench", "physgaussian", "--duration", "0.005", "--json"]);
+    let expected = [
+        ("ficus", 50),
+        ("pillow2sofa", 50),
+        ("plane", 50),
+        ("tear_bread", 50),
+        ("vasedeck", 50),
+        ("wolf", 250),
+    ];
+    assert_eq!(rows.len(), expected.len());
+    for (row, (name, fixed)) in rows.iter().zip(expected) {
+        assert_eq!(row["scene"], name);
+        assert_eq!(row["fixed_substeps"], fixed, "{row}");
+        assert!(
+            (row["seconds"].as_f64().expect("a number") - 0.005).abs() < 1e-9,
+            "{row}"
+        );
+        for field in ["left_domain", "quarantined", "rollbacks"] {
+            assert_eq!(row[field], 0, "{field}: {row}");
+        }
+        assert!(row["particles"].as_u64().expect("a count") > 5_000, "{row}");
+        assert!(row["substeps"].as_u64().expect("a count") >= 1, "{row}");
+    }
+}
+
+#[test]
+fn an_imported_scene_is_simulated() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let input = shown(folder.path());
+    let bench = [
+        "bench",
+        "physgaussian",
+        "--scene",
+        "vasedeck",
+        "--duration",
+        "0.001",
+        "--json",
+        "-o",
+        input,
+    ];
+    succeeds(&bench);
+    let file = |name: &str| folder.path().join(name);
+    let (config, model, out) = (file("vasedeck.json"), file("vasedeck.ply"), file("out"));
+    let said = succeeds(&[
+        "import",
+        shown(&config),
+        shown(&model),
+        "-o",
+        shown(&out),
+        "--json",
+    ]);
+    let said = &said[0];
+    assert_eq!(said["frames"], 75);
+    assert_eq!(said["fixed_substeps"], 30_000);
+    assert_eq!(said["duration"], 3.0);
+    assert!(
+        said["static_gaussians"].as_u64().expect("a count") > 100,
+        "{said}"
+    );
+    let findings = said["findings"].as_array().expect("a list");
+    for key in ["kind", "key", "old", "new", "message"] {
+        assert!(findings[0].get(key).is_some(), "{key} in {}", findings[0]);
+    }
+    let scene = out.join("scene.toml");
+    let frames = succeeds(&["simulate", shown(&scene), "--duration", "0.08"]);
+    assert_eq!(frames.len(), 2);
+    assert_eq!(frames[1]["quarantined"].as_array().map(Vec::len), Some(0));
+    // The flower is turned by 1.9 rad/s and drags the stem along.
+    assert!(frames[1]["kinetic_energy"].as_f64().expect("a number") > 0.0);
+}
+
+#[test]
+fn a_bad_configuration_ends_with_status_2_and_every_error() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let config = folder.path().join("config.json");
+    std::fs::write(&config, r#"{"nu": 0.7, "E": [1]}"#).expect("written");
+    let model = folder.path().join("point_cloud.ply");
+    let ply = cosplat_sim_core::assets::generate::builtin("vase").expect("known");
+    std::fs::write(&model, cosplat_sim_core::assets::ply::write(&ply)).expect("written");
+    let output = cosplat(&[
+        "import",
+        shown(&config),
+        shown(folder.path()),
+        "-o",
+        shown(folder.path()),
+    ]);
+    assert_eq!(output.status.code(), Some(2));
+    let errors = String::from_utf8_lossy(&output.stderr);
+    for words in [
+        "has 2 error(s)",
+        "nu: is 0.7, expected 0 to 0.5",
+        "E: is a list of 1, expected a number",
+    ] {
+        assert!(errors.contains(words), "{words:?} not in {errors}");
+    }
+}
