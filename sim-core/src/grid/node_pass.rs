@@ -20,7 +20,15 @@ const TASK: usize = 16;
 /// Turns tiles into node velocities. They are relative to the velocity `carrier` [cells/s], which holds all that
 /// gravity adds. Returns the largest relative velocity component before boundaries [cells/s], NaN or infinite when
 /// a node is.
-pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, boundary: &Boundary, carrier: [f64; 3]) -> f32 {
+///
+/// `keep` is what damping leaves of a velocity, 0..=1; the carrier's share of it is the caller's.
+pub(crate) fn node_pass(
+    isa: Isa,
+    grid: &mut Grid,
+    boundary: &Boundary,
+    carrier: [f64; 3],
+    keep: f32,
+) -> f32 {
     let Grid {
         tiles,
         nodes,
@@ -37,11 +45,11 @@ pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, boundary: &Boundary, carrier:
             let largest = match isa {
                 #[cfg(target_arch = "x86_64")]
                 // SAFETY: a world is only made with an instruction set that the processor has.
-                Isa::Avx512 => unsafe { node_block_avx512(block, tiles, out) },
+                Isa::Avx512 => unsafe { node_block_avx512(block, tiles, keep, out) },
                 #[cfg(target_arch = "x86_64")]
                 // SAFETY: a world is only made with an instruction set that the processor has.
-                Isa::Avx2 => unsafe { node_block_avx2(block, tiles, out) },
-                _ => node_block::<Portable>(block, tiles, out),
+                Isa::Avx2 => unsafe { node_block_avx2(block, tiles, keep, out) },
+                _ => node_block::<Portable>(block, tiles, keep, out),
             };
             if block.constrained {
                 constrain(block, boundary, carrier, out);
@@ -55,19 +63,29 @@ pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, boundary: &Boundary, carrier:
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
-unsafe fn node_block_avx512(block: &NodeBlock, tiles: &[Tile], out: &mut Velocities) -> u32 {
-    node_block::<Avx512>(block, tiles, out)
+unsafe fn node_block_avx512(
+    block: &NodeBlock,
+    tiles: &[Tile],
+    keep: f32,
+    out: &mut Velocities,
+) -> u32 {
+    node_block::<Avx512>(block, tiles, keep, out)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
-unsafe fn node_block_avx2(block: &NodeBlock, tiles: &[Tile], out: &mut Velocities) -> u32 {
-    node_block::<Avx2>(block, tiles, out)
+unsafe fn node_block_avx2(
+    block: &NodeBlock,
+    tiles: &[Tile],
+    keep: f32,
+    out: &mut Velocities,
+) -> u32 {
+    node_block::<Avx2>(block, tiles, keep, out)
 }
 
 /// Sums one node block and divides; returns the largest magnitude of a velocity component as bits.
 #[inline(always)]
-fn node_block<V: Lanes>(block: &NodeBlock, tiles: &[Tile], out: &mut Velocities) -> u32 {
+fn node_block<V: Lanes>(block: &NodeBlock, tiles: &[Tile], keep: f32, out: &mut Velocities) -> u32 {
     let zero = V::broadcast(0.0);
     let truth = |of: fn(usize) -> bool| {
         let lanes = F32x16(std::array::from_fn(|i| f32::from(u8::from(of(i)))));
@@ -117,11 +135,12 @@ fn node_block<V: Lanes>(block: &NodeBlock, tiles: &[Tile], out: &mut Velocities)
         }
     }
     let one = V::broadcast(1.0);
+    let keep = V::broadcast(keep);
     let mut largest = zero;
     for (row, to) in sum.iter().zip(&mut out.0) {
         let mass = row.fourth();
         let occupied = V::broadcast(LIGHTEST).lt(mass);
-        let v = *row / V::select(occupied, mass, one);
+        let v = *row / V::select(occupied, mass, one) * keep;
         let v = V::select(velocity & occupied, v, zero);
         v.store(to);
         largest = largest.larger_magnitude(v);

@@ -190,10 +190,12 @@ impl ReferenceWorld {
         }
 
         // Grid: momentum to velocity, gravity, boundaries.
+        let keep = self.scene.conditions.damping_factor(dt);
         for (index, node) in &mut grid.nodes {
             let x = index.map(|i| f64::from(i) * dx);
-            let velocity =
-                std::array::from_fn(|i| node.momentum[i] / node.mass + dt * self.gravity[i]);
+            let velocity = std::array::from_fn(|i| {
+                keep * (node.momentum[i] / node.mass + dt * self.gravity[i])
+            });
             node.velocity = constrain(&self.scene, x, velocity);
         }
 

@@ -219,17 +219,26 @@ pub enum DomainPolicy {
     Stop,
 }
 
-/// Everything prescribed for particles, and what the domain's faces do.
+/// Everything prescribed for particles, what the domain's faces do, and damping.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Conditions {
     /// See [`DomainPolicy`].
     pub domain_policy: DomainPolicy,
+    /// Rate at which all velocities decay towards rest [1/s], >= 0.
+    pub damping: f64,
     /// Particles with a prescribed velocity; a later one wins where several act.
     pub prescribed: Vec<PrescribedMotion>,
     /// Impulses and forces on particles.
     pub impulses: Vec<RegionImpulse>,
     /// Particles held and let go layer by layer.
     pub releases: Vec<SequentialRelease>,
+}
+
+impl Conditions {
+    /// What a substep of `dt` [s] leaves of a velocity; exactly 1 without damping.
+    pub fn damping_factor(&self, dt: f64) -> f64 {
+        (-self.damping * dt).exp()
+    }
 }
 
 /// Which particles are meant, by their position at rest.

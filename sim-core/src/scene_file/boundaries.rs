@@ -260,10 +260,12 @@ pub(super) fn pinned_region(table: Table) -> Option<PinnedRegion> {
     })
 }
 
-/// The arrays `[[prescribed]]`, `[[impulses]]` and `[[releases]]`.
+/// `damping` and the arrays `[[prescribed]]`, `[[impulses]]` and `[[releases]]`.
 pub(super) fn conditions(root: &Table, policy: DomainPolicy, objects: &Names) -> ConditionSpecs {
+    let damping = root.get("damping").and_then(|e| e.number(l::DAMPING));
     let mut found = ConditionSpecs {
         domain_policy: policy,
+        damping: damping.unwrap_or(0.0),
         ..Default::default()
     };
     for entry in root.tables("prescribed") {
@@ -464,6 +466,7 @@ pub(super) fn build_conditions(
     };
     let mut conditions = Conditions {
         domain_policy: specs.domain_policy,
+        damping: specs.damping,
         ..Default::default()
     };
     for (spec, motion) in &specs.prescribed {

@@ -293,6 +293,8 @@ pub struct MeshSpec {
 pub struct ConditionSpecs {
     /// What the faces of the domain do.
     pub domain_policy: DomainPolicy,
+    /// See [`Conditions::damping`](crate::scene::Conditions::damping).
+    pub damping: f64,
     /// See [`Conditions::prescribed`](crate::scene::Conditions::prescribed).
     pub prescribed: Vec<(SelectionSpec, PrescribedMotion)>,
     /// See [`Conditions::impulses`](crate::scene::Conditions::impulses).

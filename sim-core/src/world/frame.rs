@@ -350,8 +350,10 @@ impl World {
         for a in 0..3 {
             self.state.carrier[a] += dt * self.state.gravity[a] / self.scene.dx;
         }
+        let keep = self.scene.conditions.damping_factor(dt) as f32;
+        self.state.carrier = self.state.carrier.map(|u| u * f64::from(keep));
         let grid = &mut self.workspace.grid;
-        let relative = node_pass(self.isa, grid, &self.boundary, self.state.carrier);
+        let relative = node_pass(self.isa, grid, &self.boundary, self.state.carrier, keep);
         let carrier = self
             .state
             .carrier

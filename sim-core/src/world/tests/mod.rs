@@ -1,5 +1,6 @@
 //! Laws and stories of the fast solver.
 
+mod damping;
 mod laws;
 mod rigid;
 mod stories;
