@@ -283,3 +283,12 @@ fn release(f: &mut Fields, notes: &mut Notes) -> Option<What> {
         num_layers: layers?,
     })
 }
+
+/// Smallest and largest corner of a box, without the dust of binary fractions.
+pub(super) fn corners(center: [f64; 3], half_size: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+    let tidy = |x: f64| (x * 1e12).round() / 1e12;
+    (
+        std::array::from_fn(|a| tidy(center[a] - half_size[a])),
+        std::array::from_fn(|a| tidy(center[a] + half_size[a])),
+    )
+}

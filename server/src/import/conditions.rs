@@ -1,7 +1,7 @@
 //! Boundary conditions: the seven types of the original as colliders, held boxes, prescribed motion, impulses.
 
 use super::{
-    boundary::{Boundary, SurfaceKind, What},
+    boundary::{Boundary, SurfaceKind, What, corners},
     config::Config,
     notes::{NoteKind, Notes},
     place::Place,
@@ -202,8 +202,11 @@ impl<'c> Conditions<'c> {
                 face
             }
         };
-        let min: [f64; 3] = std::array::from_fn(|a| drawn_in(center[a] - half[a], 1.0));
-        let max: [f64; 3] = std::array::from_fn(|a| drawn_in(center[a] + half[a], -1.0));
+        let (min, max) = corners(center, half);
+        let (min, max) = (
+            min.map(|face| drawn_in(face, 1.0)),
+            max.map(|face| drawn_in(face, -1.0)),
+        );
         let mut keys = format!("min = {min:?} # point - size\nmax = {max:?} # point + size\n");
         if moves {
             keys += &format!("velocity = {velocity:?}\n");
@@ -445,7 +448,6 @@ impl<'c> Conditions<'c> {
 
 /// The selecting key of a box given by centre and half size.
 fn region(center: [f64; 3], half: [f64; 3]) -> String {
-    let min: [f64; 3] = std::array::from_fn(|a| center[a] - half[a]);
-    let max: [f64; 3] = std::array::from_fn(|a| center[a] + half[a]);
+    let (min, max) = corners(center, half);
     format!("box = {{ min = {min:?}, max = {max:?} }} # point -+ size, at rest\n")
 }

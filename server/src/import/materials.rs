@@ -274,10 +274,14 @@ fn foam(lines: &mut Writer, elastic: Elastic, base: &Material, notes: &mut Notes
     lines.law("foam", elastic);
     doubt_no_yield_stress(base, notes);
     lines.number("yield_stress_pa", base.yield_stress, "yield_stress");
-    lines.number(
-        "viscosity_pa_s",
-        base.plastic_viscosity,
+    let viscosity = 0.5 * base.plastic_viscosity;
+    lines.number("viscosity_pa_s", viscosity, "plastic_viscosity / 2");
+    notes.add(
+        NoteKind::Changed,
         "plastic_viscosity",
+        base.plastic_viscosity,
+        viscosity,
+        "half of it: the original's relates norms of stress and strain rate, where a viscosity is that of simple shear",
     );
     lines.number("exponent", 1.0, "the original is linear in the rate");
     hencky(false, notes);

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use super::{
     Options,
+    boundary::corners,
     conditions::Conditions,
     config::{Config, Kind},
     materials::{self, Elastic, Lines},
@@ -316,8 +317,7 @@ fn region(parts: &Parts, region: &super::config::Region, notes: &mut Notes) -> S
     let Parts {
         config, options, ..
     } = parts;
-    let min: [f64; 3] = std::array::from_fn(|a| region.center[a] - region.half_size[a]);
-    let max: [f64; 3] = std::array::from_fn(|a| region.center[a] + region.half_size[a]);
+    let (min, max) = corners(region.center, region.half_size);
     if min.iter().zip(&max).any(|(low, high)| low >= high) {
         notes.ignore(
             format!("{}.size", region.key),

@@ -201,6 +201,6 @@ fn a_stationary_region_of_pixie_is_held() {
         false,
     ));
     let held = &scene["prescribed"][0];
-    assert_eq!(held["box"]["max"][2].as_float(), Some(0.8 - 0.0));
+    assert_eq!(held["box"]["max"][2].as_float(), Some(0.8));
     assert!(held.get("linear_velocity").is_none());
 }
