@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use clap::Subcommand;
 use cosplat_controller::{
     Answer, Controller,
-    order::{MaterialRef, ObjectRef, Order},
+    order::{MaterialRef, MaterialValue, ObjectRef, Order},
     script::Script,
 };
 use cosplat_ipc::{
@@ -64,12 +64,22 @@ enum Ctl {
         #[arg(long, num_args = 3, allow_negative_numbers = true)]
         angular: Option<Vec<f64>>,
     },
-    /// Set an object's material by preset name.
+    /// Set an object's material: a preset, a law with its numbers, or a preset with other numbers.
     SetMaterial {
         /// Object name or id.
         object: ObjectRef,
         /// Preset name.
-        preset: String,
+        #[arg(required_unless_present = "law")]
+        preset: Option<String>,
+        /// Law, as in a scene file.
+        #[arg(long)]
+        law: Option<String>,
+        /// A number of the material by its key in a scene file; repeatable.
+        #[arg(long = "set", value_name = "KEY=NUMBER", value_parser = key_and_number)]
+        numbers: Vec<(String, f64)>,
+        /// Only this region of the object, counted from 1.
+        #[arg(long, default_value_t = 0, hide_default_value = true)]
+        region: u32,
     },
     /// Set gravity.
     Gravity {
@@ -113,12 +123,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 .with_context(|| format!("cannot read {}", file.display()))?;
             let script = Script::parse(&text).with_context(|| format!("in {}", file.display()))?;
             let mut controller = Controller::connect(&domain, &args.session, timeout)?;
-            report(args, &controller.run(&script, &preset)?)
+            report(args, &controller.run(&script, &material)?)
         }
         _ => {
             let order = order(&args.order)?;
             let mut controller = Controller::connect(&domain, &args.session, timeout)?;
-            report(args, &controller.send(&[(args.at_step, order)], &preset)?)
+            report(args, &controller.send(&[(args.at_step, order)], &material)?)
         }
     }
 }
@@ -150,9 +160,20 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
                 .transpose()?
                 .unwrap_or_default(),
         },
-        Ctl::SetMaterial { object, preset } => Order::SetMaterial {
+        Ctl::SetMaterial {
+            object,
+            preset,
+            law,
+            numbers,
+            region,
+        } => Order::SetMaterial {
             object: object.clone(),
-            material: MaterialRef::Preset(preset.clone()),
+            region: *region,
+            material: MaterialRef::Value(MaterialValue {
+                preset: preset.clone(),
+                law: law.clone(),
+                numbers: numbers.iter().cloned().collect(),
+            }),
         },
         Ctl::Gravity { gravity } => Order::Gravity {
             gravity: vector(gravity)?,
@@ -171,14 +192,32 @@ fn vector(numbers: &[f64]) -> anyhow::Result<[f64; 3]> {
         .with_context(|| format!("{} numbers, expected 3", numbers.len()))
 }
 
-/// The wire form of a material preset.
-fn preset(name: &str) -> Result<MaterialSpec, String> {
-    let material = Material::preset(name).map_err(|error| error.to_string())?;
+/// Parses `KEY=NUMBER`.
+fn key_and_number(text: &str) -> Result<(String, f64), String> {
+    let (key, number) = text
+        .split_once('=')
+        .ok_or_else(|| format!("expected KEY=NUMBER, found {text:?}"))?;
+    let number = number
+        .trim()
+        .parse()
+        .map_err(|_| format!("{number:?} is not a number"))?;
+    Ok((key.trim().to_owned(), number))
+}
+
+/// The wire form of a material.
+fn material(value: &MaterialValue) -> Result<MaterialSpec, String> {
+    let numbers = value
+        .numbers
+        .iter()
+        .map(|(key, number)| (key.as_str(), *number));
+    let material = Material::stated(value.preset.as_deref(), value.law.as_deref(), numbers)
+        .map_err(|error| error.to_string())?;
     Ok(MaterialSpec {
         law: material.law.id(),
-        reserved: 0,
+        region: 0,
         youngs_modulus: material.youngs_modulus,
         poisson_ratio: material.poisson_ratio,
+        parameters: material.law.parameters(),
     })
 }
 

@@ -3,7 +3,7 @@
 use cosplat_ipc::schema::{self as wire, padded};
 use cosplat_sim_core::{
     Action, ObjectState, Scene,
-    materials::{Law, Material},
+    materials::{Law, Material, laws::LAWS},
     scene::Object,
 };
 
@@ -17,7 +17,7 @@ pub enum WireError {
         kind: u32,
     },
     /// `material.law` is none of the known ones.
-    #[error("material law {law} is unknown: expected 1 (fixed corotated) or 2 (neo-Hookean)")]
+    #[error("material law {law} is unknown: expected 1 to {}", LAWS.len())]
     UnknownLaw {
         /// The value sent.
         law: u32,
@@ -61,7 +61,7 @@ pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
         },
         wire::COMMAND_SET_MATERIAL => Action::SetMaterial {
             object,
-            region: None,
+            region: (command.material.region as usize).checked_sub(1),
             material: material_from_wire(&command.material)?,
         },
         wire::COMMAND_SET_GRAVITY => Action::SetGravity {
@@ -77,15 +77,14 @@ pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
 }
 
 fn material_from_wire(spec: &wire::MaterialSpec) -> Result<Material, WireError> {
-    let law = [Law::FixedCorotated, Law::NeoHookean]
-        .into_iter()
-        .find(|law| law.id() == spec.law)
+    let law = Law::from_parameters(spec.law, spec.parameters)
         .ok_or(WireError::UnknownLaw { law: spec.law })?;
+    let elastic = |value| if law.is_elastic() { value } else { 0.0 };
     Ok(Material {
         name: "edited".into(),
         law,
-        youngs_modulus: spec.youngs_modulus,
-        poisson_ratio: spec.poisson_ratio,
+        youngs_modulus: elastic(spec.youngs_modulus),
+        poisson_ratio: elastic(spec.poisson_ratio),
         // An edit keeps the object's mass, so its density is not read; any valid value will do.
         density: 1.0,
     })
@@ -168,16 +167,61 @@ mod tests {
         let command = wire::Command {
             kind: wire::COMMAND_SET_MATERIAL,
             material: wire::MaterialSpec {
-                law: 9,
+                law: 77,
                 ..Default::default()
             },
             ..Default::default()
         };
-        assert!(
-            order_from_wire(&command)
-                .unwrap_err()
-                .to_string()
-                .contains('9')
+        let error = order_from_wire(&command).expect_err("77 is no law");
+        assert_eq!(
+            error.to_string(),
+            "material law 77 is unknown: expected 1 to 9"
         );
+    }
+
+    #[test]
+    fn materials_of_every_law_arrive_with_their_parameters_and_region() {
+        for (n, law) in LAWS.iter().enumerate() {
+            let parameters = [0.25, 1.5, 2.0, 0.0];
+            let command = wire::Command {
+                kind: wire::COMMAND_SET_MATERIAL,
+                object: 3,
+                material: wire::MaterialSpec {
+                    law: law.id,
+                    region: n as u32,
+                    youngs_modulus: 1e6,
+                    poisson_ratio: 0.3,
+                    parameters,
+                },
+                ..Default::default()
+            };
+            let Ok(Order::World(Action::SetMaterial {
+                object,
+                region,
+                material,
+            })) = order_from_wire(&command)
+            else {
+                panic!("a material is an order to the world");
+            };
+            assert_eq!((object, region), (3, n.checked_sub(1)));
+            assert_eq!(Law::from_parameters(law.id, parameters), Some(material.law));
+            assert_eq!(material.youngs_modulus, if law.elastic { 1e6 } else { 0.0 });
+        }
+    }
+
+    #[test]
+    fn the_wire_format_document_lists_the_laws() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/wire-format.md");
+        let text = std::fs::read_to_string(path).expect("the document");
+        for law in LAWS {
+            let keys: Vec<_> = law
+                .parameters
+                .iter()
+                .map(|p| format!("`{}`", p.key))
+                .collect();
+            let row = format!("| {} | `{}` | {} |", law.id, law.name, keys.join(", "));
+            let row = row.replace("|  |", "| |");
+            assert!(text.contains(&row), "no row {row:?}");
+        }
     }
 }

@@ -19,9 +19,9 @@ fn malformed() -> Vec<(&'static str, wire::Command)> {
     };
     let material = wire::MaterialSpec {
         law: 1,
-        reserved: 0,
         youngs_modulus: 1e5,
         poisson_ratio: 0.3,
+        ..Default::default()
     };
     let set_material = wire::Command {
         kind: wire::COMMAND_SET_MATERIAL,
@@ -150,6 +150,49 @@ fn malformed() -> Vec<(&'static str, wire::Command)> {
             wire::Command {
                 material: wire::MaterialSpec {
                     poisson_ratio: 0.5,
+                    ..material
+                },
+                ..set_material
+            },
+        ),
+        (
+            "unknown region",
+            wire::Command {
+                material: wire::MaterialSpec {
+                    region: 5,
+                    ..material
+                },
+                ..set_material
+            },
+        ),
+        (
+            "metal without strength for a number",
+            wire::Command {
+                material: wire::MaterialSpec {
+                    law: 3,
+                    parameters: [f64::NAN, 0.0, 0.0, 0.0],
+                    ..material
+                },
+                ..set_material
+            },
+        ),
+        (
+            "sand steeper than a wall",
+            wire::Command {
+                material: wire::MaterialSpec {
+                    law: 4,
+                    parameters: [90.0, 0.0, 0.0, 0.0],
+                    ..material
+                },
+                ..set_material
+            },
+        ),
+        (
+            "fluid of absurd viscosity",
+            wire::Command {
+                material: wire::MaterialSpec {
+                    law: 8,
+                    parameters: [1e5, 1e8, 0.0, 0.0],
                     ..material
                 },
                 ..set_material

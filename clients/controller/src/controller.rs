@@ -9,7 +9,7 @@ use cosplat_ipc::{
 };
 
 use crate::{
-    order::{Lookup, Order, OrderError},
+    order::{Lookup, Materials, Order, OrderError},
     script::{Script, step_at},
 };
 
@@ -84,11 +84,11 @@ impl Controller {
     pub fn send(
         &mut self,
         orders: &[(u64, Order)],
-        preset: &dyn Fn(&str) -> Result<wire::MaterialSpec, String>,
+        materials: Materials<'_>,
     ) -> Result<Vec<Answer>, ControlError> {
         let lookup = Lookup {
             objects: &self.objects,
-            preset,
+            materials,
         };
         let commands = orders
             .iter()
@@ -114,7 +114,7 @@ impl Controller {
     pub fn run(
         &mut self,
         script: &Script,
-        preset: &dyn Fn(&str) -> Result<wire::MaterialSpec, String>,
+        materials: Materials<'_>,
     ) -> Result<Vec<Answer>, ControlError> {
         let orders: Vec<_> = script
             .order
@@ -127,7 +127,7 @@ impl Controller {
                 (step, timed.order.clone())
             })
             .collect();
-        self.send(&orders, preset)
+        self.send(&orders, materials)
     }
 }
 

@@ -1,5 +1,7 @@
 //! What a person or script orders, in names and SI units, and the wire command it becomes.
 
+use std::collections::BTreeMap;
+
 use cosplat_ipc::schema as wire;
 use serde::Deserialize;
 
@@ -33,7 +35,10 @@ pub enum Order {
     SetMaterial {
         /// Object name or id.
         object: ObjectRef,
-        /// Preset name or law with parameters.
+        /// Number of the region, from 1; without it the whole object.
+        #[serde(default)]
+        region: u32,
+        /// Preset name, or preset or law with numbers.
         material: MaterialRef,
     },
     /// New gravity [m/s^2].
@@ -75,28 +80,26 @@ impl std::str::FromStr for ObjectRef {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(untagged)]
 pub enum MaterialRef {
-    /// Name of a preset; whoever runs the order knows the table.
+    /// Name of a preset.
     Preset(String),
-    /// Law and parameters.
-    Value {
-        /// `fixed-corotated` or `neo-hookean`.
-        law: LawName,
-        /// Young's modulus [Pa].
-        youngs_modulus_pa: f64,
-        /// Poisson's ratio.
-        poisson_ratio: f64,
-    },
+    /// Law and numbers.
+    Value(MaterialValue),
 }
 
-/// Constitutive laws by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LawName {
-    /// Fixed corotated elasticity.
-    FixedCorotated,
-    /// Neo-Hookean elasticity.
-    NeoHookean,
+/// A material in the words of a scene file; whoever runs the order knows the table of laws.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+pub struct MaterialValue {
+    /// Preset to start from.
+    pub preset: Option<String>,
+    /// Law by name; that of the preset without.
+    pub law: Option<String>,
+    /// Numbers by their keys, as in a scene file.
+    #[serde(flatten)]
+    pub numbers: BTreeMap<String, f64>,
 }
+
+/// What turns a material's words into its wire form; the error is a sentence.
+pub type Materials<'a> = &'a dyn Fn(&MaterialValue) -> Result<wire::MaterialSpec, String>;
 
 /// Why an order cannot be put on the wire.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -109,9 +112,9 @@ pub enum OrderError {
         /// Names there are.
         known: String,
     },
-    /// No preset of that name.
+    /// No such material.
     #[error("{0}")]
-    UnknownPreset(String),
+    Material(String),
 }
 
 /// Radius of a push at a point when the order names none [m].
@@ -121,8 +124,8 @@ pub const DEFAULT_PUSH_RADIUS: f64 = 0.05;
 pub struct Lookup<'a> {
     /// Object names, by id.
     pub objects: &'a [String],
-    /// Material presets by name; the error is a sentence.
-    pub preset: &'a dyn Fn(&str) -> Result<wire::MaterialSpec, String>,
+    /// Materials.
+    pub materials: Materials<'a>,
 }
 
 impl Lookup<'_> {
@@ -142,23 +145,20 @@ impl Lookup<'_> {
         }
     }
 
-    fn material(&self, reference: &MaterialRef) -> Result<wire::MaterialSpec, OrderError> {
-        match reference {
-            MaterialRef::Preset(name) => (self.preset)(name).map_err(OrderError::UnknownPreset),
-            MaterialRef::Value {
-                law,
-                youngs_modulus_pa,
-                poisson_ratio,
-            } => Ok(wire::MaterialSpec {
-                law: match law {
-                    LawName::FixedCorotated => 1,
-                    LawName::NeoHookean => 2,
-                },
-                reserved: 0,
-                youngs_modulus: *youngs_modulus_pa,
-                poisson_ratio: *poisson_ratio,
+    fn material(
+        &self,
+        reference: &MaterialRef,
+        region: u32,
+    ) -> Result<wire::MaterialSpec, OrderError> {
+        let spec = match reference {
+            MaterialRef::Preset(name) => (self.materials)(&MaterialValue {
+                preset: Some(name.clone()),
+                ..Default::default()
             }),
-        }
+            MaterialRef::Value(value) => (self.materials)(value),
+        };
+        let spec = spec.map_err(OrderError::Material)?;
+        Ok(wire::MaterialSpec { region, ..spec })
     }
 }
 
@@ -197,10 +197,14 @@ impl Order {
                 point: *angular,
                 ..empty
             },
-            Order::SetMaterial { object, material } => wire::Command {
+            Order::SetMaterial {
+                object,
+                region,
+                material,
+            } => wire::Command {
                 kind: wire::COMMAND_SET_MATERIAL,
                 object: lookup.object(object)?,
-                material: lookup.material(material)?,
+                material: lookup.material(material, *region)?,
                 ..empty
             },
             Order::Gravity { gravity } => wire::Command {
@@ -230,7 +234,14 @@ mod tests {
     fn wired(order: &Order) -> Result<wire::Command, OrderError> {
         order.to_wire(&Lookup {
             objects: &["left".into(), "right".into()],
-            preset: &|name| Err(format!("no preset {name}")),
+            materials: &|value| match value.law.as_deref() {
+                Some("von_mises") => Ok(wire::MaterialSpec {
+                    law: 3,
+                    parameters: [value.numbers["yield_stress_pa"], 0.0, 0.0, 0.0],
+                    ..Default::default()
+                }),
+                _ => Err(format!("no material {value:?}")),
+            },
         })
     }
 
@@ -259,5 +270,19 @@ mod tests {
         let command = wired(&order).expect("valid");
         assert_eq!(command.kind, wire::COMMAND_IMPULSE_AT);
         assert_eq!(command.radius, DEFAULT_PUSH_RADIUS);
+    }
+
+    #[test]
+    fn a_material_is_a_name_or_a_table_and_may_be_for_a_region() {
+        let order = |material: &str| {
+            let text = format!("action = 'set-material'\nobject = 'left'\n{material}");
+            toml::from_str::<Order>(&text).expect("valid")
+        };
+        let material = "region = 2\nmaterial = { law = 'von_mises', yield_stress_pa = 5 }";
+        let command = wired(&order(material)).expect("known");
+        assert_eq!((command.material.law, command.material.region), (3, 2));
+        assert_eq!(command.material.parameters[0], 5.0);
+        let error = wired(&order("material = 'unobtainium'")).expect_err("no such preset");
+        assert!(error.to_string().contains("unobtainium"), "{error}");
     }
 }

@@ -256,8 +256,10 @@ twin! {
     /// Material of a journal entry.
     MaterialRecord of MaterialSpec {
         law: u32,
+        region: u32,
         youngs_modulus: f64,
         poisson_ratio: f64,
+        parameters: [f64; 4],
     }
 }
 
@@ -426,10 +428,11 @@ mod tests {
                 point: [awkward(4), awkward(5), awkward(6)],
                 radius: awkward(4),
                 material: wire::MaterialSpec {
-                    law: 2,
+                    law: 6,
+                    region: 2,
                     youngs_modulus: 1e6 / 3.0,
                     poisson_ratio: 0.3,
-                    ..Default::default()
+                    parameters: [awkward(3), awkward(1), 0.4, 0.0],
                 },
             },
         };

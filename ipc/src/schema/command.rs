@@ -11,7 +11,7 @@ pub const COMMAND_IMPULSE: u32 = 1;
 pub const COMMAND_IMPULSE_AT: u32 = 2;
 /// Give `object` the velocity `vector` [m/s] and the spin `point` [rad/s].
 pub const COMMAND_SET_VELOCITY: u32 = 3;
-/// Give `object` the material `material`.
+/// Give `object`, or one region of it, the material `material`; mass stays.
 pub const COMMAND_SET_MATERIAL: u32 = 4;
 /// Set gravity to `vector` [m/s^2].
 pub const COMMAND_SET_GRAVITY: u32 = 5;
@@ -24,19 +24,21 @@ pub const COMMAND_RESET: u32 = 8;
 /// Shut the server down cleanly.
 pub const COMMAND_STOP: u32 = 9;
 
-/// Law and parameters of a material.
+/// Law and parameters of a material; `docs/wire-format.md` lists the laws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("cosplat.v1.MaterialSpec")]
 #[repr(C)]
 pub struct MaterialSpec {
-    /// 1 fixed corotated, 2 neo-Hookean.
+    /// Constitutive law, 1 to 9.
     pub law: u32,
-    /// Zero.
-    pub reserved: u32,
-    /// Young's modulus [Pa].
+    /// 0 for the whole object, `n` for its region `n`, counted from 1.
+    pub region: u32,
+    /// Young's modulus [Pa]; not read for fluid and rigid matter.
     pub youngs_modulus: f64,
-    /// Poisson's ratio.
+    /// Poisson's ratio; not read for fluid and rigid matter.
     pub poisson_ratio: f64,
+    /// What else the law needs, in the order of `docs/wire-format.md`; the rest zero.
+    pub parameters: [f64; 4],
 }
 
 /// One order. Fields that a kind does not name are zero.

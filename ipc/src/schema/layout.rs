@@ -147,13 +147,14 @@ wire_types! {
         96 feature_dim: u32,
         100 reserved: u32,
     }
-    "cosplat.v1.MaterialSpec" MaterialSpec: 24 align 8 {
+    "cosplat.v1.MaterialSpec" MaterialSpec: 56 align 8 {
         0 law: u32,
-        4 reserved: u32,
+        4 region: u32,
         8 youngs_modulus: f64,
         16 poisson_ratio: f64,
+        24 parameters: [f64; 4],
     }
-    "cosplat.v1.Command" Command: 104 align 8 {
+    "cosplat.v1.Command" Command: 136 align 8 {
         0 kind: u32,
         4 object: u32,
         8 sequence: u64,
@@ -175,7 +176,7 @@ wire_types! {
         20 reserved: u32,
         24 reason: [u8; 168],
     }
-    "cosplat.v1.AppliedCommand" AppliedCommand: 120 align 8 {
+    "cosplat.v1.AppliedCommand" AppliedCommand: 152 align 8 {
         0 step: u64,
         8 client: u64,
         16 command: Command,

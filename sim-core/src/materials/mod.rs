@@ -13,6 +13,7 @@ pub mod polar;
 pub mod presets;
 pub mod series;
 pub mod snow;
+pub mod stated;
 pub mod svd;
 pub mod von_mises;
 
