@@ -229,6 +229,11 @@ fn extreme_states_give_finite_answers() {
                 1 => f = Mat3::diagonal([0.0, -2.0, 3.0]),
                 2 => f = f.blend(-1.0, &f, 0.0),
                 3 => f = Mat3([[1.0; 3]; 3]),
+                5 => {
+                    // A mirror image, near the identity in F F^T.
+                    let (a, _) = random.deformation(0.98, 1.02, false);
+                    f = Mat3::diagonal([1.0, -1.0, 1.0]).mul(&a);
+                }
                 4 => f = f.blend(1e4, &f, 0.0),
                 _ => {}
             }
@@ -286,8 +291,12 @@ fn series_and_eigenvectors_give_the_same_flow() {
         let k = coefficients(law);
         let mut random = Random::new(38);
         for case in 0..3_000 {
-            let (low, high) = [(0.995, 1.005), (0.98, 1.02), (0.9, 1.1)][case % 3];
-            let (f, _) = random.deformation(low, high, false);
+            let (low, high) = [(0.995, 1.005), (0.98, 1.02), (0.9, 1.1), (0.93, 1.0)][case % 4];
+            let (mut f, _) = random.deformation(low, high, false);
+            if case % 4 == 3 {
+                // Swollen or crushed as a whole.
+                f = f.blend([1.3, 0.8, 1.1][case % 3], &f, 0.0);
+            }
             let trial = trial(&f, 0.1 * random.uniform(0.0, 1.0), DT);
             let by_series = law.respond(&trial, &k);
             let exact = match law {

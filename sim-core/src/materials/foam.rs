@@ -18,7 +18,9 @@ use crate::num::Real;
 pub const EXPONENT_MIN: f64 = 0.2;
 
 /// Newton steps for the flow amount; see the test of the residual.
-const STEPS: usize = 8;
+const fn steps(epsilon: f64) -> usize {
+    if epsilon > 1e-10 { 6 } else { 8 }
+}
 
 /// Less viscosity than this is none [Pa s^n]: with none the equations read `0 / 0` at `dt = 0`.
 const VISCOSITY_MIN: f64 = 1e-12;
@@ -74,7 +76,7 @@ fn share<R: Real>(excess: R, dt: R, ln_q0: R, n: f64) -> R {
         .mul_add(R::splat(n), ln_excess.mul_add(R::splat(1.0 - n), ln_q0));
     let q = ln_q.min(R::splat(LN_Q_MAX)).exp();
     let mut w = q.min(one);
-    for _ in 0..STEPS {
+    for _ in 0..steps(R::EPSILON) {
         // q w^(1/n - 1)
         let p = q * (w.ln() * m_less_one).exp();
         w = w - (p.mul_add(w, w) - q) / p.mul_add(m, one);

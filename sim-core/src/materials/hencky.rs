@@ -5,7 +5,7 @@
 //! `|dev eps|` and keeps the principal directions, so a law is a function of two scalars; the flow is carried
 //! back by `F <- exp(eps_new - eps) F`.
 //!
-//! No law here needs eigenvectors as long as the elastic strain is moderate: logarithm and exponential come from
+//! No law here needs eigenvectors as long as the elastic change of shape is moderate: logarithm and exponential come from
 //! [`series`](super::series). Lanes beyond that bound, crushed and inverted ones among them, take the singular
 //! value decomposition; a lane's result never depends on what its neighbours do.
 
@@ -13,7 +13,7 @@ use super::{
     Coefficients, Law, Response, Trial, drucker_prager, foam,
     limits::max_stretch_squared_of,
     plasticine,
-    series::{LOG_BOUND, exp_minus_identity, half_log},
+    series::{LOG_BOUND, TRACE_BOUND, exp_minus_identity, half_log},
     svd::svd,
     von_mises,
 };
@@ -75,10 +75,11 @@ fn flow<R: Real>(law: Law, strain: &Strain<R>, k: &Coefficients<R>) -> Flow<R> {
 #[inline(always)]
 pub fn respond<R: Real>(law: Law, trial: &Trial<R>, k: &Coefficients<R>) -> Response<R> {
     let x = stretch_minus_identity(&trial.f);
-    let (eps, norm_squared) = half_log(&x);
-    let near = norm_squared.lt(R::splat(LOG_BOUND * LOG_BOUND));
+    let (eps, near) = logarithm(&x, &trial.f);
     let strain = measure(&eps, trial);
     let flow = flow(law, &strain, k);
+    let leap = (flow.trace - strain.trace).abs();
+    let near = near & leap.lt(R::splat(TRACE_BOUND));
 
     let mut f = trial.f;
     let mut new = eps;
@@ -172,8 +173,7 @@ pub fn respond_by_svd<R: Real>(law: Law, trial: &Trial<R>, k: &Coefficients<R>) 
 #[inline(always)]
 pub fn energy_density<R: Real>(law: Law, f: &Mat3<R>, memory: R, k: &Coefficients<R>) -> R {
     let x = stretch_minus_identity(f);
-    let (eps, norm_squared) = half_log(&x);
-    let near = norm_squared.lt(R::splat(LOG_BOUND * LOG_BOUND));
+    let (eps, near) = logarithm(&x, f);
     let mut trace = eps[0] + (eps[3] + eps[5]);
     let mut squared = deviator_squared(&eps, trace);
     if R::any(!near) {
@@ -210,6 +210,36 @@ fn stretch_minus_identity<R: Real>(f: &Mat3<R>) -> Sym3<R> {
         p[4] + (b[2] + c[1]),
         p[5] + (c[2] + c[2]),
     ]
+}
+
+/// Mean of `F F^T - I` from which on the strain is taken about that mean instead of about 1.
+const SWOLLEN: f64 = 0.1;
+
+/// `ln(I + X) / 2` for `X = F F^T - I`, and the lanes where the series is exact to round-off: any volume, moderate
+/// change of shape, and not inverted, which `X` does not show.
+#[inline(always)]
+fn logarithm<R: Real>(x: &Sym3<R>, f: &Mat3<R>) -> (Sym3<R>, R::Mask) {
+    let zero = R::splat(0.0);
+    let mean = (x[0] + (x[3] + x[5])) * R::splat(1.0 / 3.0);
+    let swollen = R::splat(SWOLLEN).lt(mean.abs());
+    let mut about = *x;
+    let mut half_ln = zero;
+    if R::any(swollen) {
+        // I + X = (1 + m) (I + X'); in the other lanes m is 0, which changes no bit.
+        let m = R::select(swollen, mean, zero);
+        let scale = R::splat(1.0) + m;
+        half_ln = scale.ln() * R::splat(0.5);
+        for n in 0..6 {
+            let diagonal = n == 0 || n == 3 || n == 5;
+            about[n] = (if diagonal { x[n] - m } else { x[n] }) / scale;
+        }
+    }
+    let (mut eps, norm_squared) = half_log(&about);
+    for n in [0, 3, 5] {
+        eps[n] = eps[n] + half_ln;
+    }
+    let near = norm_squared.lt(R::splat(LOG_BOUND * LOG_BOUND));
+    (eps, near & zero.lt(f.det()))
 }
 
 #[inline(always)]
