@@ -6,6 +6,7 @@
 
 pub mod assets;
 pub mod binding;
+mod colliders;
 pub mod command;
 pub mod diagram;
 pub mod fill;

@@ -4,7 +4,6 @@ pub(crate) mod boundary;
 mod node_pass;
 mod topology;
 
-pub(crate) use boundary::Boundary;
 pub(crate) use node_pass::node_pass;
 pub(crate) use topology::OFFSETS;
 
@@ -69,7 +68,7 @@ pub(crate) struct NodeBlock {
     pub index: [i32; 3],
     /// Particle blocks around it, offsets -1..=1 per axis, z fastest, or [`NONE`].
     pub tiles: [u32; 27],
-    /// Whether a collider or pinned region covers one of its nodes.
+    /// Whether a collider or region that always acts in one place covers one of its nodes.
     pub constrained: bool,
 }
 

@@ -2,8 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::{Boundary, Grid, NONE, NodeBlock, Tile, Velocities, topology::OFFSETS};
+use super::{
+    Grid, NONE, NodeBlock, Tile, Velocities,
+    boundary::{corners, covers_block, near_block},
+    topology::OFFSETS,
+};
 use crate::{
+    colliders::NodeConditions,
     particles::BLOCK,
     simd::{F32x16, Isa, Lanes, Portable},
 };
@@ -17,18 +22,27 @@ const LIGHTEST: f32 = 1e-24;
 /// Node blocks per task at least.
 const TASK: usize = 16;
 
+/// Largest speeds on the grid in one substep [cells/s].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fastest {
+    /// Largest component before boundaries, relative to the carrier; NaN or infinite when a node is.
+    pub relative: f32,
+    /// Of boundaries that touch nodes.
+    pub boundary: f32,
+}
+
 /// Turns tiles into node velocities. They are relative to the velocity `carrier` [cells/s], which holds all that
-/// gravity adds. Returns the largest relative velocity component before boundaries [cells/s], NaN or infinite when
-/// a node is.
+/// gravity adds. `moving` are those of `boundaries` that move, or come and go.
 ///
 /// `keep` is what damping leaves of a velocity, 0..=1; the carrier's share of it is the caller's.
 pub(crate) fn node_pass(
     isa: Isa,
     grid: &mut Grid,
-    boundary: &Boundary,
+    boundaries: &NodeConditions<'_>,
+    moving: &NodeConditions<'_>,
     carrier: [f64; 3],
     keep: f32,
-) -> f32 {
+) -> Fastest {
     let Grid {
         tiles,
         nodes,
@@ -51,14 +65,22 @@ pub(crate) fn node_pass(
                 Isa::Avx2 => unsafe { node_block_avx2(block, tiles, keep, out) },
                 _ => node_block::<Portable>(block, tiles, keep, out),
             };
-            if block.constrained {
-                constrain(block, boundary, carrier, out);
+            let mut given = 0;
+            if block.constrained || covers_block(moving, block.index) {
+                let near = near_block(boundaries, block.index);
+                if !near.is_empty() {
+                    let [first, last] = corners(block.index);
+                    given = (near.speed(first, last) as f32).to_bits();
+                    constrain(block, &near, carrier, out);
+                }
             }
-            largest
+            [largest, given]
         })
-        .max()
-        .unwrap_or(0);
-    f32::from_bits(largest)
+        .reduce(|| [0; 2], |a, b| [a[0].max(b[0]), a[1].max(b[1])]);
+    Fastest {
+        relative: f32::from_bits(largest[0]),
+        boundary: f32::from_bits(largest[1]),
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -148,14 +170,19 @@ fn node_block<V: Lanes>(block: &NodeBlock, tiles: &[Tile], keep: f32, out: &mut 
     largest.largest_magnitude_bits()
 }
 
-/// Applies colliders and pinned regions to the nodes of a block, one by one.
-fn constrain(block: &NodeBlock, boundary: &Boundary, carrier: [f64; 3], out: &mut Velocities) {
+/// Applies colliders and held regions to the nodes of a block, one by one.
+fn constrain(
+    block: &NodeBlock,
+    boundaries: &NodeConditions<'_>,
+    carrier: [f64; 3],
+    out: &mut Velocities,
+) {
     for (row, nodes) in out.0.iter_mut().enumerate() {
         for (k, node) in nodes.0.chunks_exact_mut(4).enumerate() {
             let local = [row / 4, row % 4, k];
             let x = std::array::from_fn(|a| f64::from(BLOCK * block.index[a] + local[a] as i32));
             let v = std::array::from_fn(|a| f64::from(node[a]) + carrier[a]);
-            let v = boundary.constrain(x, v);
+            let v = boundaries.constrain(x, v, 1.0);
             for a in 0..3 {
                 node[a] = (v[a] - carrier[a]) as f32;
             }

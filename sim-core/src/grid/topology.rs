@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::{Boundary, Grid, NONE, NodeBlock, Tile, Velocities};
-use crate::{particles::Block, simd::F32x16};
+use super::{Grid, NONE, NodeBlock, Tile, Velocities, boundary::covers_block};
+use crate::{colliders::NodeConditions, particles::Block, simd::F32x16};
 
 /// Neighbour offsets, z fastest.
 pub(crate) const OFFSETS: [[i32; 3]; 27] = {
@@ -39,8 +39,8 @@ fn shifted(index: [i32; 3], offset: [i32; 3]) -> [i32; 3] {
 }
 
 impl Grid {
-    /// Rebuilds the grid for newly sorted particle blocks.
-    pub fn rebuild(&mut self, blocks: &[Block], boundary: &Boundary) {
+    /// Rebuilds the grid for newly sorted particle blocks; `fixed` is what always acts in one place.
+    pub fn rebuild(&mut self, blocks: &[Block], fixed: &NodeConditions<'_>) {
         let mut indices: Vec<[i32; 3]> = Vec::with_capacity(27 * blocks.len());
         for block in blocks {
             indices.extend(OFFSETS.map(|offset| shifted(block.index, offset)));
@@ -52,7 +52,7 @@ impl Grid {
             .map(|&index| NodeBlock {
                 index,
                 tiles: neighbours(blocks, index, |block| block.index),
-                constrained: boundary.covers_block(index),
+                constrained: covers_block(fixed, index),
             })
             .collect();
         self.nodes_of = blocks

@@ -4,13 +4,13 @@
 //! and symplectic Euler, written from the equations, one particle and one node at a time. No guard: a time step
 //! beyond the stability limit blows up, as it must.
 
-mod boundary;
 mod commands;
 mod grid;
 mod motion;
 mod time_step;
 
 use crate::{
+    colliders::{Boundaries, Paths, Substep},
     command::Command,
     mat3::Mat3,
     materials::{Coefficients, Material, Trial},
@@ -18,7 +18,6 @@ use crate::{
     report::StepReport,
     scene::{Aabb, Part, Scene},
 };
-use boundary::constrain;
 use grid::{Grid, Stencil};
 pub use time_step::TimeStep;
 
@@ -33,6 +32,8 @@ pub struct ReferenceWorld {
     materials: Vec<Material>,
     steps: u64,
     sim_time: f64,
+    boundaries: Boundaries,
+    paths: Paths,
 }
 
 /// Particle state, SI units, world frame.
@@ -110,13 +111,15 @@ impl ReferenceWorld {
             parts: scene.parts(),
             steps: 0,
             sim_time: 0.0,
+            boundaries: Boundaries::new(scene, 1.0),
+            paths: vec![None; scene.colliders.len()],
             scene: scene.clone(),
         }
     }
 
     /// Applies the commands, then advances by `frame_dt` [s] with substeps of the scene's `cfl`.
     pub fn step(&mut self, frame_dt: f64, commands: &[Command]) -> StepReport {
-        let mut frame = self.begin(commands);
+        let mut frame = self.begin(commands, frame_dt);
         let mut remaining = frame_dt;
         while remaining > 0.0 {
             let limit = self.time_step();
@@ -124,7 +127,7 @@ impl ReferenceWorld {
             let shares = (remaining / limit.dt).ceil().max(1.0);
             let dt = remaining / shares;
             let cause = if shares > 1.0 { limit } else { TimeStep::FRAME };
-            self.substep(dt, cause, &mut frame.report);
+            self.substep(dt, cause, &mut frame);
             remaining = if shares > 1.0 { remaining - dt } else { 0.0 };
         }
         self.finish(frame)
@@ -132,9 +135,9 @@ impl ReferenceWorld {
 
     /// Applies the commands, then takes exactly these substeps [s]: for comparison with another solver.
     pub fn step_with(&mut self, substeps: &[f64], commands: &[Command]) -> StepReport {
-        let mut frame = self.begin(commands);
+        let mut frame = self.begin(commands, substeps.iter().sum());
         for &dt in substeps {
-            self.substep(dt, TimeStep::FRAME, &mut frame.report);
+            self.substep(dt, TimeStep::FRAME, &mut frame);
         }
         self.finish(frame)
     }
@@ -144,7 +147,9 @@ impl ReferenceWorld {
         time_step::time_step(&self.scene, &self.parts, &self.materials, &self.particles)
     }
 
-    fn substep(&mut self, dt: f64, cause: TimeStep, report: &mut StepReport) {
+    fn substep(&mut self, dt: f64, cause: TimeStep, frame: &mut Frame) {
+        let (frame_start, frame_length) = (frame.start_time, frame.length);
+        let report = &mut frame.report;
         let (dx, particles) = (self.scene.dx, &mut self.particles);
         let mut grid = Grid::default();
         let mut stencils: Vec<Option<Stencil>> = vec![None; particles.mass.len()];
@@ -190,13 +195,20 @@ impl ReferenceWorld {
         }
 
         // Grid: momentum to velocity, gravity, boundaries.
+        let substep = Substep {
+            time: self.sim_time,
+            dt,
+            frame_start,
+            frame_length,
+        };
+        let boundaries = self.boundaries.on_nodes(&self.paths, &substep);
         let keep = self.scene.conditions.damping_factor(dt);
         for (index, node) in &mut grid.nodes {
             let x = index.map(|i| f64::from(i) * dx);
             let velocity = std::array::from_fn(|i| {
                 keep * (node.momentum[i] / node.mass + dt * self.gravity[i])
             });
-            node.velocity = constrain(&self.scene, x, velocity);
+            node.velocity = boundaries.constrain(x, velocity, dx);
         }
 
         // G2P; then rigid objects move as one body each, all else particle by particle.
@@ -250,15 +262,17 @@ fn contains(domain: &Aabb, x: [f64; 3]) -> bool {
 struct Frame {
     report: StepReport,
     start_time: f64,
+    length: f64,
     start_momentum: Vec<[f64; 3]>,
 }
 
 impl ReferenceWorld {
-    fn begin(&mut self, commands: &[Command]) -> Frame {
+    fn begin(&mut self, commands: &[Command], length: f64) -> Frame {
         self.apply(commands);
         Frame {
             report: StepReport::default(),
             start_time: self.sim_time,
+            length,
             start_momentum: self.objects().iter().map(momentum).collect(),
         }
     }

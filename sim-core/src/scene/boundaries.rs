@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::{Aabb, Scene};
 use crate::mat3::dot;
 
@@ -39,7 +41,7 @@ impl Default for TimeSpan {
 }
 
 /// Where a collider is: `world_from_collider`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// World position of the collider's origin [m].
     pub translation: [f64; 3],

@@ -9,6 +9,7 @@ use super::{
     time_step::{Limit, MAX_STRAIN, MAX_TRAVEL},
 };
 use crate::{
+    colliders::Substep,
     grid::node_pass,
     materials::Coefficients,
     particles::{Extremes, Flags, Motion, NO_PARTICLE, Particles, Run},
@@ -273,13 +274,12 @@ impl World {
 
     /// Scratch memory and grid for the particles as they are arranged.
     pub(super) fn fit_workspace(&mut self) {
+        let fixed = self.boundaries.fixed_on_nodes(&self.state.paths);
         let particles = &self.state.particles;
         self.workspace.backup.fit(particles);
         let count = particles.groups.len();
         self.workspace.motion.resize(count, Motion::REST);
-        self.workspace
-            .grid
-            .rebuild(&particles.blocks, &self.boundary);
+        self.workspace.grid.rebuild(&particles.blocks, &fixed);
     }
 
     /// Runs one particle pass: gathered motion advances by `dt`, stress acts for `next_dt`.
@@ -344,6 +344,16 @@ impl World {
             .collect()
     }
 
+    /// The substep of size `dt` that comes next.
+    fn substep(&self, frame: &Frame, dt: f64) -> Substep {
+        Substep {
+            time: self.state.sim_time + (frame.length - frame.remaining),
+            dt,
+            frame_start: self.state.sim_time,
+            frame_length: frame.length,
+        }
+    }
+
     /// Runs the grid pass; returns the largest velocity component [cells/s].
     fn nodes(&mut self, frame: &mut Frame, dt: f64) -> f64 {
         let start = Instant::now();
@@ -352,14 +362,20 @@ impl World {
         }
         let keep = self.scene.conditions.damping_factor(dt) as f32;
         self.state.carrier = self.state.carrier.map(|u| u * f64::from(keep));
+        let substep = self.substep(frame, dt);
+        let boundaries = self.boundaries.on_nodes(&self.state.paths, &substep);
+        let moving = self.boundaries.moving_on_nodes(&self.state.paths, &substep);
         let grid = &mut self.workspace.grid;
-        let relative = node_pass(self.isa, grid, &self.boundary, self.state.carrier, keep);
+        let carrier = self.state.carrier;
+        let fastest = node_pass(self.isa, grid, &boundaries, &moving, carrier, keep);
         let carrier = self
             .state
             .carrier
             .iter()
             .fold(0.0, |m: f64, u| m.max(u.abs()));
-        self.state.grid_speed = f64::from(relative) + carrier;
+        // What meets a moving boundary leaves it at most this much faster than either.
+        self.state.grid_speed =
+            f64::from(fastest.relative) + carrier + 2.0 * f64::from(fastest.boundary);
         frame.timings.grid += start.elapsed().as_secs_f64();
         self.state.grid_speed
     }

@@ -30,6 +30,7 @@ impl World {
             carrier: [0.0; 3],
             grid_speed: 0.0,
             removed: vec![],
+            paths: vec![None; scene.colliders.len()],
             momentum: vec![[0.0; 3]; scene.objects.len()],
         };
         self.workspace = Workspace::default();

@@ -20,8 +20,9 @@ pub use error::WorldError;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    colliders::{Boundaries, Paths},
     command::Command,
-    grid::{Boundary, Grid},
+    grid::Grid,
     materials::Material,
     moments::{ParticleArrays, bodies_of, object_moments, total_momentum},
     particles::{Backup, Extremes, Motion, Particles},
@@ -39,7 +40,7 @@ pub struct World {
     scene: Scene,
     parts: Vec<Part>,
     isa: Isa,
-    boundary: Boundary,
+    boundaries: Boundaries,
     state: State,
     workspace: Workspace,
     published: Published,
@@ -74,6 +75,8 @@ struct State {
     grid_speed: f64,
     /// Particles taken out so far, in the order it happened.
     removed: Vec<u32>,
+    /// What commands made of each collider.
+    paths: Paths,
     /// Momentum of every object after the latest frame and the commands since [kg m/s].
     momentum: Vec<[f64; 3]>,
 }
@@ -114,7 +117,7 @@ impl World {
         let mut world = Self {
             isa,
             parts: scene.parts(),
-            boundary: Boundary::new(&scene),
+            boundaries: Boundaries::new(&scene, scene.dx),
             state: State::default(),
             workspace: Workspace::default(),
             published: Published::default(),

@@ -1,0 +1,438 @@
+//! Colliders and held regions as both solvers see them: placed at a moment, with their velocity conditions.
+//!
+//! Lengths are in units of the solver (cells, or metres in the reference), times in seconds, all in `f64`.
+
+pub(crate) mod contact;
+mod mesh;
+pub(crate) mod pose;
+mod shape;
+
+use contact::Contact;
+use pose::{conjugate, pose_at, product, rotate, rotation_vector};
+use serde::{Deserialize, Serialize};
+pub(crate) use shape::Distance;
+use shape::Shape;
+
+use crate::{
+    mat3::{cross, dot},
+    scene::{
+        Aabb, Collider, ColliderMotion, ColliderShape, DomainPolicy, PinnedRegion, Pose, Scene,
+        Surface, TimeSpan,
+    },
+};
+
+/// Distance from a surface below which a node counts as on it [cells]: covers the round-off of scene
+/// coordinates, so that a face meant to run through nodes does.
+pub(crate) const ON_FACE: f64 = 1e-6;
+
+/// Thickness below which nodes inside cannot tell the two sides apart [cells]: the stencil's width and one.
+/// Thinner colliders act on particles.
+const THIN: f64 = 4.0;
+
+/// A moment of simulated time: what a substep needs to know to place a collider.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Substep {
+    /// Simulated time at its start [s].
+    pub time: f64,
+    /// Its size [s].
+    pub dt: f64,
+    /// Start of the frame [s].
+    pub frame_start: f64,
+    /// Length of the frame [s].
+    pub frame_length: f64,
+}
+
+impl Substep {
+    /// Whether it belongs to a span, by its middle: safe from round-off in its ends.
+    pub fn is_in(&self, span: &TimeSpan) -> bool {
+        span.contains(self.time + 0.5 * self.dt)
+    }
+
+    /// Part of the frame that has passed at a moment.
+    fn part(&self, time: f64) -> f64 {
+        if self.frame_length > 0.0 {
+            (time - self.frame_start) / self.frame_length
+        } else {
+            1.0
+        }
+    }
+}
+
+/// The way of a collider through one frame, once a command has moved it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Path {
+    /// Pose at the start of the frame.
+    pub from: Pose,
+    /// Pose at its end.
+    pub to: Pose,
+}
+
+/// What commands made of each collider; plain data, part of the world's state.
+pub(crate) type Paths = Vec<Option<Path>>;
+
+/// All boundaries of a scene, ready to be placed.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Boundaries {
+    bodies: Vec<Body>,
+    regions: Vec<PinnedRegion>,
+    /// Metres per unit of length.
+    unit: f64,
+    /// Cell size in units.
+    cell: f64,
+}
+
+/// A collider without a place.
+#[derive(Clone, Debug)]
+pub(crate) struct Body {
+    shape: Shape,
+    rest: Pose,
+    motion: ColliderMotion,
+    span: TimeSpan,
+    contact: Contact,
+    /// Whether it acts on grid nodes.
+    on_nodes: bool,
+    /// Whether it acts on particles.
+    on_particles: bool,
+    radius: f64,
+}
+
+/// A collider during one substep.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Placed<'a> {
+    pub body: &'a Body,
+    /// Pose at the start of the substep, in units.
+    pub start: Pose,
+    /// Pose at its end.
+    pub end: Pose,
+    /// Velocity of its origin [units/s].
+    linear: [f64; 3],
+    /// Angular velocity [rad/s].
+    angular: [f64; 3],
+}
+
+/// A held region during one substep.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    bounds: Aabb,
+    velocity: [f64; 3],
+}
+
+/// Everything that acts on grid nodes in one substep.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct NodeConditions<'a> {
+    bodies: Vec<Placed<'a>>,
+    regions: Vec<Held>,
+}
+
+impl Boundaries {
+    /// The boundaries of a scene in units of `unit` metres.
+    pub fn new(scene: &Scene, unit: f64) -> Self {
+        let cell = scene.dx / unit;
+        let mut bodies: Vec<Body> = scene
+            .colliders
+            .iter()
+            .map(|collider| Body::new(collider, unit, cell))
+            .collect();
+        if scene.conditions.domain_policy == DomainPolicy::Bounce {
+            bodies.extend(domain_walls(&scene.domain).map(|wall| Body {
+                on_nodes: true,
+                on_particles: true,
+                ..Body::new(&wall, unit, cell)
+            }));
+        }
+        Self {
+            bodies,
+            regions: scene.pinned_regions.clone(),
+            unit,
+            cell,
+        }
+    }
+
+    /// Number of bodies, the walls of the domain included.
+    pub fn len(&self) -> usize {
+        self.bodies.len()
+    }
+
+    /// Pose of a body [m] at a moment of a frame.
+    pub fn pose(&self, id: usize, paths: &Paths, substep: &Substep, time: f64) -> Pose {
+        let body = &self.bodies[id];
+        match paths.get(id).copied().flatten() {
+            Some(path) => path.from.toward(&path.to, substep.part(time)),
+            None => pose_at(&body.rest, &body.motion, time),
+        }
+    }
+
+    /// Whether a body is in one place, always.
+    fn is_fixed(&self, id: usize, paths: &Paths) -> bool {
+        let body = &self.bodies[id];
+        let path = paths.get(id).copied().flatten();
+        body.motion == ColliderMotion::Static && body.span == TimeSpan::ALWAYS && path.is_none()
+    }
+
+    fn place(&self, id: usize, paths: &Paths, substep: &Substep) -> Option<Placed<'_>> {
+        let body = &self.bodies[id];
+        if !substep.is_in(&body.span) {
+            return None;
+        }
+        let start = self.pose(id, paths, substep, substep.time);
+        let start = start.in_units(self.unit);
+        let mut placed = Placed {
+            body,
+            start,
+            end: start,
+            linear: [0.0; 3],
+            angular: [0.0; 3],
+        };
+        if !self.is_fixed(id, paths) && substep.dt > 0.0 {
+            let end = self.pose(id, paths, substep, substep.time + substep.dt);
+            let end = end.in_units(self.unit);
+            for a in 0..3 {
+                placed.linear[a] = (end.translation[a] - start.translation[a]) / substep.dt;
+            }
+            if end.rotation != start.rotation {
+                let turn = product(end.rotation, conjugate(start.rotation));
+                placed.angular = rotation_vector(turn).map(|r| r / substep.dt);
+            }
+            placed.end = end;
+        }
+        Some(placed)
+    }
+
+    fn held(&self, region: &PinnedRegion, substep: &Substep) -> Option<Held> {
+        if !substep.is_in(&region.span) {
+            return None;
+        }
+        let moved = region.span.elapsed(substep.time);
+        let slack = ON_FACE * self.cell;
+        let at = |x: f64, a: usize| (x + moved * region.velocity[a]) / self.unit;
+        Some(Held {
+            bounds: Aabb {
+                min: std::array::from_fn(|a| at(region.bounds.min[a], a) - slack),
+                max: std::array::from_fn(|a| at(region.bounds.max[a], a) + slack),
+            },
+            velocity: region.velocity.map(|v| v / self.unit),
+        })
+    }
+
+    /// What acts on nodes in a substep, in the order of the scene.
+    pub fn on_nodes(&self, paths: &Paths, substep: &Substep) -> NodeConditions<'_> {
+        let ids = (0..self.bodies.len()).filter(|&id| self.bodies[id].on_nodes);
+        NodeConditions {
+            bodies: ids
+                .filter_map(|id| self.place(id, paths, substep))
+                .collect(),
+            regions: self
+                .regions
+                .iter()
+                .filter_map(|region| self.held(region, substep))
+                .collect(),
+        }
+    }
+
+    /// What acts on particles in a substep, in the order of the scene.
+    pub fn on_particles(&self, paths: &Paths, substep: &Substep) -> Vec<Placed<'_>> {
+        let ids = (0..self.bodies.len()).filter(|&id| self.bodies[id].on_particles);
+        ids.filter_map(|id| self.place(id, paths, substep))
+            .collect()
+    }
+
+    /// What acts on nodes in one place, always.
+    pub fn fixed_on_nodes(&self, paths: &Paths) -> NodeConditions<'_> {
+        let now = Substep {
+            time: 0.0,
+            dt: 0.0,
+            frame_start: 0.0,
+            frame_length: 0.0,
+        };
+        let ids = (0..self.bodies.len())
+            .filter(|&id| self.bodies[id].on_nodes && self.is_fixed(id, paths));
+        let fixed = |r: &&PinnedRegion| r.velocity == [0.0; 3] && r.span == TimeSpan::ALWAYS;
+        NodeConditions {
+            bodies: ids.filter_map(|id| self.place(id, paths, &now)).collect(),
+            regions: self
+                .regions
+                .iter()
+                .filter(fixed)
+                .filter_map(|region| self.held(region, &now))
+                .collect(),
+        }
+    }
+
+    /// What acts on nodes and moves, or comes and goes.
+    pub fn moving_on_nodes(&self, paths: &Paths, substep: &Substep) -> NodeConditions<'_> {
+        let ids = (0..self.bodies.len())
+            .filter(|&id| self.bodies[id].on_nodes && !self.is_fixed(id, paths));
+        let moving = |r: &&PinnedRegion| r.velocity != [0.0; 3] || r.span != TimeSpan::ALWAYS;
+        NodeConditions {
+            bodies: ids
+                .filter_map(|id| self.place(id, paths, substep))
+                .collect(),
+            regions: self
+                .regions
+                .iter()
+                .filter(moving)
+                .filter_map(|region| self.held(region, substep))
+                .collect(),
+        }
+    }
+}
+
+/// The faces of the domain as walls.
+fn domain_walls(domain: &Aabb) -> impl Iterator<Item = Collider> {
+    let Aabb { min, max } = *domain;
+    (0..6).map(move |face| {
+        let (axis, sign) = (face / 2, if face % 2 == 0 { 1.0 } else { -1.0 });
+        let mut normal = [0.0; 3];
+        normal[axis] = sign;
+        let corner = if sign > 0.0 { min } else { max };
+        let shape = ColliderShape::HalfSpace { normal };
+        Collider::fixed("domain", shape, Pose::at(corner), Surface::Separate)
+    })
+}
+
+impl Body {
+    fn new(collider: &Collider, unit: f64, cell: f64) -> Self {
+        let shape = Shape::new(&collider.shape, unit);
+        let sticky = collider.surface == Surface::Sticky;
+        let gives_back = collider.restitution > 0.0 && !sticky;
+        let on_particles = gives_back || shape.thickness() < THIN * cell;
+        Self {
+            radius: shape.radius(),
+            shape,
+            rest: collider.pose,
+            motion: collider.motion.clone(),
+            span: collider.span,
+            contact: Contact {
+                surface: collider.surface,
+                friction: collider.friction,
+                restitution: collider.restitution,
+            },
+            on_nodes: !on_particles,
+            on_particles,
+        }
+    }
+}
+
+impl Placed<'_> {
+    /// Signed distance of a world point at the start of the substep [units].
+    pub fn distance(&self, x: [f64; 3]) -> Distance {
+        let local = self.body.shape.distance(self.start.inverse_point(x));
+        Distance {
+            normal: rotate(self.start.rotation, local.normal),
+            ..local
+        }
+    }
+
+    /// Velocity of the collider's matter at a world point [units/s].
+    pub fn velocity(&self, x: [f64; 3]) -> [f64; 3] {
+        if self.angular == [0.0; 3] {
+            return self.linear;
+        }
+        let r = std::array::from_fn(|a| x[a] - self.start.translation[a]);
+        let turn = cross(self.angular, r);
+        std::array::from_fn(|a| self.linear[a] + turn[a])
+    }
+
+    /// Largest speed of its matter within `margin` of it, as far as `reach` from its origin [units/s].
+    pub fn speed(&self, margin: f64, reach: f64) -> f64 {
+        let linear = dot(self.linear, self.linear).sqrt();
+        let angular = dot(self.angular, self.angular).sqrt();
+        if angular == 0.0 {
+            return linear;
+        }
+        linear + angular * (self.body.radius + margin).min(reach)
+    }
+
+    /// Whether a point of a box may be closer than `margin` [units]; may err on the side of yes.
+    pub fn is_near(&self, min: [f64; 3], max: [f64; 3], margin: f64) -> bool {
+        if let Shape::HalfSpace { normal } = self.body.shape {
+            let normal = rotate(self.start.rotation, normal);
+            let lowest: [f64; 3] = std::array::from_fn(|a| {
+                let corner = if normal[a] > 0.0 { min[a] } else { max[a] };
+                corner - self.start.translation[a]
+            });
+            return dot(lowest, normal) < margin;
+        }
+        // The nearest point of the box to the collider's origin, against the ball that holds it.
+        let off: [f64; 3] = std::array::from_fn(|a| {
+            let x = self.start.translation[a];
+            x.clamp(min[a], max[a]) - x
+        });
+        let reach = self.body.radius + margin;
+        if dot(off, off) > reach * reach {
+            return false;
+        }
+        let center = std::array::from_fn(|a| 0.5 * (min[a] + max[a]));
+        let half: [f64; 3] = std::array::from_fn(|a| 0.5 * (max[a] - min[a]));
+        self.distance(center).value < dot(half, half).sqrt() + margin
+    }
+}
+
+impl NodeConditions<'_> {
+    /// Whether some node of a box of nodes may be constrained.
+    pub fn cover(&self, first: [f64; 3], last: [f64; 3]) -> bool {
+        self.regions.iter().any(|held| held.touches(first, last))
+            || self
+                .bodies
+                .iter()
+                .any(|body| body.is_near(first, last, -ON_FACE))
+    }
+
+    /// Those that may act on a box of nodes.
+    pub fn near(&self, first: [f64; 3], last: [f64; 3]) -> Self {
+        let near = |body: &&Placed<'_>| body.is_near(first, last, -ON_FACE);
+        Self {
+            bodies: self.bodies.iter().filter(near).copied().collect(),
+            regions: self
+                .regions
+                .iter()
+                .filter(|held| held.touches(first, last))
+                .copied()
+                .collect(),
+        }
+    }
+
+    /// Whether nothing acts.
+    pub fn is_empty(&self) -> bool {
+        self.bodies.is_empty() && self.regions.is_empty()
+    }
+
+    /// Largest speed that they may give to nodes of a box [units/s].
+    pub fn speed(&self, first: [f64; 3], last: [f64; 3]) -> f64 {
+        let bodies = self.bodies.iter().filter_map(|body| {
+            let reach = farthest(body.start.translation, first, last);
+            let speed = body.speed(0.0, reach);
+            (speed > 0.0 && body.is_near(first, last, 0.0)).then_some(speed)
+        });
+        let regions = self
+            .regions
+            .iter()
+            .map(|held| dot(held.velocity, held.velocity).sqrt());
+        bodies.chain(regions).fold(0.0, f64::max)
+    }
+
+    /// Velocity that a node at `x` may have when forces alone would give it `v`: every collider in order with
+    /// its friction, then projections until all are obeyed at once.
+    pub fn constrain(&self, x: [f64; 3], v: [f64; 3], cell: f64) -> [f64; 3] {
+        if let Some(held) = self.regions.iter().rev().find(|held| held.holds(x)) {
+            return held.velocity;
+        }
+        contact::constrain(&self.bodies, x, v, ON_FACE * cell)
+    }
+}
+
+/// Largest distance from a point to a point of a box.
+pub(crate) fn farthest(from: [f64; 3], min: [f64; 3], max: [f64; 3]) -> f64 {
+    let far = |a: usize| (from[a] - min[a]).abs().max((from[a] - max[a]).abs());
+    (far(0).powi(2) + far(1).powi(2) + far(2).powi(2)).sqrt()
+}
+
+impl Held {
+    fn holds(&self, x: [f64; 3]) -> bool {
+        (0..3).all(|a| (self.bounds.min[a]..=self.bounds.max[a]).contains(&x[a]))
+    }
+
+    fn touches(&self, first: [f64; 3], last: [f64; 3]) -> bool {
+        (0..3).all(|a| last[a] >= self.bounds.min[a] && first[a] <= self.bounds.max[a])
+    }
+}

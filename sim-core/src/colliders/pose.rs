@@ -1,0 +1,185 @@
+//! Rigid motion: quaternions, rotation vectors, and where a collider is at a moment.
+
+use crate::{
+    mat3::{cross, dot},
+    scene::{ColliderMotion, Pose},
+};
+
+/// Rotation of a vector by a unit quaternion xyzw; exact for the identity.
+pub(crate) fn rotate([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+    let q = [x, y, z];
+    let t = cross(q, v);
+    let s = cross(q, std::array::from_fn(|a| t[a] + w * v[a]));
+    std::array::from_fn(|a| v[a] + 2.0 * s[a])
+}
+
+/// Inverse of a unit quaternion.
+pub(crate) fn conjugate([x, y, z, w]: [f64; 4]) -> [f64; 4] {
+    [-x, -y, -z, w]
+}
+
+/// The rotation `b` followed by `a`, normalised.
+pub(crate) fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    let (u, v) = ([a[0], a[1], a[2]], [b[0], b[1], b[2]]);
+    let c = cross(u, v);
+    let q = [
+        a[3] * v[0] + b[3] * u[0] + c[0],
+        a[3] * v[1] + b[3] * u[1] + c[1],
+        a[3] * v[2] + b[3] * u[2] + c[2],
+        a[3] * b[3] - dot(u, v),
+    ];
+    let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+    q.map(|x| x / length)
+}
+
+/// The rotation by `|r|` about `r` [rad].
+pub(crate) fn from_rotation_vector(r: [f64; 3]) -> [f64; 4] {
+    let angle = dot(r, r).sqrt();
+    if angle == 0.0 {
+        return Pose::IDENTITY.rotation;
+    }
+    let (s, c) = (0.5 * angle).sin_cos();
+    [s * r[0] / angle, s * r[1] / angle, s * r[2] / angle, c]
+}
+
+/// The shorter rotation vector of a unit quaternion [rad].
+pub(crate) fn rotation_vector([x, y, z, w]: [f64; 4]) -> [f64; 3] {
+    let sign = if w < 0.0 { -1.0 } else { 1.0 };
+    let s = dot([x, y, z], [x, y, z]).sqrt();
+    if s == 0.0 {
+        return [0.0; 3];
+    }
+    let factor = sign * 2.0 * s.atan2(sign * w) / s;
+    [factor * x, factor * y, factor * z]
+}
+
+impl Pose {
+    /// World position of a point of the collider's frame.
+    pub(crate) fn point(&self, x: [f64; 3]) -> [f64; 3] {
+        let r = rotate(self.rotation, x);
+        std::array::from_fn(|a| r[a] + self.translation[a])
+    }
+
+    /// Position in the collider's frame of a world point.
+    pub(crate) fn inverse_point(&self, x: [f64; 3]) -> [f64; 3] {
+        let r = std::array::from_fn(|a| x[a] - self.translation[a]);
+        rotate(conjugate(self.rotation), r)
+    }
+
+    /// The pose in units of `unit` metres.
+    pub(crate) fn in_units(&self, unit: f64) -> Self {
+        Self {
+            translation: self.translation.map(|x| x / unit),
+            ..*self
+        }
+    }
+
+    /// Part `s` of the way to `to`, linear in position and at constant angular velocity.
+    pub(crate) fn toward(&self, to: &Self, s: f64) -> Self {
+        if s <= 0.0 || self == to {
+            return *self;
+        }
+        if s >= 1.0 {
+            return *to;
+        }
+        let turn = rotation_vector(product(to.rotation, conjugate(self.rotation)));
+        let turned = from_rotation_vector(turn.map(|r| s * r));
+        Self {
+            translation: std::array::from_fn(|a| {
+                self.translation[a] + s * (to.translation[a] - self.translation[a])
+            }),
+            rotation: product(turned, self.rotation),
+        }
+    }
+}
+
+/// Pose at the moment `t` [s] of a collider that is at `rest` at time 0 and moves by itself.
+pub(crate) fn pose_at(rest: &Pose, motion: &ColliderMotion, t: f64) -> Pose {
+    match motion {
+        ColliderMotion::Static => *rest,
+        ColliderMotion::Velocity {
+            linear,
+            angular,
+            span,
+        } => {
+            let passed = span.elapsed(t);
+            let turn = angular.map(|w| w * passed);
+            let rotation = if turn == [0.0; 3] {
+                rest.rotation
+            } else {
+                product(from_rotation_vector(turn), rest.rotation)
+            };
+            Pose {
+                translation: std::array::from_fn(|a| rest.translation[a] + passed * linear[a]),
+                rotation,
+            }
+        }
+        ColliderMotion::Keyframes(frames) => {
+            let next = frames.partition_point(|frame| frame.time <= t);
+            match (next.checked_sub(1).map(|i| &frames[i]), frames.get(next)) {
+                (Some(a), Some(b)) => a.pose.toward(&b.pose, (t - a.time) / (b.time - a.time)),
+                (Some(frame), None) | (None, Some(frame)) => frame.pose,
+                (None, None) => *rest,
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{FRAC_PI_2, PI};
+
+    use super::*;
+    use crate::scene::{Keyframe, TimeSpan};
+
+    fn near(a: [f64; 3], b: [f64; 3]) -> bool {
+        (0..3).all(|i| (a[i] - b[i]).abs() < 1e-12)
+    }
+
+    #[test]
+    fn a_rotation_vector_turns_right_handed_and_returns() {
+        let q = from_rotation_vector([0.0, 0.0, FRAC_PI_2]);
+        assert!(near(rotate(q, [1.0, 0.0, 0.0]), [0.0, 1.0, 0.0]));
+        let r = [0.3, -1.2, 2.0];
+        assert!(near(rotation_vector(from_rotation_vector(r)), r));
+        // Beyond half a turn the shorter way round comes back.
+        let long = rotation_vector(from_rotation_vector([0.0, 1.5 * PI, 0.0]));
+        assert!(near(long, [0.0, -0.5 * PI, 0.0]));
+    }
+
+    #[test]
+    fn constant_velocity_and_spin_act_only_in_their_span() {
+        let rest = Pose::at([1.0, 0.0, 0.0]);
+        let motion = ColliderMotion::Velocity {
+            linear: [2.0, 0.0, 0.0],
+            angular: [0.0, 0.0, PI],
+            span: TimeSpan {
+                start: 1.0,
+                end: 1.5,
+            },
+        };
+        assert_eq!(pose_at(&rest, &motion, 0.7), rest);
+        let end = pose_at(&rest, &motion, 9.0);
+        assert_eq!(end.translation, [2.0, 0.0, 0.0]);
+        assert!(near(end.point([1.0, 0.0, 0.0]), [2.0, 1.0, 0.0]));
+        assert!(near(end.inverse_point([2.0, 1.0, 0.0]), [1.0, 0.0, 0.0]));
+    }
+
+    #[test]
+    fn keyframes_are_met_and_interpolated() {
+        let key = |time, x, angle| Keyframe {
+            time,
+            pose: Pose {
+                translation: [x, 0.0, 0.0],
+                rotation: from_rotation_vector([angle, 0.0, 0.0]),
+            },
+        };
+        let motion = ColliderMotion::Keyframes(vec![key(1.0, 0.0, 0.0), key(3.0, 4.0, 1.0)]);
+        let at = |t| pose_at(&Pose::IDENTITY, &motion, t);
+        assert_eq!(at(0.0).translation, [0.0; 3]);
+        assert_eq!(at(5.0), key(3.0, 4.0, 1.0).pose);
+        let middle = at(1.5);
+        assert!(near(middle.translation, [1.0, 0.0, 0.0]));
+        assert!(near(rotation_vector(middle.rotation), [0.25, 0.0, 0.0]));
+    }
+}
