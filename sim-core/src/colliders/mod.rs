@@ -5,13 +5,15 @@
 pub(crate) mod contact;
 mod mesh;
 pub(crate) mod pose;
+pub(crate) mod rules;
 mod shape;
+pub(crate) mod sweep;
+pub(crate) mod touch;
 
 use contact::Contact;
 use pose::{conjugate, pose_at, product, rotate, rotation_vector};
 use serde::{Deserialize, Serialize};
-pub(crate) use shape::Distance;
-use shape::Shape;
+use shape::{Distance, Shape};
 
 use crate::{
     mat3::{cross, dot},
@@ -140,17 +142,18 @@ impl Boundaries {
                 ..Body::new(&wall, unit, cell)
             }));
         }
+        // Rigid objects move as one and feel only the grid.
+        if scene.parts().iter().any(|p| p.material.law.is_rigid()) {
+            for body in &mut bodies {
+                body.on_nodes = true;
+            }
+        }
         Self {
             bodies,
             regions: scene.pinned_regions.clone(),
             unit,
             cell,
         }
-    }
-
-    /// Number of bodies, the walls of the domain included.
-    pub fn len(&self) -> usize {
-        self.bodies.len()
     }
 
     /// Pose of a body [m] at a moment of a frame.

@@ -21,17 +21,17 @@ pub(crate) struct Distance {
     pub normal: [f64; 3],
 }
 
-/// `v` over its length, or y where it has none.
+/// `v` over its length, or x where it has none.
 fn unit(v: [f64; 3], length: f64) -> [f64; 3] {
     if length > 0.0 {
         v.map(|x| x / length)
     } else {
-        [0.0, 1.0, 0.0]
+        [1.0, 0.0, 0.0]
     }
 }
 
 impl Shape {
-    /// The scene's shape with lengths in units of `unit` metres.
+    /// The scene's shape with lengths in units of `scale` metres.
     pub fn new(shape: &ColliderShape, scale: f64) -> Self {
         match shape {
             ColliderShape::HalfSpace { normal } => Self::HalfSpace {
@@ -302,7 +302,11 @@ mod tests {
                 }
                 // Along the normal lies the surface.
                 let surface = std::array::from_fn(|a| x[a] - here.value * here.normal[a]);
-                assert!(shape.distance(surface).value.abs() < 1e-9);
+                let left = shape.distance(surface).value;
+                assert!(
+                    left.abs() < 1e-9,
+                    "{shape:?} at {x:?}: {here:?} leaves {left}"
+                );
             }
         }
     }
@@ -311,8 +315,9 @@ mod tests {
     fn thickness_is_that_of_the_thinnest_part() {
         let found: Vec<f64> = shapes().iter().map(Shape::thickness).collect();
         let expected = [f64::INFINITY, 4.0, 8.0, 4.0, 4.0, 4.0];
-        for (found, expected) in found.iter().zip(expected) {
-            assert!(*found == expected || (found - expected).abs() < 1e-9);
+        for (value, expected) in found.iter().zip(expected) {
+            let near = *value == expected || (value - expected).abs() < 1e-6;
+            assert!(near, "{found:?}");
         }
         let open = TriangleMesh {
             triangles: box_mesh([1.0; 3]).triangles[2..].to_vec(),
@@ -321,7 +326,7 @@ mod tests {
         let open = Shape::new(&ColliderShape::Mesh(Arc::new(open)), 1.0);
         assert_eq!(open.thickness(), 0.0);
         // From an open one the distance is positive on both sides.
-        assert!((open.distance([0.0, 0.7, 0.0]).value - 0.3).abs() < 1e-12);
-        assert!((open.distance([0.0, 1.2, 0.0]).value - 0.2).abs() < 1e-12);
+        assert!((open.distance([0.9, 0.0, 0.0]).value - 0.1).abs() < 1e-12);
+        assert!((open.distance([1.2, 0.0, 0.0]).value - 0.2).abs() < 1e-12);
     }
 }

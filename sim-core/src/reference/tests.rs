@@ -267,6 +267,9 @@ fn a_block_slides_down_a_frictional_slope_as_coulomb_says() {
             Surface::Slip,
             friction,
         );
+        // Already under way: at rest it would stick whenever it bounces hard, which the closed form does not know.
+        let speed = if acceleration > 0.0 { 0.5 } else { 0.0 };
+        scene.objects[0].linear_velocity[0] = speed;
         let mut world = ReferenceWorld::new(&scene);
         let start = world.objects()[0].com[0];
         let mut t = 0.0;
@@ -274,7 +277,7 @@ fn a_block_slides_down_a_frictional_slope_as_coulomb_says() {
             t = world.step(0.05, &[]).sim_time;
         }
         let moved = world.objects()[0].com[0] - start;
-        let expected = 0.5 * acceleration * t * t;
+        let expected = speed * t + 0.5 * acceleration * t * t;
         // The gate of the validation suite for friction on the grid is 1 % of the sliding distance.
         let scale = 0.5 * 9.81 * (angle.sin() - 15_f64.to_radians().tan() * angle.cos());
         assert!(

@@ -7,6 +7,7 @@ use super::{
     rigid::RigidMotion,
     scatter::Accumulator,
     stencil::Stencil,
+    touch::BlockTouch,
 };
 use crate::{
     grid::{NONE, TILE, Tile, TileFloats, Velocities},
@@ -335,6 +336,10 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
     for a in 0..3 {
         centre[a] = f64::from(BLOCK * work.block.index[a]) + 1.5;
     }
+    let touch = match pass.touch {
+        None => None,
+        Some(touch) => BlockTouch::new(touch, work.block, work.concerned, pass.carrier),
+    };
     for run in work.runs.iter_mut() {
         let mut largest = Largest::none();
         let law = &pass.laws[run.part];
@@ -357,6 +362,7 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
                     }
                 }
                 if GATHER {
+                    let before = group.x;
                     let moved = match &pass.rigid[run.part] {
                         None => advance(
                             group,
@@ -383,12 +389,24 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
                     }
                     store3(moved.v, &mut motion[n].v);
                     store9(&moved.c, &mut motion[n].c);
+                    if let Some(touch) = &touch
+                        && pass.rigid[run.part].is_none()
+                    {
+                        let ids = &work.fixed[g].id;
+                        let speed = touch.after(ids, &before, &mut group.x, &mut motion[n]);
+                        largest.speed = largest.speed.max(V::broadcast(speed));
+                    }
                 } else {
                     work.backup.groups[g] = *group;
                     work.backup.memory[g] = work.memory[g];
                     motion[n] = work.motion[g];
                     let bad = absurd::<V>(pass, &motion[n]);
                     note(&mut flags.bad, V::mask_bits(live & bad), &mut findings.bad);
+                }
+            }
+            if SCATTER && let Some(touch) = &touch {
+                for (n, g) in members.clone().enumerate() {
+                    touch.before(&work.fixed[g].id, &work.groups[g].x, &mut motion[n]);
                 }
             }
             let (one, two) = (members.start, members.end - 1);

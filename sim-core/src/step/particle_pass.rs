@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::{block::block, constitutive::PartLaw, rigid::RigidMotion};
 use crate::{
+    colliders::touch::Touch,
     grid::{Grid, Tile, Velocities},
     particles::{Backup, Block, Fixed, Flags, Group, Motion, Particles, Run, Shape},
     simd::{F32x16, Isa, Portable},
@@ -47,6 +48,10 @@ pub(crate) struct Pass<'a> {
     pub max_rate: f32,
     /// Smallest and largest position [cells].
     pub domain: [[f64; 3]; 2],
+    /// What acts on single particles, when anything does.
+    pub touch: Option<&'a Touch<'a>>,
+    /// Per block, whether a rule may name one of its particles; empty when there is no rule.
+    pub concerned: &'a [bool],
 }
 
 /// The parts of a block that one task owns.
@@ -62,6 +67,8 @@ pub(super) struct Work<'a> {
     pub fixed: &'a [Fixed],
     pub flags: &'a mut [Flags],
     pub tile: &'a mut Tile,
+    /// Whether a rule may name one of the block's particles.
+    pub concerned: bool,
 }
 
 /// Where a block's particles are copied to.
@@ -117,7 +124,8 @@ pub(crate) fn particle_pass(
     };
     let mut flags = particles.flags.as_mut_slice();
     let mut work = Vec::with_capacity(particles.blocks.len());
-    for ((block, nodes_of), tile) in particles.blocks.iter().zip(&*nodes_of).zip(tiles) {
+    let blocks = particles.blocks.iter().zip(&*nodes_of).zip(tiles);
+    for (n, ((block, nodes_of), tile)) in blocks.enumerate() {
         let (count, shape_count) = (block.groups.len(), block.shapes.len());
         work.push(Work {
             block,
@@ -135,6 +143,7 @@ pub(crate) fn particle_pass(
             fixed: &particles.fixed[block.groups.clone()],
             flags: take(&mut flags, count),
             tile,
+            concerned: pass.concerned.get(n).copied().unwrap_or(false),
         });
     }
     work.into_par_iter()

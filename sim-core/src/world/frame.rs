@@ -9,7 +9,7 @@ use super::{
     time_step::{Limit, MAX_STRAIN, MAX_TRAVEL},
 };
 use crate::{
-    colliders::Substep,
+    colliders::{Substep, sweep::SKIN, touch::Touch},
     grid::node_pass,
     materials::Coefficients,
     particles::{Extremes, Flags, Motion, NO_PARTICLE, Particles, Run},
@@ -280,6 +280,7 @@ impl World {
         let count = particles.groups.len();
         self.workspace.motion.resize(count, Motion::REST);
         self.workspace.grid.rebuild(&particles.blocks, &fixed);
+        self.survey();
     }
 
     /// Runs one particle pass: gathered motion advances by `dt`, stress acts for `next_dt`.
@@ -301,6 +302,23 @@ impl World {
                 dt,
             ),
         };
+        let now = self.substep(frame, dt);
+        let next = match stage {
+            Stage::Scatter => now,
+            Stage::Fused | Stage::Gather => Substep {
+                time: now.time + dt,
+                dt: next_dt,
+                ..now
+            },
+        };
+        let touch = Touch::new(
+            &self.boundaries,
+            &self.state.paths,
+            &self.rules,
+            &self.state.pins,
+            now,
+            next,
+        );
         let pass = Pass {
             stage,
             dt: dt as f32,
@@ -311,6 +329,8 @@ impl World {
             max_speed: (MAX_TRAVEL / self.smallest_dt(frame.length)) as f32,
             max_rate: (MAX_STRAIN / self.smallest_dt(frame.length)) as f32,
             domain: self.domain_in_cells(),
+            touch: touch.as_ref(),
+            concerned: &self.workspace.concerned,
         };
         let findings = particle_pass(
             self.isa,
@@ -377,7 +397,16 @@ impl World {
         self.state.grid_speed =
             f64::from(fastest.relative) + carrier + 2.0 * f64::from(fastest.boundary);
         frame.timings.grid += start.elapsed().as_secs_f64();
-        self.state.grid_speed
+        let boundary = self.outside_speeds(&substep);
+        self.state.grid_speed = self.state.grid_speed.max(boundary.prescribed);
+        match boundary.colliders {
+            None => self.state.grid_speed,
+            Some(speed) => {
+                self.state.grid_speed += 2.0 * speed;
+                // Contact may turn a particle's way into one axis and moves it by its skin.
+                3.0_f64.sqrt() * self.state.grid_speed + 2.0 * SKIN / dt
+            }
+        }
     }
 
     /// Makes the carrier velocity the mean of all particles, so that what single precision rounds is small, and

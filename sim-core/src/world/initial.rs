@@ -31,6 +31,7 @@ impl World {
             grid_speed: 0.0,
             removed: vec![],
             paths: vec![None; scene.colliders.len()],
+            pins: vec![None; scene.objects.len()],
             momentum: vec![[0.0; 3]; scene.objects.len()],
         };
         self.workspace = Workspace::default();

@@ -7,6 +7,7 @@ mod error;
 mod frame;
 mod hash;
 mod initial;
+mod outside;
 mod published;
 mod time_step;
 
@@ -20,7 +21,10 @@ pub use error::WorldError;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    colliders::{Boundaries, Paths},
+    colliders::{
+        Boundaries, Paths,
+        rules::{Pins, Rules},
+    },
     command::Command,
     grid::Grid,
     materials::Material,
@@ -41,6 +45,7 @@ pub struct World {
     parts: Vec<Part>,
     isa: Isa,
     boundaries: Boundaries,
+    rules: Rules,
     state: State,
     workspace: Workspace,
     published: Published,
@@ -77,6 +82,8 @@ struct State {
     removed: Vec<u32>,
     /// What commands made of each collider.
     paths: Paths,
+    /// What commands hold, per object.
+    pins: Pins,
     /// Momentum of every object after the latest frame and the commands since [kg m/s].
     momentum: Vec<[f64; 3]>,
 }
@@ -89,6 +96,10 @@ struct Workspace {
     sorted: Particles,
     /// Particles at the start of the segment.
     backup: Backup,
+    /// Per block, whether a rule names one of its particles; empty when there is no rule.
+    concerned: Vec<bool>,
+    /// Smallest and largest block index.
+    extent: [[i32; 3]; 2],
     /// Velocities at the end of the segment, until it is accepted.
     motion: Vec<Motion>,
     /// Substeps of the latest frame [s], for comparison with the reference solver.
@@ -118,6 +129,7 @@ impl World {
             isa,
             parts: scene.parts(),
             boundaries: Boundaries::new(&scene, scene.dx),
+            rules: Rules::new(&scene, scene.dx),
             state: State::default(),
             workspace: Workspace::default(),
             published: Published::default(),
@@ -155,6 +167,7 @@ impl World {
             particles, carrier, ..
         } = &self.state;
         self.published.update(particles, *carrier, self.scene.dx);
+        self.settle(&frame);
         self.state.steps += 1;
         self.state.sim_time += frame.length;
         let mut report = self.measure(&frame);

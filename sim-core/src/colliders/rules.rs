@@ -1,0 +1,368 @@
+//! What is prescribed for chosen particles: held, moved, pushed, let go one layer after the other.
+
+use super::{
+    Substep,
+    pose::{from_rotation_vector, rotate},
+};
+use crate::{
+    mat3::{cross, dot},
+    scene::{ImpulseAmount, Scene, TimeSpan},
+};
+
+/// Shortest duration of an impulse [s]: long against the round-off of times, short against any substep.
+const SHORTEST: f64 = 1e-9;
+
+/// A set of particles, one bit each; plain data.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Members(Vec<u64>);
+
+impl Members {
+    pub fn new(ids: &[u32], count: usize) -> Self {
+        let mut bits = vec![0; count.div_ceil(64)];
+        for &id in ids {
+            bits[id as usize / 64] |= 1 << (id % 64);
+        }
+        Self(bits)
+    }
+
+    #[inline]
+    pub fn contains(&self, id: u32) -> bool {
+        self.0
+            .get(id as usize / 64)
+            .is_some_and(|bits| bits >> (id % 64) & 1 == 1)
+    }
+
+    /// The bits, for hashing.
+    pub fn bits(&self) -> &[u64] {
+        &self.0
+    }
+}
+
+/// A rigid velocity field in the solver's units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Field {
+    linear: [f64; 3],
+    angular: [f64; 3],
+    center: [f64; 3],
+}
+
+impl Field {
+    const REST: Self = Self {
+        linear: [0.0; 3],
+        angular: [0.0; 3],
+        center: [0.0; 3],
+    };
+
+    /// Velocity at a point.
+    pub fn velocity(&self, x: [f64; 3]) -> [f64; 3] {
+        let r = std::array::from_fn(|a| x[a] - self.center[a]);
+        let turn = cross(self.angular, r);
+        std::array::from_fn(|a| self.linear[a] + turn[a])
+    }
+
+    /// Where a point is after `dt` [s].
+    pub fn moved(&self, x: [f64; 3], dt: f64) -> [f64; 3] {
+        if self.angular == [0.0; 3] {
+            return std::array::from_fn(|a| x[a] + dt * self.linear[a]);
+        }
+        let r = std::array::from_fn(|a| x[a] - self.center[a]);
+        let turned = rotate(from_rotation_vector(self.angular.map(|w| dt * w)), r);
+        std::array::from_fn(|a| self.center[a] + turned[a] + dt * self.linear[a])
+    }
+
+    /// Its gradient, row-major.
+    pub fn gradient(&self) -> [f64; 9] {
+        let [x, y, z] = self.angular;
+        [0.0, -z, y, z, 0.0, -x, -y, x, 0.0]
+    }
+}
+
+#[derive(Clone, Debug)]
+struct Prescribed {
+    members: Members,
+    field: Field,
+    span: TimeSpan,
+}
+
+#[derive(Clone, Debug)]
+struct Release {
+    members: Members,
+    axis: [f64; 3],
+    /// Layer of a rest position: `(x . axis - start) * per_length`.
+    layer: Vec<(u32, u32)>,
+    layers: f64,
+    span: TimeSpan,
+}
+
+#[derive(Clone, Debug)]
+struct Impulse {
+    members: Members,
+    /// Velocity change per second while it lasts [units/s^2].
+    rate: [f64; 3],
+    /// Impulse per object [kg m/s], in SI units.
+    per_object: Vec<(usize, [f64; 3])>,
+    span: TimeSpan,
+}
+
+/// Everything prescribed for particles of a scene.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Rules {
+    prescribed: Vec<Prescribed>,
+    releases: Vec<Release>,
+    impulses: Vec<Impulse>,
+}
+
+/// What commands hold at present, per object; plain data, part of the world's state.
+pub(crate) type Pins = Vec<Option<Members>>;
+
+/// How long a span and a substep overlap [s].
+fn overlap(span: &TimeSpan, start: f64, end: f64) -> f64 {
+    (end.min(span.end) - start.max(span.start)).max(0.0)
+}
+
+impl Rules {
+    /// The rules of a scene in units of `unit` metres.
+    pub fn new(scene: &Scene, unit: f64) -> Self {
+        let count = scene.particles.position.len();
+        let conditions = &scene.conditions;
+        let scaled = |v: [f64; 3]| v.map(|x| x / unit);
+        let prescribed = conditions.prescribed.iter().map(|rule| Prescribed {
+            members: Members::new(&rule.selection.particles(scene), count),
+            field: Field {
+                linear: scaled(rule.linear),
+                angular: rule.angular,
+                center: scaled(rule.center),
+            },
+            span: rule.span,
+        });
+        let releases = conditions.releases.iter().map(|rule| {
+            let depth = |id: u32| {
+                let along = dot(scene.particles.position[id as usize], rule.axis);
+                (along - rule.start_position) / (rule.end_position - rule.start_position)
+            };
+            let layers = f64::from(rule.layers);
+            let mut held = rule.selection.particles(scene);
+            held.retain(|&id| depth(id) >= 0.0);
+            let layer = |&id: &u32| (id, (depth(id) * layers).min(layers - 1.0) as u32);
+            Release {
+                members: Members::new(&held, count),
+                axis: rule.axis,
+                layer: held.iter().map(layer).collect(),
+                layers,
+                span: rule.span,
+            }
+        });
+        let impulses = conditions.impulses.iter().map(|rule| {
+            let ids = rule.selection.particles(scene);
+            let mut masses: Vec<(usize, f64)> = Vec::new();
+            for (object, o) in scene.objects.iter().enumerate() {
+                let first = ids.partition_point(|&id| (id as usize) < o.particles.start);
+                let end = ids.partition_point(|&id| (id as usize) < o.particles.end);
+                let mass = ids[first..end]
+                    .iter()
+                    .map(|&id| scene.particles.volume[id as usize] * o.density_of(id as usize));
+                masses.push((object, mass.sum()));
+            }
+            let total: f64 = masses.iter().map(|m| m.1).sum();
+            let impulse = match rule.amount {
+                ImpulseAmount::Total(impulse) => impulse,
+                ImpulseAmount::PerParticle(each) => each.map(|x| x * ids.len() as f64),
+            };
+            let change = impulse.map(|x| if total > 0.0 { x / total } else { 0.0 });
+            let duration = rule.duration.max(SHORTEST);
+            Impulse {
+                members: Members::new(&ids, count),
+                rate: change.map(|v| v / unit / duration),
+                per_object: masses
+                    .iter()
+                    .map(|(object, mass)| (*object, change.map(|v| mass * v)))
+                    .collect(),
+                span: TimeSpan {
+                    start: rule.start,
+                    end: rule.start + duration,
+                },
+            }
+        });
+        Self {
+            prescribed: prescribed.collect(),
+            releases: releases.collect(),
+            impulses: impulses.collect(),
+        }
+    }
+
+    /// Whether any rule, ever, concerns a particle.
+    pub fn concern(&self, pins: &Pins, id: u32) -> bool {
+        self.prescribed.iter().any(|r| r.members.contains(id))
+            || self.releases.iter().any(|r| r.members.contains(id))
+            || self.impulses.iter().any(|r| r.members.contains(id))
+            || pins.iter().flatten().any(|p| p.contains(id))
+    }
+
+    /// Whether there is no rule at all.
+    pub fn are_empty(&self, pins: &Pins) -> bool {
+        self.prescribed.is_empty()
+            && self.releases.is_empty()
+            && self.impulses.is_empty()
+            && pins.iter().all(Option::is_none)
+    }
+
+    /// Velocity field that a particle follows in a substep, if one is prescribed.
+    pub fn field(&self, pins: &Pins, substep: &Substep, id: u32) -> Option<Field> {
+        if pins.iter().flatten().any(|pin| pin.contains(id)) {
+            return Some(Field::REST);
+        }
+        if self.releases.iter().any(|r| r.holds(substep, id)) {
+            return Some(Field::REST);
+        }
+        let mut last = self.prescribed.iter().rev();
+        let found = last.find(|rule| substep.is_in(&rule.span) && rule.members.contains(id));
+        found.map(|rule| rule.field)
+    }
+
+    /// Whether a velocity may be prescribed in a substep.
+    pub fn hold_in(&self, pins: &Pins, substep: &Substep) -> bool {
+        pins.iter().any(Option::is_some)
+            || self.releases.iter().any(|r| substep.is_in(&r.span))
+            || self.prescribed.iter().any(|r| substep.is_in(&r.span))
+    }
+
+    /// Velocity that impulses add to a particle in a substep [units/s].
+    pub fn push(&self, substep: &Substep, id: u32) -> [f64; 3] {
+        let mut change = [0.0; 3];
+        for impulse in &self.impulses {
+            let lasts = overlap(&impulse.span, substep.time, substep.time + substep.dt);
+            if lasts > 0.0 && impulse.members.contains(id) {
+                for a in 0..3 {
+                    change[a] += lasts * impulse.rate[a];
+                }
+            }
+        }
+        change
+    }
+
+    /// Whether an impulse acts in a substep.
+    pub fn push_in(&self, substep: &Substep) -> bool {
+        let acts = |i: &Impulse| overlap(&i.span, substep.time, substep.time + substep.dt) > 0.0;
+        self.impulses.iter().any(acts)
+    }
+
+    /// Momentum that impulses give to every object from `start` to `end` [kg m/s].
+    pub fn given(&self, start: f64, end: f64) -> Vec<(usize, [f64; 3])> {
+        let given = self.impulses.iter().flat_map(|impulse| {
+            let part = overlap(&impulse.span, start, end) / (impulse.span.end - impulse.span.start);
+            let objects = impulse.per_object.iter();
+            objects.map(move |(object, j)| (*object, j.map(|x| part * x)))
+        });
+        given.filter(|(_, j)| *j != [0.0; 3]).collect()
+    }
+
+    /// Largest speed prescribed in a substep for particles within a box [units/s].
+    pub fn speed(&self, substep: &Substep, min: [f64; 3], max: [f64; 3]) -> f64 {
+        let active = self.prescribed.iter().filter(|r| substep.is_in(&r.span));
+        active
+            .map(|rule| {
+                let Field {
+                    linear,
+                    angular,
+                    center,
+                } = rule.field;
+                let reach = super::farthest(center, min, max);
+                dot(linear, linear).sqrt() + dot(angular, angular).sqrt() * reach
+            })
+            .fold(0.0, f64::max)
+    }
+}
+
+impl Release {
+    fn holds(&self, substep: &Substep, id: u32) -> bool {
+        if !substep.is_in(&self.span) || !self.members.contains(id) {
+            return false;
+        }
+        let Ok(at) = self.layer.binary_search_by_key(&id, |(id, _)| *id) else {
+            return false;
+        };
+        let layer = f64::from(self.layer[at].1);
+        let length = self.span.end - self.span.start;
+        let until = self.span.start + (layer + 1.0) / self.layers * length;
+        substep.time + 0.5 * substep.dt < until
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        materials::Law,
+        scene::{Conditions, RegionImpulse, Selection, SequentialRelease},
+        test_scenes::{add_box, elastic, empty},
+    };
+
+    fn substep(time: f64, dt: f64) -> Substep {
+        Substep {
+            time,
+            dt,
+            frame_start: 0.0,
+            frame_length: 1.0,
+        }
+    }
+
+    #[test]
+    fn layers_are_let_go_from_the_start_to_the_end() {
+        let mut scene = empty(0.1);
+        let jelly = elastic(Law::FixedCorotated, 1e5, 0.3);
+        add_box(&mut scene, jelly, [0.0; 3], 0.1, [1, 1, 8]);
+        scene.conditions = Conditions {
+            releases: vec![SequentialRelease {
+                selection: Selection::default(),
+                axis: [0.0, 0.0, 1.0],
+                start_position: 0.8,
+                end_position: 0.0,
+                layers: 4,
+                span: TimeSpan {
+                    start: 1.0,
+                    end: 3.0,
+                },
+            }],
+            ..Default::default()
+        };
+        let rules = Rules::new(&scene, scene.dx);
+        let held = |t: f64| -> Vec<u32> {
+            let now = substep(t, 1e-3);
+            (0..8)
+                .filter(|&id| rules.field(&vec![], &now, id).is_some())
+                .collect()
+        };
+        assert!(held(0.9).is_empty());
+        assert_eq!(held(1.1), [0, 1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!(held(1.6), [0, 1, 2, 3, 4, 5]);
+        assert_eq!(held(2.6), [0, 1]);
+        assert!(held(3.1).is_empty());
+    }
+
+    #[test]
+    fn an_impulse_is_given_whole_however_time_is_cut() {
+        let mut scene = empty(0.1);
+        let jelly = elastic(Law::FixedCorotated, 1e5, 0.3);
+        add_box(&mut scene, jelly, [0.0; 3], 0.1, [2, 2, 2]);
+        for duration in [0.0, 0.13] {
+            scene.conditions.impulses = vec![RegionImpulse {
+                selection: Selection::default(),
+                amount: ImpulseAmount::Total([4.0, 0.0, 0.0]),
+                start: 0.3,
+                duration,
+            }];
+            let rules = Rules::new(&scene, scene.dx);
+            // 8 kg in cells of 0.1 m: 0.5 m/s are 5 cells/s.
+            for dt in [0.1, 0.017, 0.3] {
+                let (mut t, mut v) = (0.0, 0.0);
+                while t < 1.0 {
+                    v += rules.push(&substep(t, dt), 3)[0];
+                    t += dt;
+                }
+                assert!((v - 5.0).abs() < 1e-5, "{v} with substeps of {dt} s");
+            }
+            let given = rules.given(0.0, 1.0);
+            assert!((given[0].1[0] - 4.0).abs() < 1e-9, "{given:?}");
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! What happens to single particles between grid and grid: contact, prescribed motion, impulses.
+
+use super::{
+    Boundaries, Paths, Placed, Substep,
+    rules::{Pins, Rules},
+    sweep::Way,
+};
+
+/// Rounds over all colliders near a particle; one that is still squeezed then stays where the last put it.
+const ROUNDS: usize = 3;
+
+/// Everything that acts on particles around one transfer.
+#[derive(Clone, Debug)]
+pub(crate) struct Touch<'a> {
+    bodies: Vec<Placed<'a>>,
+    rules: &'a Rules,
+    pins: &'a Pins,
+    /// The substep that particles just made.
+    now: Substep,
+    /// The one they will make next.
+    next: Substep,
+    holds_now: bool,
+    acts_next: bool,
+    cell: f64,
+}
+
+/// A particle after what acted on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Touched {
+    pub x: [f64; 3],
+    pub v: [f64; 3],
+    /// New affine velocity, where motion is prescribed.
+    pub affine: Option<[f64; 9]>,
+}
+
+impl<'a> Touch<'a> {
+    /// What acts after the substep `now` and before the substep `next`; none when nothing does.
+    pub fn new(
+        boundaries: &'a Boundaries,
+        paths: &Paths,
+        rules: &'a Rules,
+        pins: &'a Pins,
+        now: Substep,
+        next: Substep,
+    ) -> Option<Self> {
+        let bodies = boundaries.on_particles(paths, &now);
+        let holds_now = rules.hold_in(pins, &now);
+        let acts_next = rules.hold_in(pins, &next) || rules.push_in(&next);
+        let acts = !bodies.is_empty() || holds_now || acts_next;
+        acts.then_some(Self {
+            bodies,
+            rules,
+            pins,
+            now,
+            next,
+            holds_now,
+            acts_next,
+            cell: boundaries.cell,
+        })
+    }
+
+    /// What acts on the particles of a box; `concerned` says whether a rule may. None when nothing does.
+    pub fn near(&self, min: [f64; 3], max: [f64; 3], concerned: bool) -> Option<Self> {
+        let bodies = self.bodies.iter();
+        let near = Self {
+            bodies: bodies
+                .filter(|body| body.is_near(min, max, self.cell))
+                .copied()
+                .collect(),
+            holds_now: self.holds_now && concerned,
+            acts_next: self.acts_next && concerned,
+            ..self.clone_empty()
+        };
+        (!near.bodies.is_empty() || near.holds_now || near.acts_next).then_some(near)
+    }
+
+    fn clone_empty(&self) -> Self {
+        Self {
+            bodies: Vec::new(),
+            ..*self
+        }
+    }
+
+    /// Largest speed of colliders near a box, when any is [units/s].
+    pub fn collider_speed(&self, min: [f64; 3], max: [f64; 3]) -> Option<f64> {
+        let speeds = self.bodies.iter().filter_map(|body| {
+            let reach = super::farthest(body.start.translation, min, max);
+            let speed = body.speed(self.cell, reach);
+            let margin = self.cell + speed * self.now.dt;
+            body.is_near(min, max, margin).then_some(speed)
+        });
+        speeds.reduce(f64::max)
+    }
+
+    /// Largest speed prescribed for particles in a box [units/s].
+    pub fn prescribed_speed(&self, min: [f64; 3], max: [f64; 3]) -> f64 {
+        self.rules.speed(&self.now, min, max)
+    }
+
+    /// What becomes of a particle that the grid moves along `way`; none when nothing acts on it.
+    pub fn after(&self, id: u32, mut way: Way) -> Option<Touched> {
+        if self.holds_now
+            && let Some(field) = self.rules.field(self.pins, &self.now, id)
+        {
+            let x = field.moved(way.from, self.now.dt);
+            return Some(Touched {
+                x,
+                v: field.velocity(x),
+                affine: Some(field.gradient()),
+            });
+        }
+        let mut touched = false;
+        for _ in 0..ROUNDS {
+            let mut again = false;
+            for body in &self.bodies {
+                if body.stop(&mut way, self.now.dt, self.cell) {
+                    again = true;
+                }
+            }
+            touched |= again;
+            if !again || self.bodies.len() == 1 {
+                break;
+            }
+        }
+        touched.then_some(Touched {
+            x: way.to,
+            v: way.v,
+            affine: None,
+        })
+    }
+
+    /// Velocity and perhaps affine velocity with which a particle at `x` goes into the next transfer.
+    pub fn before(&self, id: u32, x: [f64; 3], v: [f64; 3]) -> Option<Touched> {
+        if !self.acts_next {
+            return None;
+        }
+        if let Some(field) = self.rules.field(self.pins, &self.next, id) {
+            return Some(Touched {
+                x,
+                v: field.velocity(x),
+                affine: Some(field.gradient()),
+            });
+        }
+        let push = self.rules.push(&self.next, id);
+        (push != [0.0; 3]).then(|| Touched {
+            x,
+            v: std::array::from_fn(|a| v[a] + push[a]),
+            affine: None,
+        })
+    }
+}

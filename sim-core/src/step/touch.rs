@@ -1,0 +1,104 @@
+//! Contact and prescribed motion of the particles of one block, lane by lane.
+//!
+//! Scalar on purpose: only blocks that a collider or a rule reaches come here, and what happens to a particle must
+//! not depend on the instruction set.
+
+use crate::{
+    colliders::{sweep::Way, touch::Touch},
+    particles::{BLOCK, Block, Motion, NO_PARTICLE, position_in_cells},
+    simd::{F32x16, LANES},
+};
+
+/// What acts on the particles of one block.
+#[derive(Clone, Debug)]
+pub(super) struct BlockTouch<'a> {
+    touch: Touch<'a>,
+    block: [i32; 3],
+    centre: [f64; 3],
+    /// Velocity that those of particles are relative to [cells/s].
+    carrier: [f64; 3],
+}
+
+impl<'a> BlockTouch<'a> {
+    /// What acts on a block, if anything does; `concerned` says whether a rule names one of its particles.
+    pub fn new(
+        touch: &Touch<'a>,
+        block: &Block,
+        concerned: bool,
+        carrier: [f64; 3],
+    ) -> Option<Self> {
+        let first = block.index.map(|i| f64::from(BLOCK * i));
+        // Cells of the block, and as far as particles may drift and travel.
+        let min = first.map(|x| x - 2.5);
+        let max = first.map(|x| x + f64::from(BLOCK) + 1.5);
+        Some(Self {
+            touch: touch.near(min, max, concerned)?,
+            block: block.index,
+            centre: first.map(|x| x + 1.5),
+            carrier,
+        })
+    }
+
+    /// Corrects sixteen particles that the grid moved from `before`; returns the largest squared speed of those
+    /// touched [cells^2/s^2].
+    #[inline(never)]
+    pub fn after(
+        &self,
+        ids: &[u32; LANES],
+        before: &[F32x16; 3],
+        x: &mut [F32x16; 3],
+        motion: &mut Motion,
+    ) -> f32 {
+        let mut fastest = 0.0_f32;
+        for lane in (0..LANES).filter(|&lane| ids[lane] != NO_PARTICLE) {
+            let position = |x: &[F32x16; 3]| {
+                position_in_cells(self.block, [x[0].0[lane], x[1].0[lane], x[2].0[lane]])
+            };
+            let way = Way {
+                from: position(before),
+                to: position(x),
+                v: self.velocity(motion, lane),
+            };
+            // What is bad is left to the guard.
+            if !way.to.iter().chain(&way.v).all(|value| value.is_finite()) {
+                continue;
+            }
+            let Some(touched) = self.touch.after(ids[lane], way) else {
+                continue;
+            };
+            for a in 0..3 {
+                x[a].0[lane] = (touched.x[a] - self.centre[a]) as f32;
+            }
+            fastest = fastest.max(self.give(motion, lane, touched.v, touched.affine));
+        }
+        fastest
+    }
+
+    /// Prepares sixteen particles for the next transfer.
+    #[inline(never)]
+    pub fn before(&self, ids: &[u32; LANES], x: &[F32x16; 3], motion: &mut Motion) {
+        for lane in (0..LANES).filter(|&lane| ids[lane] != NO_PARTICLE) {
+            let at = position_in_cells(self.block, [x[0].0[lane], x[1].0[lane], x[2].0[lane]]);
+            let v = self.velocity(motion, lane);
+            if let Some(touched) = self.touch.before(ids[lane], at, v) {
+                self.give(motion, lane, touched.v, touched.affine);
+            }
+        }
+    }
+
+    fn velocity(&self, motion: &Motion, lane: usize) -> [f64; 3] {
+        std::array::from_fn(|a| f64::from(motion.v[a].0[lane]) + self.carrier[a])
+    }
+
+    fn give(&self, motion: &mut Motion, lane: usize, v: [f64; 3], affine: Option<[f64; 9]>) -> f32 {
+        for a in 0..3 {
+            motion.v[a].0[lane] = (v[a] - self.carrier[a]) as f32;
+        }
+        if let Some(affine) = affine {
+            for n in 0..9 {
+                motion.c[n].0[lane] = affine[n] as f32;
+            }
+        }
+        v.iter().map(|v| (v * v) as f32).sum()
+    }
+}

@@ -1,0 +1,82 @@
+//! What boundaries and rules mean for a frame: which blocks they concern, how fast they move matter.
+
+use super::{Frame, World};
+use crate::{
+    colliders::{Path, Substep, touch::Touch},
+    particles::{BLOCK, NO_PARTICLE},
+};
+
+/// Largest speeds that come from outside in a substep [cells/s].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OutsideSpeeds {
+    /// Of prescribed particles.
+    pub prescribed: f64,
+    /// Of colliders that act on particles; none when no particle is near one.
+    pub colliders: Option<f64>,
+}
+
+impl World {
+    /// Notes which blocks hold particles that a rule names, and how far blocks reach.
+    pub(super) fn survey(&mut self) {
+        let particles = &self.state.particles;
+        let concerned = &mut self.workspace.concerned;
+        concerned.clear();
+        if !self.rules.are_empty(&self.state.pins) {
+            let named = |id: &u32| *id != NO_PARTICLE && self.rules.concern(&self.state.pins, *id);
+            concerned.extend(particles.blocks.iter().map(|block| {
+                let mut fixed = particles.fixed[block.groups.clone()].iter();
+                fixed.any(|group| group.id.iter().any(named))
+            }));
+        }
+        let mut extent = [[i32::MAX; 3], [i32::MIN; 3]];
+        for block in &particles.blocks {
+            for a in 0..3 {
+                extent[0][a] = extent[0][a].min(block.index[a]);
+                extent[1][a] = extent[1][a].max(block.index[a]);
+            }
+        }
+        self.workspace.extent = extent;
+    }
+
+    /// How fast boundaries and rules may move particles in a substep.
+    pub(super) fn outside_speeds(&self, substep: &Substep) -> OutsideSpeeds {
+        let touch = Touch::new(
+            &self.boundaries,
+            &self.state.paths,
+            &self.rules,
+            &self.state.pins,
+            *substep,
+            *substep,
+        );
+        let [min, max] = self.workspace.extent;
+        let Some(touch) = touch.filter(|_| min[0] <= max[0]) else {
+            return OutsideSpeeds {
+                prescribed: 0.0,
+                colliders: None,
+            };
+        };
+        // Blocks, and what may have drifted out of them.
+        let min = min.map(|i| f64::from(BLOCK * i) - 2.5);
+        let max = max.map(|i| f64::from(BLOCK * (i + 1)) + 1.5);
+        OutsideSpeeds {
+            prescribed: touch.prescribed_speed(min, max),
+            colliders: touch.collider_speed(min, max),
+        }
+    }
+
+    /// What a frame leaves behind: colliders stand where commands sent them, and what impulses gave is no contact.
+    pub(super) fn settle(&mut self, frame: &Frame) {
+        for path in self.state.paths.iter_mut().flatten() {
+            *path = Path {
+                from: path.to,
+                to: path.to,
+            };
+        }
+        let start = self.state.sim_time;
+        for (object, impulse) in self.rules.given(start, start + frame.length) {
+            for a in 0..3 {
+                self.state.momentum[object][a] += impulse[a];
+            }
+        }
+    }
+}
