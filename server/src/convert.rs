@@ -4,14 +4,14 @@ use cosplat_ipc::schema::{self as wire, padded};
 use cosplat_sim_core::{
     Action, ObjectState, Scene,
     materials::{Law, Material, laws::LAWS},
-    scene::Object,
+    scene::{Object, Pose},
 };
 
 /// Why a wire command cannot become an action, whatever the state of the world.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WireError {
     /// `kind` is none of the known ones.
-    #[error("command kind {kind} is unknown: expected 1 to 9")]
+    #[error("command kind {kind} is unknown: expected 1 to 12")]
     UnknownKind {
         /// The value sent.
         kind: u32,
@@ -67,6 +67,19 @@ pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
         wire::COMMAND_SET_GRAVITY => Action::SetGravity {
             gravity: command.vector,
         },
+        wire::COMMAND_MOVE_COLLIDER => Action::MoveCollider {
+            collider: object,
+            pose: Pose::turned(command.vector, command.point),
+        },
+        wire::COMMAND_PIN => Action::Pin {
+            object,
+            point: command.point,
+            radius: match command.radius {
+                0.0 => f64::INFINITY,
+                radius => radius,
+            },
+        },
+        wire::COMMAND_RELEASE => Action::Release { object },
         wire::COMMAND_RESET => Action::Reset,
         wire::COMMAND_PAUSE => return Ok(Order::Pause),
         wire::COMMAND_RESUME => return Ok(Order::Resume),

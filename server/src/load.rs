@@ -9,7 +9,8 @@ use std::{
 use cosplat_sim_core::{
     Scene,
     assets::{self, Gaussians, ReadReport},
-    scene_file::{BuildReport, SceneErrors, SceneFile, build},
+    scene::TriangleMesh,
+    scene_file::{BuildReport, SceneErrors, SceneFile, build_with_meshes},
 };
 
 /// A scene file, built.
@@ -54,6 +55,14 @@ struct AssetFile {
     source: io::Error,
 }
 
+/// A mesh file that cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot read mesh {}: {source}", path.display())]
+struct MeshFile {
+    path: PathBuf,
+    source: io::Error,
+}
+
 /// Reads and builds a scene file; asset paths are relative to its folder.
 ///
 /// # Errors
@@ -77,14 +86,26 @@ pub fn load_text(text: String, path: &Path) -> Result<LoadedScene, LoadError> {
     };
     let folder = path.parent().unwrap_or(Path::new(""));
     let file = SceneFile::parse(&text).map_err(wrong)?;
-    let (scene, report) =
-        build(&file, &mut |name| read_asset(&folder.join(name))).map_err(wrong)?;
+    let (scene, report) = build_with_meshes(
+        &file,
+        &mut |name| read_asset(&folder.join(name)),
+        &mut |name| read_mesh(&folder.join(name)),
+    )
+    .map_err(wrong)?;
     Ok(LoadedScene {
         scene,
         file,
         text,
         report,
     })
+}
+
+fn read_mesh(path: &Path) -> Result<TriangleMesh, Box<dyn Error + Send + Sync>> {
+    let bytes = fs::read(path).map_err(|source| MeshFile {
+        path: path.into(),
+        source,
+    })?;
+    Ok(assets::mesh::read(&path.display().to_string(), &bytes)?)
 }
 
 fn read_asset(path: &Path) -> Result<(Gaussians, ReadReport), Box<dyn Error + Send + Sync>> {

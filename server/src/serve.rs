@@ -80,6 +80,8 @@ pub struct ServeSummary {
     pub frames_published: u64,
     /// Frames not published because the pool was in use.
     pub frames_skipped: u64,
+    /// Frames undone because particles would have left a domain with the policy to stop.
+    pub stops: u64,
     /// Simulated time at the end [s].
     pub sim_seconds: f64,
     /// Wall time spent running, pauses left out [s].
@@ -240,7 +242,17 @@ impl Server<'_> {
         let due = self.ingest.take_due(step);
         let commands: Vec<_> = due.iter().map(|p| p.command.clone()).collect();
         let (world, frame_dt) = (&mut self.world, self.frame_dt);
-        self.pool.install(|| world.step(frame_dt, &commands));
+        let report = self.pool.install(|| world.step(frame_dt, &commands));
+        if report.stopped {
+            // Nothing will change until a command does something about it.
+            self.ingest.paused = true;
+            self.summary.stops += 1;
+            tracing::warn!(
+                "paused at {:.6} s: {} particles would leave the domain, whose policy is to stop",
+                report.sim_time,
+                report.left_domain.len()
+            );
+        }
         self.summary.steps += 1;
         let stepped = Instant::now();
         let applied: Vec<_> = due.iter().map(|p| p.applied).collect();

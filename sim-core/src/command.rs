@@ -1,6 +1,6 @@
 //! `Command`: the only way to influence a running world from outside.
 
-use crate::materials::Material;
+use crate::{materials::Material, scene::Pose};
 
 /// One order from a client. Commands of a step are applied in the order of
 /// (`apply_at_step`, `client`, `sequence`), so that a command log replays to the same bits.
@@ -61,6 +61,28 @@ pub enum Action {
         /// New value.
         gravity: [f64; 3],
     },
+    /// Moves a collider to a pose that it reaches at the end of the coming frame, at constant velocity and spin;
+    /// there it stays. Its own motion ends.
+    MoveCollider {
+        /// Index of the collider.
+        collider: usize,
+        /// New pose; the rotation is normalised.
+        pose: Pose,
+    },
+    /// Holds the object's particles that are within `radius` of `point` now, besides those held already.
+    Pin {
+        /// Object id.
+        object: usize,
+        /// Centre of the region [m], world frame.
+        point: [f64; 3],
+        /// Its radius [m], > 0; infinite for the whole object.
+        radius: f64,
+    },
+    /// Lets go what commands hold of the object.
+    Release {
+        /// Object id.
+        object: usize,
+    },
     /// Back to the initial state, at simulated time 0; the step count goes on.
     Reset,
 }
@@ -84,6 +106,14 @@ pub enum CommandError {
         /// The region sent.
         region: usize,
         /// Regions of the object.
+        count: usize,
+    },
+    /// The collider is not in the scene.
+    #[error("collider {collider} does not exist: the scene has colliders 0..{count}")]
+    UnknownCollider {
+        /// The index sent.
+        collider: usize,
+        /// Colliders in the scene.
         count: usize,
     },
     /// The object has no particles.

@@ -25,6 +25,8 @@ pub struct StepReport {
     pub particle_updates_full: u64,
     /// Particles that left the domain in this frame (indices into the scene's particles).
     pub left_domain: Vec<u32>,
+    /// Whether the frame was undone because those particles would have left the domain: time did not advance.
+    pub stopped: bool,
     /// Particles frozen in this frame because their state stayed bad after retries.
     pub quarantined: Vec<u32>,
     /// Kinetic energy incl. the affine part [J].

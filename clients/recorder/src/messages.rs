@@ -343,6 +343,9 @@ fn command_name(kind: u32) -> &'static str {
         wire::COMMAND_RESUME => "resume",
         wire::COMMAND_RESET => "reset",
         wire::COMMAND_STOP => "stop",
+        wire::COMMAND_MOVE_COLLIDER => "move_collider",
+        wire::COMMAND_PIN => "pin",
+        wire::COMMAND_RELEASE => "release",
         _ => "unknown",
     }
 }

@@ -24,6 +24,14 @@ pub const COMMAND_RESET: u32 = 8;
 /// Shut the server down cleanly.
 pub const COMMAND_STOP: u32 = 9;
 
+/// Move collider number `object` so that at the end of the frame its origin is at `vector` [m], turned by the rotation
+/// vector `point` [rad].
+pub const COMMAND_MOVE_COLLIDER: u32 = 10;
+/// Hold the particles of `object` that are within `radius` of `point` now; all of them when `radius` is 0.
+pub const COMMAND_PIN: u32 = 11;
+/// Let go what `COMMAND_PIN` holds of `object`.
+pub const COMMAND_RELEASE: u32 = 12;
+
 /// Law and parameters of a material; `docs/wire-format.md` lists the laws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("cosplat.v1.MaterialSpec")]
@@ -48,7 +56,7 @@ pub struct MaterialSpec {
 pub struct Command {
     /// `COMMAND_*`.
     pub kind: u32,
-    /// Object id.
+    /// Object id, or number of a collider; see the kinds.
     pub object: u32,
     /// The sender's running number.
     pub sequence: u64,

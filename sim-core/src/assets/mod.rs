@@ -4,6 +4,7 @@ mod activate;
 mod error;
 mod gaussians;
 pub mod generate;
+pub mod mesh;
 mod paint;
 pub mod ply;
 mod ply_header;

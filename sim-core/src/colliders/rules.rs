@@ -1,5 +1,7 @@
 //! What is prescribed for chosen particles: held, moved, pushed, let go one layer after the other.
 
+use serde::{Deserialize, Serialize};
+
 use super::{
     Substep,
     pose::{from_rotation_vector, rotate},
@@ -13,18 +15,28 @@ use crate::{
 const SHORTEST: f64 = 1e-9;
 
 /// A set of particles, one bit each; plain data.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Members(Vec<u64>);
 
 impl Members {
-    pub fn new(ids: &[u32], count: usize) -> Self {
-        let mut bits = vec![0; count.div_ceil(64)];
-        for &id in ids {
-            bits[id as usize / 64] |= 1 << (id % 64);
-        }
-        Self(bits)
+    pub fn new(ids: &[u32]) -> Self {
+        let mut members = Self::default();
+        members.extend(ids);
+        members
     }
 
+    /// Adds particles.
+    pub fn extend(&mut self, ids: &[u32]) {
+        for &id in ids {
+            let word = id as usize / 64;
+            if word >= self.0.len() {
+                self.0.resize(word + 1, 0);
+            }
+            self.0[word] |= 1 << (id % 64);
+        }
+    }
+
+    /// Whether a particle is one of them.
     #[inline]
     pub fn contains(&self, id: u32) -> bool {
         self.0
@@ -32,7 +44,7 @@ impl Members {
             .is_some_and(|bits| bits >> (id % 64) & 1 == 1)
     }
 
-    /// The bits, for hashing.
+    /// The bits, 64 particles each.
     pub fn bits(&self) -> &[u64] {
         &self.0
     }
@@ -87,8 +99,7 @@ struct Prescribed {
 #[derive(Clone, Debug)]
 struct Release {
     members: Members,
-    axis: [f64; 3],
-    /// Layer of a rest position: `(x . axis - start) * per_length`.
+    /// Particles, ascending, each with the number of its layer.
     layer: Vec<(u32, u32)>,
     layers: f64,
     span: TimeSpan,
@@ -123,11 +134,10 @@ fn overlap(span: &TimeSpan, start: f64, end: f64) -> f64 {
 impl Rules {
     /// The rules of a scene in units of `unit` metres.
     pub fn new(scene: &Scene, unit: f64) -> Self {
-        let count = scene.particles.position.len();
         let conditions = &scene.conditions;
         let scaled = |v: [f64; 3]| v.map(|x| x / unit);
         let prescribed = conditions.prescribed.iter().map(|rule| Prescribed {
-            members: Members::new(&rule.selection.particles(scene), count),
+            members: Members::new(&rule.selection.particles(scene)),
             field: Field {
                 linear: scaled(rule.linear),
                 angular: rule.angular,
@@ -145,8 +155,7 @@ impl Rules {
             held.retain(|&id| depth(id) >= 0.0);
             let layer = |&id: &u32| (id, (depth(id) * layers).min(layers - 1.0) as u32);
             Release {
-                members: Members::new(&held, count),
-                axis: rule.axis,
+                members: Members::new(&held),
                 layer: held.iter().map(layer).collect(),
                 layers,
                 span: rule.span,
@@ -171,7 +180,7 @@ impl Rules {
             let change = impulse.map(|x| if total > 0.0 { x / total } else { 0.0 });
             let duration = rule.duration.max(SHORTEST);
             Impulse {
-                members: Members::new(&ids, count),
+                members: Members::new(&ids),
                 rate: change.map(|v| v / unit / duration),
                 per_object: masses
                     .iter()
@@ -256,20 +265,37 @@ impl Rules {
         given.filter(|(_, j)| *j != [0.0; 3]).collect()
     }
 
-    /// Largest speed prescribed in a substep for particles within a box [units/s].
-    pub fn speed(&self, substep: &Substep, min: [f64; 3], max: [f64; 3]) -> f64 {
-        let active = self.prescribed.iter().filter(|r| substep.is_in(&r.span));
-        active
-            .map(|rule| {
-                let Field {
-                    linear,
-                    angular,
-                    center,
-                } = rule.field;
-                let reach = super::farthest(center, min, max);
-                dot(linear, linear).sqrt() + dot(angular, angular).sqrt() * reach
-            })
-            .fold(0.0, f64::max)
+    /// Largest speed that each prescribed motion may give during a frame of `length` [s] to particles that are at
+    /// `positions` now [units/s].
+    pub fn speeds(&self, positions: &[[f64; 3]], length: f64) -> Vec<f64> {
+        let speed = |rule: &Prescribed| {
+            let Field {
+                linear,
+                angular,
+                center,
+            } = rule.field;
+            let (linear, angular) = (dot(linear, linear).sqrt(), dot(angular, angular).sqrt());
+            if angular == 0.0 {
+                return linear;
+            }
+            let members = positions.iter().enumerate();
+            let distances = members
+                .filter(|(id, _)| rule.members.contains(*id as u32))
+                .map(|(_, x)| {
+                    let r: [f64; 3] = std::array::from_fn(|a| x[a] - center[a]);
+                    dot(r, r)
+                });
+            let reach = distances.fold(0.0, f64::max).sqrt();
+            linear + angular * (reach + linear * length)
+        };
+        self.prescribed.iter().map(speed).collect()
+    }
+
+    /// Largest of `speeds` that acts in a substep.
+    pub fn speed(&self, speeds: &[f64], substep: &Substep) -> f64 {
+        let rules = self.prescribed.iter().zip(speeds);
+        let active = rules.filter(|(rule, _)| substep.is_in(&rule.span));
+        active.map(|(_, speed)| *speed).fold(0.0, f64::max)
     }
 }
 

@@ -92,13 +92,9 @@ impl<'a> Touch<'a> {
         speeds.reduce(f64::max)
     }
 
-    /// Largest speed prescribed for particles in a box [units/s].
-    pub fn prescribed_speed(&self, min: [f64; 3], max: [f64; 3]) -> f64 {
-        self.rules.speed(&self.now, min, max)
-    }
-
     /// What becomes of a particle that the grid moves along `way`; none when nothing acts on it.
-    pub fn after(&self, id: u32, mut way: Way) -> Option<Touched> {
+    /// Those of rigid objects do not move `alone` and meet no collider.
+    pub fn after(&self, id: u32, alone: bool, mut way: Way) -> Option<Touched> {
         if self.holds_now
             && let Some(field) = self.rules.field(self.pins, &self.now, id)
         {
@@ -108,6 +104,9 @@ impl<'a> Touch<'a> {
                 v: field.velocity(x),
                 affine: Some(field.gradient()),
             });
+        }
+        if !alone {
+            return None;
         }
         let mut touched = false;
         for _ in 0..ROUNDS {

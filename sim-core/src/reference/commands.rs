@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::{Particles, ReferenceWorld};
 use crate::{
+    colliders::{Path, Substep},
     command::{Action, Command},
     mat3::Mat3,
     materials::Material,
@@ -78,6 +79,36 @@ impl ReferenceWorld {
                 ref material,
             } => self.set_material(object, region, material),
             Action::SetGravity { gravity } => self.gravity = gravity,
+            Action::MoveCollider { collider, pose } => {
+                let now = Substep {
+                    time: self.sim_time,
+                    dt: 0.0,
+                    frame_start: self.sim_time,
+                    frame_length: 0.0,
+                };
+                if collider < self.paths.len() {
+                    let from = self
+                        .boundaries
+                        .pose(collider, &self.paths, &now, self.sim_time);
+                    self.paths[collider] = Some(Path { from, to: pose });
+                }
+            }
+            Action::Pin {
+                object,
+                point,
+                radius,
+            } => {
+                let held = self.particles.within(range(object), point, radius);
+                let held: Vec<u32> = held.into_iter().map(|p| p as u32).collect();
+                if let Some(pin) = self.pins.get_mut(object) {
+                    pin.get_or_insert_default().extend(&held);
+                }
+            }
+            Action::Release { object } => {
+                if let Some(pin) = self.pins.get_mut(object) {
+                    *pin = None;
+                }
+            }
             Action::Reset => {
                 *self = Self {
                     steps: self.steps,

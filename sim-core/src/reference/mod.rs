@@ -10,13 +10,18 @@ mod motion;
 mod time_step;
 
 use crate::{
-    colliders::{Boundaries, Paths, Substep},
+    colliders::{
+        Boundaries, Paths, Substep,
+        rules::{Pins, Rules},
+        sweep::Way,
+        touch::Touch,
+    },
     command::Command,
     mat3::Mat3,
     materials::{Coefficients, Material, Trial},
     moments::{ParticleArrays, bodies_of, object_moments, total_momentum},
     report::StepReport,
-    scene::{Aabb, Part, Scene},
+    scene::{Aabb, DomainPolicy, Part, Scene},
 };
 use grid::{Grid, Stencil};
 pub use time_step::TimeStep;
@@ -34,6 +39,8 @@ pub struct ReferenceWorld {
     sim_time: f64,
     boundaries: Boundaries,
     paths: Paths,
+    rules: Rules,
+    pins: Pins,
 }
 
 /// Particle state, SI units, world frame.
@@ -68,6 +75,12 @@ impl Particles {
             deformation: &self.deformation,
             elastic: &self.elastic,
             memory: &self.memory,
+        }
+    }
+
+    fn set_affine(&mut self, p: usize, affine: Option<[f64; 9]>) {
+        if let Some(c) = affine {
+            self.affine[p] = std::array::from_fn(|i| std::array::from_fn(|j| c[3 * i + j]));
         }
     }
 
@@ -113,6 +126,8 @@ impl ReferenceWorld {
             sim_time: 0.0,
             boundaries: Boundaries::new(scene, 1.0),
             paths: vec![None; scene.colliders.len()],
+            rules: Rules::new(scene, 1.0),
+            pins: vec![None; scene.objects.len()],
             scene: scene.clone(),
         }
     }
@@ -120,6 +135,8 @@ impl ReferenceWorld {
     /// Applies the commands, then advances by `frame_dt` [s] with substeps of the scene's `cfl`.
     pub fn step(&mut self, frame_dt: f64, commands: &[Command]) -> StepReport {
         let mut frame = self.begin(commands, frame_dt);
+        let stops = self.scene.conditions.domain_policy == DomainPolicy::Stop;
+        let before = stops.then(|| self.clone());
         let mut remaining = frame_dt;
         while remaining > 0.0 {
             let limit = self.time_step();
@@ -129,6 +146,16 @@ impl ReferenceWorld {
             let cause = if shares > 1.0 { limit } else { TimeStep::FRAME };
             self.substep(dt, cause, &mut frame);
             remaining = if shares > 1.0 { remaining - dt } else { 0.0 };
+        }
+        if let Some(before) = before
+            && !frame.report.left_domain.is_empty()
+        {
+            *self = before;
+            frame.report = StepReport {
+                left_domain: frame.report.left_domain,
+                stopped: true,
+                ..StepReport::default()
+            };
         }
         self.finish(frame)
     }
@@ -151,6 +178,30 @@ impl ReferenceWorld {
         let (frame_start, frame_length) = (frame.start_time, frame.length);
         let report = &mut frame.report;
         let (dx, particles) = (self.scene.dx, &mut self.particles);
+        let substep = Substep {
+            time: self.sim_time,
+            dt,
+            frame_start,
+            frame_length,
+        };
+        let touch = Touch::new(
+            &self.boundaries,
+            &self.paths,
+            &self.rules,
+            &self.pins,
+            substep,
+            substep,
+        );
+        if let Some(touch) = &touch {
+            for p in 0..particles.mass.len() {
+                let (x, v) = (particles.position[p], particles.velocity[p]);
+                if let Some(touched) = touch.before(p as u32, x, v) {
+                    particles.velocity[p] = touched.v;
+                    particles.set_affine(p, touched.affine);
+                }
+            }
+        }
+        let before = particles.position.clone();
         let mut grid = Grid::default();
         let mut stencils: Vec<Option<Stencil>> = vec![None; particles.mass.len()];
 
@@ -195,12 +246,6 @@ impl ReferenceWorld {
         }
 
         // Grid: momentum to velocity, gravity, boundaries.
-        let substep = Substep {
-            time: self.sim_time,
-            dt,
-            frame_start,
-            frame_length,
-        };
         let boundaries = self.boundaries.on_nodes(&self.paths, &substep);
         let keep = self.scene.conditions.damping_factor(dt);
         for (index, node) in &mut grid.nodes {
@@ -229,12 +274,37 @@ impl ReferenceWorld {
             let body: Vec<usize> = rigid.flat_map(|(part, _)| part.particles.clone()).collect();
             particles.move_as_one(&body, dx, dt);
         }
+        if let Some(touch) = &touch {
+            for (part, material) in self.parts.iter().zip(&self.materials) {
+                let alone = !material.law.is_rigid();
+                for p in part.particles.clone().filter(|&p| stencils[p].is_some()) {
+                    let way = Way {
+                        from: before[p],
+                        to: particles.position[p],
+                        v: particles.velocity[p],
+                    };
+                    if let Some(touched) = touch.after(p as u32, alone, way) {
+                        particles.position[p] = touched.x;
+                        particles.velocity[p] = touched.v;
+                        particles.set_affine(p, touched.affine);
+                    }
+                }
+            }
+        }
 
+        let slack = match self.scene.conditions.domain_policy {
+            DomainPolicy::Bounce => 2.0 * dx,
+            DomainPolicy::Delete | DomainPolicy::Stop => 0.0,
+        };
+        let domain = Aabb {
+            min: self.scene.domain.min.map(|x| x - slack),
+            max: self.scene.domain.max.map(|x| x + slack),
+        };
         for (p, stencil) in stencils.iter().enumerate() {
             if stencil.is_none() {
                 continue;
             }
-            if !contains(&self.scene.domain, particles.position[p]) {
+            if !contains(&domain, particles.position[p]) {
                 particles.mass[p] = 0.0;
                 particles.volume[p] = 0.0;
                 report.left_domain.push(p as u32);
@@ -279,13 +349,24 @@ impl ReferenceWorld {
 
     fn finish(&mut self, frame: Frame) -> StepReport {
         self.steps += 1;
+        if !frame.report.stopped {
+            for path in self.paths.iter_mut().flatten() {
+                path.from = path.to;
+            }
+        }
         let mut report = frame.report;
         let elapsed = self.sim_time - frame.start_time;
+        let mut start_momentum = frame.start_momentum;
+        for (object, impulse) in self.rules.given(frame.start_time, self.sim_time) {
+            for i in 0..3 {
+                start_momentum[object][i] += impulse[i];
+            }
+        }
         report.step = self.steps;
         report.sim_time = self.sim_time;
         report.particle_updates_full = report.particle_updates;
         report.objects = self.objects();
-        for (object, start) in report.objects.iter_mut().zip(&frame.start_momentum) {
+        for (object, start) in report.objects.iter_mut().zip(&start_momentum) {
             let end = momentum(object);
             object.contact_impulse = std::array::from_fn(|i| {
                 end[i] - start[i] - object.mass * self.gravity[i] * elapsed

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::{Aabb, Scene};
-use crate::mat3::dot;
+use crate::{colliders::pose::from_rotation_vector, mat3::dot};
 
 /// Part of the simulated time, `start <= t < end` [s].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,6 +55,14 @@ impl Pose {
         translation: [0.0; 3],
         rotation: [0.0, 0.0, 0.0, 1.0],
     };
+
+    /// At a point, turned by a rotation vector [rad].
+    pub fn turned(translation: [f64; 3], rotation_vector: [f64; 3]) -> Self {
+        Self {
+            translation,
+            rotation: from_rotation_vector(rotation_vector),
+        }
+    }
 
     /// At a point, not turned.
     pub const fn at(translation: [f64; 3]) -> Self {

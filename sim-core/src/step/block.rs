@@ -389,11 +389,11 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
                     }
                     store3(moved.v, &mut motion[n].v);
                     store9(&moved.c, &mut motion[n].c);
-                    if let Some(touch) = &touch
-                        && pass.rigid[run.part].is_none()
-                    {
+                    if let Some(touch) = &touch {
                         let ids = &work.fixed[g].id;
-                        let speed = touch.after(ids, &before, &mut group.x, &mut motion[n]);
+                        let alone = pass.rigid[run.part].is_none();
+                        let x = &mut group.x;
+                        let speed = touch.after(ids, alone, &before, x, &mut motion[n]);
                         largest.speed = largest.speed.max(V::broadcast(speed));
                     }
                 } else {

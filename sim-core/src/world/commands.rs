@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use super::World;
 use crate::{
+    colliders::Path,
     command::{Action, Command, CommandError},
     mat3::{cross, dot},
     materials::{
@@ -11,7 +12,7 @@ use crate::{
         limits::{DeformationBounds, critical_dt},
     },
     particles::{NO_PARTICLE, position_in_cells},
-    scene::Fidelity,
+    scene::{Fidelity, Pose},
     simd::LANES,
 };
 
@@ -67,6 +68,17 @@ enum Effect<'a> {
         material: Cow<'a, Material>,
     },
     Gravity([f64; 3]),
+    Path {
+        collider: usize,
+        path: Path,
+    },
+    Pin {
+        object: usize,
+        particles: Vec<u32>,
+    },
+    Release {
+        object: usize,
+    },
     Reset,
 }
 
@@ -167,8 +179,57 @@ impl World {
                 within("gravity", length(gravity), 0.0, MAX_GRAVITY)?;
                 Ok(Effect::Gravity(gravity))
             }
+            Action::MoveCollider { collider, pose } => self.path(collider, pose),
+            Action::Pin {
+                object,
+                point,
+                radius,
+            } => {
+                self.mass_of(object)?;
+                let particles = if radius == f64::INFINITY {
+                    let all = self.scene.objects[object].particles.clone();
+                    all.map(|p| p as u32).collect()
+                } else {
+                    for x in point {
+                        within("point", x, -MAX_LENGTH, MAX_LENGTH)?;
+                    }
+                    within("radius", radius, f64::MIN_POSITIVE, MAX_LENGTH)?;
+                    self.within_reach(object, point, radius)
+                };
+                Ok(Effect::Pin { object, particles })
+            }
+            Action::Release { object } => {
+                self.mass_of(object)?;
+                Ok(Effect::Release { object })
+            }
             Action::Reset => Ok(Effect::Reset),
         }
+    }
+
+    /// The way of a collider through the coming frame.
+    fn path<'a>(&self, collider: usize, pose: Pose) -> Result<Effect<'a>, CommandError> {
+        let count = self.scene.colliders.len();
+        if collider >= count {
+            return Err(CommandError::UnknownCollider { collider, count });
+        }
+        for x in pose.translation {
+            within("position", x, -MAX_LENGTH, MAX_LENGTH)?;
+        }
+        finite("rotation", &pose.rotation)?;
+        let norm = pose.rotation.iter().map(|x| x * x).sum::<f64>().sqrt();
+        within("length of the rotation", norm, 1e-6, 1e6)?;
+        let to = Pose {
+            rotation: pose.rotation.map(|x| x / norm),
+            ..pose
+        };
+        let from = self.collider_pose(collider);
+        let shift: [f64; 3] = std::array::from_fn(|a| to.translation[a] - from.translation[a]);
+        let speed = length(shift) * self.scene.frame_rate;
+        within("collider speed", speed, 0.0, self.max_speed())?;
+        Ok(Effect::Path {
+            collider,
+            path: Path { from, to },
+        })
     }
 
     /// Mass of an object's simulated particles [kg].
@@ -294,6 +355,20 @@ impl World {
                 material,
             } => self.set_material(object, region, &material),
             Effect::Gravity(gravity) => self.state.gravity = gravity,
+            Effect::Path { collider, path } => {
+                self.state.paths[collider] = Some(path);
+                // Which blocks it may reach is no longer known.
+                self.state.drift = f64::INFINITY;
+            }
+            Effect::Pin { object, particles } => {
+                let pin = self.state.pins[object].get_or_insert_default();
+                pin.extend(&particles);
+                self.state.drift = f64::INFINITY;
+            }
+            Effect::Release { object } => {
+                self.state.pins[object] = None;
+                self.state.drift = f64::INFINITY;
+            }
             Effect::Reset => {
                 self.reset();
                 self.report = self.measure(&super::Frame::new(0.0));

@@ -56,6 +56,8 @@ pub(super) struct Frame {
     smallest: Limit,
     quarantined: Vec<u32>,
     left_domain: Vec<u32>,
+    /// Whether it was undone because a particle would have left the domain.
+    stopped: bool,
 }
 
 impl Frame {
@@ -80,7 +82,30 @@ impl Frame {
             smallest: Limit::FRAME,
             quarantined: vec![],
             left_domain: vec![],
+            stopped: false,
         }
+    }
+
+    /// Makes it a frame in which nothing happens but that `left_domain` is reported.
+    pub fn stop(&mut self) {
+        *self = Self {
+            left_domain: std::mem::take(&mut self.left_domain),
+            timings: self.timings,
+            rollbacks: self.rollbacks,
+            updates: self.updates,
+            stopped: true,
+            ..Self::new(0.0)
+        };
+    }
+
+    /// Whether particles left the domain.
+    pub fn lost_particles(&self) -> bool {
+        !self.left_domain.is_empty()
+    }
+
+    /// Whether it was undone.
+    pub fn is_stopped(&self) -> bool {
+        self.stopped
     }
 
     /// The frame's share of a report.
@@ -98,6 +123,7 @@ impl Frame {
             particle_updates: self.updates,
             particle_updates_full: self.updates,
             left_domain: self.left_domain.clone(),
+            stopped: self.stopped,
             quarantined: self.quarantined.clone(),
             timings: self.timings,
             ..StepReport::default()
@@ -133,6 +159,7 @@ impl World {
         if frame.remaining == 0.0 {
             return;
         }
+        self.workspace.prescribed = self.rules.speeds(&self.published.cells, frame.length);
         self.recentre();
         while frame.remaining > 0.0 && !self.state.particles.groups.is_empty() {
             self.segment(frame);

@@ -9,7 +9,7 @@ use super::{State, published::Published};
 /// Particles per partial hash; fixed, so that the hash does not depend on the thread count.
 const CHUNK: usize = 4096;
 
-/// Hash (XXH3) of every particle in scene order, of gravity, materials and time.
+/// Hash (XXH3) of every particle in scene order, of gravity, materials, time and what commands did to colliders and pins.
 pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
     let count = published.cells.len();
     let parts: Vec<u64> = (0..count.div_ceil(CHUNK))
@@ -45,6 +45,19 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
             material.density,
         ]));
         hash.update(bytes_of(&material.law.parameters()));
+    }
+    for path in &state.paths {
+        let pose = path.map(|path| path.to);
+        hash.update(&[u8::from(pose.is_some())]);
+        if let Some(pose) = pose {
+            hash.update(bytes_of(&pose.translation));
+            hash.update(bytes_of(&pose.rotation));
+        }
+    }
+    for pin in &state.pins {
+        let bits = pin.as_ref().map_or(&[][..], |members| members.bits());
+        hash.update(bytes_of(&(bits.len() as u64)));
+        hash.update(bytemuck::cast_slice(bits));
     }
     hash.digest()
 }

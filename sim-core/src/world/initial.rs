@@ -5,7 +5,7 @@ use crate::{
     materials::Law,
     particles::{Extremes, position_in_cells},
     report::StepReport,
-    scene::{Fidelity, Object, Scene},
+    scene::{DomainPolicy, Fidelity, Object, Scene},
     simd::LANES,
     step::sort::{Newcomer, place},
 };
@@ -110,10 +110,16 @@ impl World {
 
     /// Smallest and largest position that a particle may have [cells].
     pub(super) fn domain_in_cells(&self) -> [[f64; 3]; 2] {
-        let cells = |x: f64| (x / self.scene.dx).clamp(-MAX_CELLS, MAX_CELLS);
+        // Walls bring a particle back after the grid moved it, and hold rigid objects through nodes behind them.
+        let slack = match self.scene.conditions.domain_policy {
+            DomainPolicy::Bounce => 2.0,
+            DomainPolicy::Delete | DomainPolicy::Stop => 0.0,
+        };
+        let cells = |x: f64| x / self.scene.dx;
+        let inside = |x: f64| x.clamp(-MAX_CELLS, MAX_CELLS);
         [
-            self.scene.domain.min.map(cells),
-            self.scene.domain.max.map(cells),
+            self.scene.domain.min.map(|x| inside(cells(x) - slack)),
+            self.scene.domain.max.map(|x| inside(cells(x) + slack)),
         ]
     }
 }

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     colliders::{
-        Boundaries, Paths,
+        Boundaries, Paths, Substep,
         rules::{Pins, Rules},
     },
     command::Command,
@@ -31,7 +31,7 @@ use crate::{
     moments::{ParticleArrays, bodies_of, object_moments, total_momentum},
     particles::{Backup, Extremes, Motion, Particles},
     report::StepReport,
-    scene::{Part, Scene},
+    scene::{Part, Pose, Scene},
     simd::Isa,
 };
 use frame::Frame;
@@ -98,6 +98,8 @@ struct Workspace {
     backup: Backup,
     /// Per block, whether a rule names one of its particles; empty when there is no rule.
     concerned: Vec<bool>,
+    /// Per prescribed motion its largest speed in this frame [cells/s].
+    prescribed: Vec<f64>,
     /// Smallest and largest block index.
     extent: [[i32; 3]; 2],
     /// Velocities at the end of the segment, until it is accepted.
@@ -159,7 +161,9 @@ impl World {
         frame.timings.commands = start.elapsed().as_secs_f64();
 
         // Bound dt, sort if due, then P2G, grid, G2P and guard per substep.
+        let before = self.before_stop();
         self.advance(&mut frame);
+        self.stop(before, &mut frame);
 
         // Particles back to scene order; moments, energies, hash.
         let measuring = Instant::now();
@@ -214,6 +218,21 @@ impl World {
     pub fn material(&self, object: usize) -> &Material {
         let part = self.parts.iter().position(|part| part.object == object);
         &self.state.materials[part.expect("every object has a part")]
+    }
+
+    /// Current pose of a collider [m].
+    ///
+    /// # Panics
+    /// When `collider` is not an index into the scene's colliders, like slice indexing.
+    pub fn collider_pose(&self, collider: usize) -> Pose {
+        let now = Substep {
+            time: self.state.sim_time,
+            dt: 0.0,
+            frame_start: self.state.sim_time,
+            frame_length: 0.0,
+        };
+        let paths = &self.state.paths;
+        self.boundaries.pose(collider, paths, &now, now.time)
     }
 
     /// Current gravitational acceleration [m/s^2].

@@ -1,9 +1,10 @@
 //! What boundaries and rules mean for a frame: which blocks they concern, how fast they move matter.
 
-use super::{Frame, World};
+use super::{Frame, State, World, published::Published};
 use crate::{
     colliders::{Path, Substep, touch::Touch},
     particles::{BLOCK, NO_PARTICLE},
+    scene::DomainPolicy,
 };
 
 /// Largest speeds that come from outside in a substep [cells/s].
@@ -59,13 +60,35 @@ impl World {
         let min = min.map(|i| f64::from(BLOCK * i) - 2.5);
         let max = max.map(|i| f64::from(BLOCK * (i + 1)) + 1.5);
         OutsideSpeeds {
-            prescribed: touch.prescribed_speed(min, max),
+            prescribed: self.rules.speed(&self.workspace.prescribed, substep),
             colliders: touch.collider_speed(min, max),
+        }
+    }
+
+    /// What a frame that may have to be undone began with.
+    pub(super) fn before_stop(&self) -> Option<(State, Published)> {
+        let stops = self.scene.conditions.domain_policy == DomainPolicy::Stop;
+        stops.then(|| (self.state.clone(), self.published.clone()))
+    }
+
+    /// Undoes a frame in which particles left a domain that none may leave.
+    pub(super) fn stop(&mut self, before: Option<(State, Published)>, frame: &mut Frame) {
+        if let Some((state, published)) = before
+            && frame.lost_particles()
+        {
+            self.state = state;
+            self.published = published;
+            // The grid belongs to the arrangement that was undone.
+            self.state.drift = f64::INFINITY;
+            frame.stop();
         }
     }
 
     /// What a frame leaves behind: colliders stand where commands sent them, and what impulses gave is no contact.
     pub(super) fn settle(&mut self, frame: &Frame) {
+        if frame.is_stopped() {
+            return;
+        }
         for path in self.state.paths.iter_mut().flatten() {
             *path = Path {
                 from: path.to,
