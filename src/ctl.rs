@@ -87,6 +87,33 @@ enum Ctl {
         #[arg(num_args = 3, allow_negative_numbers = true, required = true)]
         gravity: Vec<f64>,
     },
+    /// Move a collider to a pose within one frame.
+    MoveCollider {
+        /// Collider name or index.
+        collider: ObjectRef,
+        /// Position of its origin X Y Z [m].
+        #[arg(num_args = 3, allow_negative_numbers = true, required = true)]
+        translation: Vec<f64>,
+        /// Rotation about x, then y, then z [degrees].
+        #[arg(long, num_args = 3, allow_negative_numbers = true)]
+        rotation_deg: Option<Vec<f64>>,
+    },
+    /// Hold an object where it is, as a whole or around a point.
+    Pin {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Point X Y Z [m] around which to hold it.
+        #[arg(long, num_args = 3, allow_negative_numbers = true)]
+        point: Option<Vec<f64>>,
+        /// Radius around the point [m].
+        #[arg(long, requires = "point")]
+        radius: Option<f64>,
+    },
+    /// Let go what is pinned of an object.
+    Release {
+        /// Object name or id.
+        object: ObjectRef,
+    },
     /// Stop stepping.
     Pause,
     /// Step again.
@@ -177,6 +204,31 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
         },
         Ctl::Gravity { gravity } => Order::Gravity {
             gravity: vector(gravity)?,
+        },
+        Ctl::MoveCollider {
+            collider,
+            translation,
+            rotation_deg,
+        } => Order::MoveCollider {
+            collider: collider.clone(),
+            translation: vector(translation)?,
+            rotation_deg: rotation_deg
+                .as_deref()
+                .map(vector)
+                .transpose()?
+                .unwrap_or_default(),
+        },
+        Ctl::Pin {
+            object,
+            point,
+            radius,
+        } => Order::Pin {
+            object: object.clone(),
+            point: point.as_deref().map(vector).transpose()?,
+            radius: *radius,
+        },
+        Ctl::Release { object } => Order::Release {
+            object: object.clone(),
         },
         Ctl::Pause => Order::Pause,
         Ctl::Resume => Order::Resume,

@@ -76,6 +76,7 @@ struct Line<'a> {
     particle_updates_full: u64,
     modelled_fraction: f64,
     left_domain: &'a [u32],
+    stopped: bool,
     quarantined: &'a [u32],
     kinetic_energy: f64,
     elastic_energy: f64,
@@ -213,6 +214,16 @@ fn simulate(
             report.sim_time / summary.wall_seconds
         ));
         bar.inc(1);
+        if report.stopped {
+            bar.suspend(|| {
+                eprintln!(
+                    "stopped at {:.6} s: {} particles would leave the domain, whose policy is to stop",
+                    report.sim_time,
+                    report.left_domain.len()
+                );
+            });
+            break;
+        }
     }
     bar.finish_and_clear();
     out.flush()?;
@@ -250,6 +261,7 @@ fn line<'a>(
         particle_updates_full: report.particle_updates_full,
         modelled_fraction: fraction(report.particle_updates, report.particle_updates_full),
         left_domain: &report.left_domain,
+        stopped: report.stopped,
         quarantined: &report.quarantined,
         kinetic_energy: report.kinetic_energy,
         elastic_energy: report.elastic_energy,

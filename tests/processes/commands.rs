@@ -36,7 +36,67 @@ fn malformed() -> Vec<(&'static str, wire::Command)> {
         kind: wire::COMMAND_SET_GRAVITY,
         ..Default::default()
     };
+    let collider = wire::Command {
+        kind: wire::COMMAND_MOVE_COLLIDER,
+        ..Default::default()
+    };
+    let pin = wire::Command {
+        kind: wire::COMMAND_PIN,
+        radius: 0.1,
+        ..Default::default()
+    };
     vec![
+        (
+            "unknown collider",
+            wire::Command {
+                object: 1,
+                ..collider
+            },
+        ),
+        (
+            "NaN pose",
+            wire::Command {
+                vector: [f64::NAN; 3],
+                ..collider
+            },
+        ),
+        (
+            "infinite turn",
+            wire::Command {
+                point: [f64::INFINITY, 0.0, 0.0],
+                ..collider
+            },
+        ),
+        (
+            "collider too fast",
+            wire::Command {
+                vector: [9e5, 0.0, 0.0],
+                ..collider
+            },
+        ),
+        ("pin of nothing", wire::Command { object: 2, ..pin }),
+        (
+            "NaN pin radius",
+            wire::Command {
+                radius: f64::NAN,
+                ..pin
+            },
+        ),
+        (
+            "NaN pin point",
+            wire::Command {
+                point: [f64::NAN; 3],
+                ..pin
+            },
+        ),
+        (
+            "release of nothing",
+            wire::Command {
+                kind: wire::COMMAND_RELEASE,
+                object: 7,
+                ..Default::default()
+            },
+        ),
         ("kind 0", wire::Command { kind: 0, ..push }),
         ("kind 4711", wire::Command { kind: 4711, ..push }),
         ("unknown object", wire::Command { object: 2, ..push }),
@@ -285,6 +345,47 @@ fn a_push_takes_effect_at_the_step_its_answer_names() {
         .expect("the journal is well-formed")
         .expect("the command is in it");
     assert_eq!(entry.items()[0].step, 7);
+    server.result();
+}
+
+#[test]
+fn a_block_is_pinned_and_let_go_and_the_floor_is_lifted_by_name() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let mut server = stage.serve(&["--pace", "free", "--duration", "0.4", "--paused"]);
+    let client = stage.client();
+    let mut objects = client.objects(64).expect("objects are readable");
+    for order in [
+        &["--at-step", "1", "pin", "left"][..],
+        &["--at-step", "11", "release", "left"],
+        // By 0.15 m within one frame, right under the falling block.
+        &["--at-step", "3", "move-collider", "floor", "0", "0.15", "0"],
+    ] {
+        let output = stage.ctl(order);
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{order:?}: {words}");
+    }
+    let output = stage.ctl(&["move-collider", "ceiling", "0", "0", "0"]);
+    assert!(!output.status.success());
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        words.contains("ceiling") && words.contains("floor"),
+        "{words}"
+    );
+    assert!(stage.ctl(&["resume"]).status.success());
+    let mut states = Vec::new();
+    while states.len() < 20 {
+        let message = objects
+            .next(PATIENCE)
+            .expect("objects are well-formed")
+            .expect("a message comes in time");
+        states.push([message.items()[0], message.items()[1]]);
+    }
+    let height = |step: usize, object: usize| states[step][object].com[1];
+    assert_eq!(height(10, 0), height(1, 0), "held");
+    assert!(height(15, 0) < height(10, 0), "let go");
+    // The other one stands on the lifted floor: nothing of it is far below 0.15 m.
+    assert!(height(19, 1) > 0.2, "{}", height(19, 1));
     server.result();
 }
 

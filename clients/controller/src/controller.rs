@@ -7,6 +7,7 @@ use cosplat_ipc::{
     client::{Client, CommandSender, ConnectError, SendError},
     schema::{self as wire, MAX_COMMANDS, SceneHeader, str_from_padded},
 };
+use serde::Deserialize;
 
 use crate::{
     order::{Lookup, Materials, Order, OrderError},
@@ -43,6 +44,7 @@ pub struct Controller {
     sender: CommandSender,
     header: SceneHeader,
     objects: Vec<String>,
+    colliders: Vec<String>,
     timeout: Duration,
 }
 
@@ -67,6 +69,7 @@ impl Controller {
             sender: client.commands()?,
             header: *scene.header(),
             objects,
+            colliders: collider_names(&scene.source()),
             timeout,
             _client: client,
         })
@@ -88,6 +91,7 @@ impl Controller {
     ) -> Result<Vec<Answer>, ControlError> {
         let lookup = Lookup {
             objects: &self.objects,
+            colliders: &self.colliders,
             materials,
         };
         let commands = orders
@@ -129,6 +133,21 @@ impl Controller {
             .collect();
         self.send(&orders, materials)
     }
+}
+
+/// Names of the colliders in the text of a scene file, in their order; none when it cannot be read.
+fn collider_names(source: &str) -> Vec<String> {
+    #[derive(Default, Deserialize)]
+    struct Names {
+        #[serde(default)]
+        colliders: Vec<Named>,
+    }
+    #[derive(Deserialize)]
+    struct Named {
+        name: String,
+    }
+    let names: Names = toml::from_str(source).unwrap_or_default();
+    names.colliders.into_iter().map(|c| c.name).collect()
 }
 
 fn answer(ack: &wire::Ack) -> Answer {

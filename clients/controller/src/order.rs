@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use cosplat_ipc::schema as wire;
+use glam::{DQuat, EulerRot};
 use serde::Deserialize;
 
 /// One order to a running simulation.
@@ -45,6 +46,30 @@ pub enum Order {
     Gravity {
         /// New value.
         gravity: [f64; 3],
+    },
+    /// A collider goes to a pose within one frame.
+    MoveCollider {
+        /// Collider name or index.
+        collider: ObjectRef,
+        /// Position of its origin [m].
+        translation: [f64; 3],
+        /// Rotation about x, then y, then z of the world [degrees].
+        #[serde(default)]
+        rotation_deg: [f64; 3],
+    },
+    /// Hold an object, or its particles within `radius` [m] of `point` [m].
+    Pin {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Where [m], world frame; without it the whole object is held.
+        point: Option<[f64; 3]>,
+        /// How far around `point` [m].
+        radius: Option<f64>,
+    },
+    /// Let go what is pinned of an object.
+    Release {
+        /// Object name or id.
+        object: ObjectRef,
     },
     /// Stop stepping.
     Pause,
@@ -112,37 +137,62 @@ pub enum OrderError {
         /// Names there are.
         known: String,
     },
+    /// No collider of that name.
+    #[error("collider \"{name}\" does not exist: the scene has {known}")]
+    UnknownCollider {
+        /// Name asked for.
+        name: String,
+        /// Names there are.
+        known: String,
+    },
     /// No such material.
     #[error("{0}")]
     Material(String),
 }
 
-/// Radius of a push at a point when the order names none [m].
+/// Radius of a push or pin at a point when the order names none [m].
 pub const DEFAULT_PUSH_RADIUS: f64 = 0.05;
 
 /// What an order needs to know of the running scene.
 pub struct Lookup<'a> {
     /// Object names, by id.
     pub objects: &'a [String],
+    /// Collider names, by index.
+    pub colliders: &'a [String],
     /// Materials.
     pub materials: Materials<'a>,
 }
 
+/// Index of a reference among names; the error is the unknown name and the known ones.
+fn index(reference: &ObjectRef, names: &[String]) -> Result<u32, (String, String)> {
+    match reference {
+        // An id out of range is sent as it is: the server's refusal names the valid ones.
+        ObjectRef::Id(id) => Ok(*id),
+        ObjectRef::Name(name) => names
+            .iter()
+            .position(|known| known == name)
+            .map(|id| id as u32)
+            .ok_or_else(|| (name.clone(), names.join(", "))),
+    }
+}
+
+/// Rotation vector [rad] of turns about x, then y, then z of the world [degrees].
+fn rotation_vector(degrees: [f64; 3]) -> [f64; 3] {
+    let [x, y, z] = degrees.map(f64::to_radians);
+    DQuat::from_euler(EulerRot::XYZEx, x, y, z)
+        .to_scaled_axis()
+        .to_array()
+}
+
 impl Lookup<'_> {
     fn object(&self, reference: &ObjectRef) -> Result<u32, OrderError> {
-        match reference {
-            // An id out of range is sent as it is: the server's refusal names the valid ones.
-            ObjectRef::Id(id) => Ok(*id),
-            ObjectRef::Name(name) => self
-                .objects
-                .iter()
-                .position(|known| known == name)
-                .map(|id| id as u32)
-                .ok_or_else(|| OrderError::UnknownObject {
-                    name: name.clone(),
-                    known: self.objects.join(", "),
-                }),
-        }
+        index(reference, self.objects)
+            .map_err(|(name, known)| OrderError::UnknownObject { name, known })
+    }
+
+    fn collider(&self, reference: &ObjectRef) -> Result<u32, OrderError> {
+        index(reference, self.colliders)
+            .map_err(|(name, known)| OrderError::UnknownCollider { name, known })
     }
 
     fn material(
@@ -212,6 +262,33 @@ impl Order {
                 vector: *gravity,
                 ..empty
             },
+            Order::MoveCollider {
+                collider,
+                translation,
+                rotation_deg,
+            } => wire::Command {
+                kind: wire::COMMAND_MOVE_COLLIDER,
+                object: lookup.collider(collider)?,
+                vector: *translation,
+                point: rotation_vector(*rotation_deg),
+                ..empty
+            },
+            Order::Pin {
+                object,
+                point,
+                radius,
+            } => wire::Command {
+                kind: wire::COMMAND_PIN,
+                object: lookup.object(object)?,
+                point: point.unwrap_or_default(),
+                radius: point.map_or(0.0, |_| radius.unwrap_or(DEFAULT_PUSH_RADIUS)),
+                ..empty
+            },
+            Order::Release { object } => wire::Command {
+                kind: wire::COMMAND_RELEASE,
+                object: lookup.object(object)?,
+                ..empty
+            },
             Order::Pause => of_kind(wire::COMMAND_PAUSE),
             Order::Resume => of_kind(wire::COMMAND_RESUME),
             Order::Reset => of_kind(wire::COMMAND_RESET),
@@ -234,6 +311,7 @@ mod tests {
     fn wired(order: &Order) -> Result<wire::Command, OrderError> {
         order.to_wire(&Lookup {
             objects: &["left".into(), "right".into()],
+            colliders: &["floor".into(), "gripper".into()],
             materials: &|value| match value.law.as_deref() {
                 Some("von_mises") => Ok(wire::MaterialSpec {
                     law: 3,
@@ -257,6 +335,43 @@ mod tests {
         assert_eq!(wired(&push("0")).map(|c| c.object), Ok(0));
         let error = wired(&push("middle")).expect_err("no such object");
         assert!(error.to_string().contains("left, right"), "{error}");
+    }
+
+    #[test]
+    fn colliders_go_by_name_and_turn_by_a_rotation_vector() {
+        let order = Order::MoveCollider {
+            collider: ObjectRef::Name("gripper".into()),
+            translation: [1.0, 2.0, 3.0],
+            rotation_deg: [0.0, 90.0, 0.0],
+        };
+        let command = wired(&order).expect("valid");
+        assert_eq!(
+            (command.kind, command.object),
+            (wire::COMMAND_MOVE_COLLIDER, 1)
+        );
+        assert_eq!(command.vector, [1.0, 2.0, 3.0]);
+        let turn = command.point[1] - std::f64::consts::FRAC_PI_2;
+        assert!(turn.abs() < 1e-12, "{:?}", command.point);
+        let order = Order::MoveCollider {
+            collider: ObjectRef::Name("left".into()),
+            translation: [0.0; 3],
+            rotation_deg: [0.0; 3],
+        };
+        let error = wired(&order).expect_err("an object is no collider");
+        assert!(error.to_string().contains("floor, gripper"), "{error}");
+    }
+
+    #[test]
+    fn a_pin_without_a_point_holds_the_whole_object() {
+        let pin = |point| Order::Pin {
+            object: ObjectRef::Id(1),
+            point,
+            radius: None,
+        };
+        let command = wired(&pin(None)).expect("valid");
+        assert_eq!((command.kind, command.radius), (wire::COMMAND_PIN, 0.0));
+        let command = wired(&pin(Some([0.0; 3]))).expect("valid");
+        assert_eq!(command.radius, DEFAULT_PUSH_RADIUS);
     }
 
     #[test]

@@ -9,6 +9,10 @@ use super::{
 /// Rounds over all colliders near a particle; one that is still squeezed then stays where the last put it.
 const ROUNDS: usize = 3;
 
+/// How much heavier particles with a prescribed velocity are on the grid: nodes that they reach then move as
+/// prescribed, whatever hangs on them. Below the inverse of single precision, so that nothing is lost.
+pub(crate) const ANCHOR: f64 = 1e4;
+
 /// Everything that acts on particles around one transfer.
 #[derive(Clone, Debug)]
 pub(crate) struct Touch<'a> {
@@ -128,7 +132,8 @@ impl<'a> Touch<'a> {
         })
     }
 
-    /// Velocity and perhaps affine velocity with which a particle at `x` goes into the next transfer.
+    /// Velocity and perhaps affine velocity with which a particle at `x` goes into the next transfer. One with an
+    /// affine velocity is held: it weighs [`ANCHOR`] times as much on the grid and brings no stress.
     pub fn before(&self, id: u32, x: [f64; 3], v: [f64; 3]) -> Option<Touched> {
         if !self.acts_next {
             return None;

@@ -14,7 +14,7 @@ use crate::{
         Boundaries, Paths, Substep,
         rules::{Pins, Rules},
         sweep::Way,
-        touch::Touch,
+        touch::{ANCHOR, Touch},
     },
     command::Command,
     mat3::Mat3,
@@ -192,12 +192,14 @@ impl ReferenceWorld {
             substep,
             substep,
         );
+        let mut held = vec![false; particles.mass.len()];
         if let Some(touch) = &touch {
             for p in 0..particles.mass.len() {
                 let (x, v) = (particles.position[p], particles.velocity[p]);
                 if let Some(touched) = touch.before(p as u32, x, v) {
                     particles.velocity[p] = touched.v;
                     particles.set_affine(p, touched.affine);
+                    held[p] = touched.affine.is_some();
                 }
             }
         }
@@ -240,7 +242,16 @@ impl ReferenceWorld {
                     ],
                 ]);
                 let stencil = grid.stencil(particles.position[p], dx);
-                grid.scatter(&stencil, m, particles.velocity[p], &affine);
+                if held[p] {
+                    // Heavy, free of stress, and past the gravity that is still to come.
+                    let heavy = ANCHOR * m;
+                    let affine = Mat3(c.map(|row| row.map(|x| heavy * x)));
+                    let v =
+                        std::array::from_fn(|i| particles.velocity[p][i] - dt * self.gravity[i]);
+                    grid.scatter(&stencil, heavy, v, &affine);
+                } else {
+                    grid.scatter(&stencil, m, particles.velocity[p], &affine);
+                }
                 stencils[p] = Some(stencil);
             }
         }

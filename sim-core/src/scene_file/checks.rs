@@ -10,8 +10,9 @@ use super::{
     spec::SceneFile,
 };
 use crate::{
+    colliders::Boundaries,
     fill::FillReport,
-    scene::{Aabb, ColliderShape, Fidelity, Object, Scene, Selection},
+    scene::{Aabb, Fidelity, Object, Scene, Selection},
 };
 
 /// Part of an object's particles that may lie inside another object before it is called overlap.
@@ -25,6 +26,7 @@ pub(super) fn check(
     report: &mut BuildReport,
 ) -> Result<(), SceneErrors> {
     let mut errors = Vec::new();
+    let boundaries = Boundaries::new(scene, 1.0);
     let hollow: Vec<Finding> = scene
         .objects
         .iter()
@@ -55,12 +57,8 @@ pub(super) fn check(
         if let Some(message) = thin(scene, object) {
             warn(at, message);
         }
-        for collider in &scene.colliders {
-            let ColliderShape::HalfSpace { normal } = collider.shape else {
-                continue;
-            };
-            let point = collider.pose.translation;
-            let height = |p: &[f64; 3]| (0..3).map(|a| (p[a] - point[a]) * normal[a]).sum::<f64>();
+        for (id, collider) in scene.colliders.iter().enumerate() {
+            let height = |p: &[f64; 3]| boundaries.height(id, *p);
             let depths = positions.iter().map(height).filter(|h| *h < 0.0);
             let (count, deepest) = depths.fold((0, 0.0f64), |(n, d), h| (n + 1, d.min(h)));
             if count > 0 {

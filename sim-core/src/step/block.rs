@@ -7,7 +7,7 @@ use super::{
     rigid::RigidMotion,
     scatter::Accumulator,
     stencil::Stencil,
-    touch::BlockTouch,
+    touch::{BlockTouch, anchor},
 };
 use crate::{
     grid::{NONE, TILE, Tile, TileFloats, Velocities},
@@ -338,7 +338,10 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
     }
     let touch = match pass.touch {
         None => None,
-        Some(touch) => BlockTouch::new(touch, work.block, work.concerned, pass.carrier),
+        Some(touch) => {
+            let carrier = [pass.carrier, pass.next_carrier];
+            BlockTouch::new(touch, work.block, work.concerned, carrier)
+        }
     };
     for run in work.runs.iter_mut() {
         let mut largest = Largest::none();
@@ -404,9 +407,10 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
                     note(&mut flags.bad, V::mask_bits(live & bad), &mut findings.bad);
                 }
             }
+            let mut held = [0; 2];
             if SCATTER && let Some(touch) = &touch {
                 for (n, g) in members.clone().enumerate() {
-                    touch.before(&work.fixed[g].id, &work.groups[g].x, &mut motion[n]);
+                    held[n] = touch.before(&work.fixed[g].id, &work.groups[g].x, &mut motion[n]);
                 }
             }
             let (one, two) = (members.start, members.end - 1);
@@ -438,7 +442,12 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
                         cells[a].0 = cells[a].0.min(stencil.cell[a]);
                         cells[a].1 = cells[a].1.max(stencil.cell[a]);
                     }
-                    let mass = V::load(&work.fixed[g].mass);
+                    let mut mass = V::load(&work.fixed[g].mass);
+                    if held[n] != 0 {
+                        let light = &work.fixed[g].mass;
+                        let heavy = anchor(held[n], light, &motion[n], &mut answer.affine[n]);
+                        mass = V::load(&heavy);
+                    }
                     let v = load3(&motion[n].v);
                     let affine = load9(&answer.affine[n]);
                     accumulator.scatter(work.tile, &stencil, mass, v, &affine);

@@ -36,6 +36,8 @@ pub(crate) struct Pass<'a> {
     pub dt: f32,
     /// Velocity that all others are relative to [cells/s].
     pub carrier: [f64; 3],
+    /// The same after the next transfer.
+    pub next_carrier: [f64; 3],
     /// Per part.
     pub laws: &'a [PartLaw],
     /// Per part, what rigid ones do in this substep.

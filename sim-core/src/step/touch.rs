@@ -4,7 +4,10 @@
 //! not depend on the instruction set.
 
 use crate::{
-    colliders::{sweep::Way, touch::Touch},
+    colliders::{
+        sweep::Way,
+        touch::{ANCHOR, Touch},
+    },
     particles::{BLOCK, Block, Motion, NO_PARTICLE, position_in_cells},
     simd::{F32x16, LANES},
 };
@@ -15,8 +18,26 @@ pub(super) struct BlockTouch<'a> {
     touch: Touch<'a>,
     block: [i32; 3],
     centre: [f64; 3],
-    /// Velocity that those of particles are relative to [cells/s].
-    carrier: [f64; 3],
+    /// Velocity that those of particles are relative to, before and after the next transfer [cells/s].
+    carrier: [[f64; 3]; 2],
+}
+
+/// Makes the lanes that are held as heavy as they must be, and free of stress; returns the masses.
+#[inline(never)]
+pub(super) fn anchor(
+    held: u16,
+    mass: &F32x16,
+    motion: &Motion,
+    affine: &mut [F32x16; 9],
+) -> F32x16 {
+    let mut heavy = *mass;
+    for lane in (0..LANES).filter(|lane| held >> lane & 1 == 1) {
+        heavy.0[lane] *= ANCHOR as f32;
+        for n in 0..9 {
+            affine[n].0[lane] = motion.c[n].0[lane];
+        }
+    }
+    heavy
 }
 
 impl<'a> BlockTouch<'a> {
@@ -25,7 +46,7 @@ impl<'a> BlockTouch<'a> {
         touch: &Touch<'a>,
         block: &Block,
         concerned: bool,
-        carrier: [f64; 3],
+        carrier: [[f64; 3]; 2],
     ) -> Option<Self> {
         let first = block.index.map(|i| f64::from(BLOCK * i));
         // Cells of the block, and as far as particles may drift and travel.
@@ -70,30 +91,43 @@ impl<'a> BlockTouch<'a> {
             for a in 0..3 {
                 x[a].0[lane] = (touched.x[a] - self.centre[a]) as f32;
             }
-            fastest = fastest.max(self.give(motion, lane, touched.v, touched.affine));
+            fastest =
+                fastest.max(self.give(motion, lane, touched.v, touched.affine, self.carrier[0]));
         }
         fastest
     }
 
-    /// Prepares sixteen particles for the next transfer.
+    /// Prepares sixteen particles for the next transfer; returns the lanes that are held.
     #[inline(never)]
-    pub fn before(&self, ids: &[u32; LANES], x: &[F32x16; 3], motion: &mut Motion) {
+    pub fn before(&self, ids: &[u32; LANES], x: &[F32x16; 3], motion: &mut Motion) -> u16 {
+        let mut held = 0;
         for lane in (0..LANES).filter(|&lane| ids[lane] != NO_PARTICLE) {
             let at = position_in_cells(self.block, [x[0].0[lane], x[1].0[lane], x[2].0[lane]]);
             let v = self.velocity(motion, lane);
             if let Some(touched) = self.touch.before(ids[lane], at, v) {
-                self.give(motion, lane, touched.v, touched.affine);
+                // Gravity is on its way into the carrier: what is held must not feel it.
+                let after = usize::from(touched.affine.is_some());
+                held |= (after as u16) << lane;
+                self.give(motion, lane, touched.v, touched.affine, self.carrier[after]);
             }
         }
+        held
     }
 
     fn velocity(&self, motion: &Motion, lane: usize) -> [f64; 3] {
-        std::array::from_fn(|a| f64::from(motion.v[a].0[lane]) + self.carrier[a])
+        std::array::from_fn(|a| f64::from(motion.v[a].0[lane]) + self.carrier[0][a])
     }
 
-    fn give(&self, motion: &mut Motion, lane: usize, v: [f64; 3], affine: Option<[f64; 9]>) -> f32 {
+    fn give(
+        &self,
+        motion: &mut Motion,
+        lane: usize,
+        v: [f64; 3],
+        affine: Option<[f64; 9]>,
+        carrier: [f64; 3],
+    ) -> f32 {
         for a in 0..3 {
-            motion.v[a].0[lane] = (v[a] - self.carrier[a]) as f32;
+            motion.v[a].0[lane] = (v[a] - carrier[a]) as f32;
         }
         if let Some(affine) = affine {
             for n in 0..9 {

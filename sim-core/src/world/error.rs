@@ -1,7 +1,8 @@
 //! What makes a scene impossible to simulate.
 
+use super::boundary_checks;
 use crate::{
-    scene::{Collider, ColliderShape, Fidelity, Scene},
+    scene::{Fidelity, Scene},
     simd::Isa,
 };
 
@@ -70,7 +71,12 @@ pub enum WorldError {
 /// Largest magnitude of a coordinate [cells].
 pub(super) const MAX_CELLS: f64 = 16_777_216.0;
 
-fn within(what: impl Fn() -> String, value: f64, min: f64, max: f64) -> Result<(), WorldError> {
+pub(super) fn within(
+    what: impl Fn() -> String,
+    value: f64,
+    min: f64,
+    max: f64,
+) -> Result<(), WorldError> {
     if (min..=max).contains(&value) {
         return Ok(());
     }
@@ -106,35 +112,9 @@ pub(super) fn validate(scene: &Scene) -> Result<(), WorldError> {
             reach,
         )?;
     }
-    for (id, collider) in scene.colliders.iter().enumerate() {
-        validate_collider(id, collider)?;
-    }
-    for (id, region) in scene.pinned_regions.iter().enumerate() {
-        let bounds = region.bounds;
-        for value in bounds.min.into_iter().chain(bounds.max) {
-            within(|| format!("corner of pinned region {id}"), value, -BIG, BIG)?;
-        }
-    }
+    boundary_checks::validate(scene)?;
     validate_particles(scene)?;
     validate_objects(scene)
-}
-
-fn validate_collider(id: usize, collider: &Collider) -> Result<(), WorldError> {
-    const BIG: f64 = 1e9;
-    if let ColliderShape::HalfSpace { normal } = collider.shape {
-        let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
-        let what = || format!("length of the normal of collider {id}");
-        within(what, length, 0.999, 1.001)?;
-    }
-    let what = || format!("friction of collider {id}");
-    within(what, collider.friction, 0.0, BIG)?;
-    let what = || format!("restitution of collider {id}");
-    within(what, collider.restitution, 0.0, 1.0)?;
-    for a in 0..3 {
-        let what = || format!("position[{a}] of collider {id}");
-        within(what, collider.pose.translation[a], -BIG, BIG)?;
-    }
-    Ok(())
 }
 
 fn validate_particles(scene: &Scene) -> Result<(), WorldError> {

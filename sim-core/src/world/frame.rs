@@ -350,6 +350,9 @@ impl World {
             stage,
             dt: dt as f32,
             carrier: self.state.carrier,
+            next_carrier: std::array::from_fn(|a| {
+                self.state.carrier[a] + next.dt * self.state.gravity[a] / self.scene.dx
+            }),
             laws: &laws,
             rigid: &rigid,
             max_strain: MAX_STRAIN as f32,

@@ -1,5 +1,6 @@
 //! `World`: a scene in motion on the fast solver.
 
+mod boundary_checks;
 mod checkpoint;
 mod commands;
 mod edit;

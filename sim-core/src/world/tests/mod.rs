@@ -1,8 +1,10 @@
 //! Laws and stories of the fast solver.
 
+mod boundaries;
 mod damping;
 mod laws;
 mod rigid;
+mod rules;
 mod stories;
 
 use super::*;
