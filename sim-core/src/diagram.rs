@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 
 use crate::{
     assets::{Gaussians, SH_C0},
-    scene::{Aabb, ColliderShape, Scene},
+    scene::{Aabb, ColliderShape, Pose, Scene},
     scene_file::{append, bounds_of},
 };
 
@@ -26,8 +26,8 @@ const PINNED: [f32; 3] = [0.9, 0.1, 0.1];
 const COLLIDER: [f32; 3] = [0.3, 0.5, 0.9];
 
 /// The scene's Gaussians, and its invisible parts as coloured ones: a box around each object, in turn orange,
-/// light blue, green, yellow, pink, blue; pinned regions red; the domain grey; colliders as bluish patches with
-/// their normal.
+/// light blue, green, yellow, pink, blue; pinned regions red; the domain grey; half-spaces as bluish patches with
+/// their normal, other colliders as bluish boxes around them.
 pub fn diagram(scene: &Scene) -> Gaussians {
     let mut pen = Pen {
         out: scene.gaussians.clone(),
@@ -51,11 +51,41 @@ pub fn diagram(scene: &Scene) -> Gaussians {
         return pen.out;
     };
     for collider in &scene.colliders {
-        if let ColliderShape::HalfSpace { normal } = collider.shape {
-            pen.half_space(collider.pose.translation.into(), normal.into(), &seen);
+        let pose = &collider.pose;
+        match local_box(&collider.shape) {
+            Ok(b) => pen.frame_at(pose, &b, COLLIDER),
+            Err(normal) => pen.half_space(pose.translation.into(), normal.into(), &seen),
         }
     }
     pen.out
+}
+
+/// Box of a shape in its own frame, or the normal of a half-space.
+fn local_box(shape: &ColliderShape) -> Result<Aabb, [f64; 3]> {
+    let half = match shape {
+        ColliderShape::HalfSpace { normal } => return Err(*normal),
+        ColliderShape::Box { half_extents } => *half_extents,
+        ColliderShape::Sphere { radius } => [*radius; 3],
+        ColliderShape::Cylinder {
+            radius,
+            half_height,
+        } => [*radius, *half_height, *radius],
+        ColliderShape::Capsule {
+            radius,
+            half_height,
+        } => [*radius, half_height + radius, *radius],
+        ColliderShape::Mesh(mesh) => {
+            let points = bounds_of(mesh.points.iter().copied());
+            return Ok(points.unwrap_or(Aabb {
+                min: [0.0; 3],
+                max: [0.0; 3],
+            }));
+        }
+    };
+    Ok(Aabb {
+        min: half.map(|h| -h),
+        max: half,
+    })
 }
 
 struct Pen {
@@ -92,11 +122,15 @@ impl Pen {
     }
 
     fn frame(&mut self, b: &Aabb, rgb: [f32; 3]) {
+        self.frame_at(&Pose::IDENTITY, b, rgb);
+    }
+
+    fn frame_at(&mut self, pose: &Pose, b: &Aabb, rgb: [f32; 3]) {
         let (min, max) = (DVec3::from(b.min), DVec3::from(b.max));
         let width = 0.002 * min.distance(max);
         let corner = |i: usize| {
             let pick = |a: usize| if i >> a & 1 == 0 { min[a] } else { max[a] };
-            DVec3::new(pick(0), pick(1), pick(2))
+            DVec3::from(pose.point([pick(0), pick(1), pick(2)]))
         };
         for i in 0..8usize {
             for a in 0..3 {

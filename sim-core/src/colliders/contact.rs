@@ -30,6 +30,11 @@ impl Contact {
         }
     }
 
+    /// Whether it has restitution.
+    pub fn gives_back(&self) -> bool {
+        self.restitution > 0.0 && self.surface != Surface::Sticky
+    }
+
     /// Relative velocity after contact. Coulomb: what presses changes the normal velocity by `(1 + e) |v_n|`,
     /// and `mu_f` times that goes off the tangential speed, which is never turned round. Pull-off costs nothing.
     pub fn resolve(&self, v: [f64; 3], normal: [f64; 3]) -> [f64; 3] {

@@ -142,12 +142,6 @@ impl Boundaries {
                 ..Body::new(&wall, unit, cell)
             }));
         }
-        // Rigid objects move as one and feel only the grid.
-        if scene.parts().iter().any(|p| p.material.law.is_rigid()) {
-            for body in &mut bodies {
-                body.on_nodes = true;
-            }
-        }
         Self {
             bodies,
             regions: scene.pinned_regions.clone(),
@@ -303,20 +297,19 @@ fn domain_walls(domain: &Aabb) -> impl Iterator<Item = Collider> {
 impl Body {
     fn new(collider: &Collider, unit: f64, cell: f64) -> Self {
         let shape = Shape::new(&collider.shape, unit);
-        let sticky = collider.surface == Surface::Sticky;
-        let gives_back = collider.restitution > 0.0 && !sticky;
-        let on_particles = gives_back || shape.thickness() < THIN * cell;
+        let contact = Contact {
+            surface: collider.surface,
+            friction: collider.friction,
+            restitution: collider.restitution,
+        };
+        let on_particles = contact.gives_back() || shape.thickness() < THIN * cell;
         Self {
             radius: shape.radius(),
             shape,
             rest: collider.pose,
             motion: collider.motion.clone(),
             span: collider.span,
-            contact: Contact {
-                surface: collider.surface,
-                friction: collider.friction,
-                restitution: collider.restitution,
-            },
+            contact,
             on_nodes: !on_particles,
             on_particles,
         }

@@ -1,10 +1,13 @@
 //! What happens to single particles between grid and grid: contact, prescribed motion, impulses.
 
 use super::{
-    Boundaries, Paths, Placed, Substep,
+    Boundaries, ON_FACE, Paths, Placed, Substep,
+    contact::Contact,
     rules::{Pins, Rules},
     sweep::Way,
 };
+
+use crate::mat3::dot;
 
 /// Rounds over all colliders near a particle; one that is still squeezed then stays where the last put it.
 const ROUNDS: usize = 3;
@@ -26,6 +29,37 @@ pub(crate) struct Touch<'a> {
     holds_now: bool,
     acts_next: bool,
     cell: f64,
+    /// Approach speed below which nothing is given back: that of a fall through one cell [units/s].
+    resting_speed: f64,
+}
+
+/// A thin wall near a particle: nodes beyond the plane through its nearest point are behind it for this particle,
+/// whatever is there, and have no more velocity than its surface allows. After the compatible particle-in-cell method
+/// of Hu et al. 2018, with the wall's condition in place of the particle's own velocity.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ghost<'a> {
+    wall: Placed<'a>,
+    point: [f64; 3],
+    normal: [f64; 3],
+    on_face: f64,
+}
+
+impl Ghost<'_> {
+    /// Velocity that a node at `x` has for the particle when it has `v` for others.
+    pub fn seen(&self, x: [f64; 3], v: [f64; 3]) -> [f64; 3] {
+        let r = std::array::from_fn(|a| x[a] - self.point[a]);
+        if dot(r, self.normal) >= -self.on_face {
+            return v;
+        }
+        let u = self.wall.velocity(x);
+        let contact = Contact {
+            restitution: 0.0,
+            ..self.wall.body.contact
+        };
+        let relative = std::array::from_fn(|a| v[a] - u[a]);
+        let allowed = contact.resolve(relative, self.normal);
+        std::array::from_fn(|a| u[a] + allowed[a])
+    }
 }
 
 /// A particle after what acted on it.
@@ -38,7 +72,8 @@ pub(crate) struct Touched {
 }
 
 impl<'a> Touch<'a> {
-    /// What acts after the substep `now` and before the substep `next`; none when nothing does.
+    /// What acts after the substep `now` and before the substep `next`; none when nothing does. `gravity` is in SI
+    /// units.
     pub fn new(
         boundaries: &'a Boundaries,
         paths: &Paths,
@@ -46,6 +81,7 @@ impl<'a> Touch<'a> {
         pins: &'a Pins,
         now: Substep,
         next: Substep,
+        gravity: [f64; 3],
     ) -> Option<Self> {
         let bodies = boundaries.on_particles(paths, &now);
         let holds_now = rules.hold_in(pins, &now);
@@ -60,6 +96,10 @@ impl<'a> Touch<'a> {
             holds_now,
             acts_next,
             cell: boundaries.cell,
+            resting_speed: {
+                let g = dot(gravity, gravity).sqrt() / boundaries.unit;
+                (2.0 * g * boundaries.cell).sqrt()
+            },
         })
     }
 
@@ -94,6 +134,35 @@ impl<'a> Touch<'a> {
             body.is_near(min, max, margin).then_some(speed)
         });
         speeds.reduce(f64::max)
+    }
+
+    /// The walls that part a particle at `x` from some of its nodes; `v` is the velocity that it gathered from all of
+    /// them. One that hits a wall with restitution hard is left to [`after`](Self::after); those of rigid objects,
+    /// which do not move `alone`, never are.
+    pub fn ghosts(&self, alone: bool, x: [f64; 3], v: [f64; 3]) -> Vec<Ghost<'a>> {
+        let mut found = Vec::new();
+        for wall in self.bodies.iter().filter(|wall| !wall.body.on_nodes) {
+            let near = wall.distance(x);
+            // As far as the stencil reaches along the normal.
+            let reach: f64 = near.normal.iter().map(|n| 1.5 * self.cell * n.abs()).sum();
+            if near.value >= reach {
+                continue;
+            }
+            if alone && wall.body.contact.gives_back() {
+                let u = wall.velocity(x);
+                let approach: f64 = (0..3).map(|a| (u[a] - v[a]) * near.normal[a]).sum();
+                if approach > self.resting_speed {
+                    continue;
+                }
+            }
+            found.push(Ghost {
+                wall: *wall,
+                point: std::array::from_fn(|a| x[a] - near.value * near.normal[a]),
+                normal: near.normal,
+                on_face: ON_FACE * self.cell,
+            });
+        }
+        found
     }
 
     /// What becomes of a particle that the grid moves along `way`; none when nothing acts on it.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::mat3::Mat3;
+use crate::{colliders::touch::Ghost, mat3::Mat3};
 
 /// One grid node.
 #[derive(Clone, Copy, Debug, Default)]
@@ -87,6 +87,17 @@ impl Grid {
 
     /// `v = sum w v_i` and `C = 4 / dx^2 sum w v_i (x_i - x_p)^T`.
     pub fn gather(&self, stencil: &Stencil, dx: f64) -> ([f64; 3], Mat3<f64>) {
+        self.gather_seen(stencil, [0.0; 3], &[], dx)
+    }
+
+    /// The same for a particle at `x` that walls part from some of its nodes.
+    pub fn gather_seen(
+        &self,
+        stencil: &Stencil,
+        x: [f64; 3],
+        walls: &[Ghost<'_>],
+        dx: f64,
+    ) -> ([f64; 3], Mat3<f64>) {
         let mut v = [0.0; 3];
         let mut c = [[0.0; 3]; 3];
         for &Neighbor {
@@ -95,11 +106,15 @@ impl Grid {
             offset,
         } in &stencil.0
         {
-            let node = &self.nodes[slot].1;
+            let mut u = self.nodes[slot].1.velocity;
+            let at = std::array::from_fn(|a| x[a] + offset[a]);
+            for wall in walls {
+                u = wall.seen(at, u);
+            }
             for a in 0..3 {
-                v[a] += w * node.velocity[a];
+                v[a] += w * u[a];
                 for b in 0..3 {
-                    c[a][b] += 4.0 / (dx * dx) * w * node.velocity[a] * offset[b];
+                    c[a][b] += 4.0 / (dx * dx) * w * u[a] * offset[b];
                 }
             }
         }

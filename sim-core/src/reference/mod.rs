@@ -191,6 +191,7 @@ impl ReferenceWorld {
             &self.pins,
             substep,
             substep,
+            self.gravity,
         );
         let mut held = vec![false; particles.mass.len()];
         if let Some(touch) = &touch {
@@ -203,6 +204,7 @@ impl ReferenceWorld {
                 }
             }
         }
+        let keep = self.scene.conditions.damping_factor(dt);
         let before = particles.position.clone();
         let mut grid = Grid::default();
         let mut stencils: Vec<Option<Stencil>> = vec![None; particles.mass.len()];
@@ -246,8 +248,9 @@ impl ReferenceWorld {
                     // Heavy, free of stress, and past the gravity that is still to come.
                     let heavy = ANCHOR * m;
                     let affine = Mat3(c.map(|row| row.map(|x| heavy * x)));
-                    let v =
-                        std::array::from_fn(|i| particles.velocity[p][i] - dt * self.gravity[i]);
+                    let v = std::array::from_fn(|i| {
+                        particles.velocity[p][i] / keep - dt * self.gravity[i]
+                    });
                     grid.scatter(&stencil, heavy, v, &affine);
                 } else {
                     grid.scatter(&stencil, m, particles.velocity[p], &affine);
@@ -258,7 +261,6 @@ impl ReferenceWorld {
 
         // Grid: momentum to velocity, gravity, boundaries.
         let boundaries = self.boundaries.on_nodes(&self.paths, &substep);
-        let keep = self.scene.conditions.damping_factor(dt);
         for (index, node) in &mut grid.nodes {
             let x = index.map(|i| f64::from(i) * dx);
             let velocity = std::array::from_fn(|i| {
@@ -267,10 +269,20 @@ impl ReferenceWorld {
             node.velocity = boundaries.constrain(x, velocity, dx);
         }
 
+        let mut rigid = vec![false; particles.mass.len()];
+        for (part, material) in self.parts.iter().zip(&self.materials) {
+            rigid[part.particles.clone()].fill(material.law.is_rigid());
+        }
         // G2P; then rigid objects move as one body each, all else particle by particle.
         for (p, stencil) in stencils.iter().enumerate() {
             let Some(stencil) = stencil else { continue };
-            let (v, c) = grid.gather(stencil, dx);
+            let (mut v, mut c) = grid.gather(stencil, dx);
+            let ghosts = touch
+                .as_ref()
+                .map(|touch| touch.ghosts(!rigid[p], particles.position[p], v));
+            if let Some(ghosts) = ghosts.filter(|ghosts| !ghosts.is_empty()) {
+                (v, c) = grid.gather_seen(stencil, particles.position[p], &ghosts, dx);
+            }
             particles.velocity[p] = v;
             particles.affine[p] = c.0;
         }

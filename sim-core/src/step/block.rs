@@ -206,11 +206,19 @@ fn advance<V: Lanes>(
     live: V::Mask,
     velocities: &TileFloats,
     limits: &Limits<V>,
+    touch: Option<(&BlockTouch<'_>, &[u32; LANES])>,
     largest: &mut Largest<V>,
 ) -> Moved<V> {
     let zero = V::broadcast(0.0);
     let x = load3::<V>(&group.x);
-    let (v, c) = gather(velocities, &Stencil::new(x));
+    let (mut v, mut c) = gather(velocities, &Stencil::new(x));
+    if let Some((touch, ids)) = touch {
+        let mut gathered = Motion::REST;
+        store3(v, &mut gathered.v);
+        store9(&c, &mut gathered.c);
+        touch.shield(ids, true, &group.x, velocities, &mut gathered);
+        (v, c) = (load3(&gathered.v), load9(&gathered.c));
+    }
     let dt = V::select(live, limits.dt, zero);
     let shift = &limits.carrier[1];
     let x = [
@@ -340,7 +348,7 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
         None => None,
         Some(touch) => {
             let carrier = [pass.carrier, pass.next_carrier];
-            BlockTouch::new(touch, work.block, work.concerned, carrier)
+            BlockTouch::new(touch, work.block, work.concerned, carrier, pass.next_keep)
         }
     };
     for run in work.runs.iter_mut() {
@@ -374,6 +382,7 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
                             live,
                             &velocity_tile,
                             &limits,
+                            touch.as_ref().map(|touch| (touch, &work.fixed[g].id)),
                             &mut largest,
                         ),
                         Some(body) => {

@@ -9,4 +9,4 @@ pub(crate) mod scatter;
 pub(crate) mod shapes;
 pub(crate) mod sort;
 pub(crate) mod stencil;
-mod touch;
+pub(crate) mod touch;

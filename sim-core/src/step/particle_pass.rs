@@ -38,6 +38,8 @@ pub(crate) struct Pass<'a> {
     pub carrier: [f64; 3],
     /// The same after the next transfer.
     pub next_carrier: [f64; 3],
+    /// What damping leaves of velocities in the next transfer, 0..=1.
+    pub next_keep: f64,
     /// Per part.
     pub laws: &'a [PartLaw],
     /// Per part, what rigid ones do in this substep.

@@ -2,11 +2,12 @@
 
 use rayon::prelude::*;
 
-use super::{block::load_velocities, gather::gather, stencil::Stencil};
+use super::{block::load_velocities, gather::gather, stencil::Stencil, touch::BlockTouch};
 use crate::{
+    colliders::touch::Touch,
     grid::{Grid, TileFloats},
     mat3::{Mat3, cross},
-    particles::{BLOCK, Block, Fixed, Group, Particles, Run},
+    particles::{BLOCK, Block, Fixed, Group, Motion, Particles, Run},
     simd::{F32x16, Isa, Lanes, Portable},
 };
 
@@ -69,6 +70,7 @@ pub(crate) fn rigid_motions(
     grid: &Grid,
     carrier: [f64; 3],
     dt: f64,
+    touch: Option<&Touch<'_>>,
 ) -> Vec<Option<RigidMotion>> {
     let Some(last) = body_of.iter().copied().flatten().max() else {
         return vec![None; body_of.len()];
@@ -88,8 +90,11 @@ pub(crate) fn rigid_motions(
             }
             let mut velocities = TileFloats::ZERO;
             load_velocities(nodes_of, &grid.velocities, &tile.cells, &mut velocities);
+            let carriers = [carrier; 2];
+            let touch = touch.and_then(|t| BlockTouch::new(t, block, false, carriers, 1.0));
+            let touch = touch.as_ref();
             rigid
-                .map(|(body, run)| (body, weigh(isa, particles, block, run, &velocities)))
+                .map(|(body, run)| (body, weigh(isa, particles, block, run, &velocities, touch)))
                 .collect()
         })
         .collect();
@@ -112,17 +117,18 @@ fn weigh(
     block: &Block,
     run: &Run,
     velocities: &TileFloats,
+    touch: Option<&BlockTouch<'_>>,
 ) -> BodySums {
     let groups = &particles.groups[run.groups.clone()];
     let fixed = &particles.fixed[run.groups.clone()];
     let local = match isa {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: a world is only made with an instruction set that the processor has.
-        Isa::Avx512 => unsafe { weigh_avx512(groups, fixed, velocities) },
+        Isa::Avx512 => unsafe { weigh_avx512(groups, fixed, velocities, touch) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: a world is only made with an instruction set that the processor has.
-        Isa::Avx2 => unsafe { weigh_avx2(groups, fixed, velocities) },
-        _ => weigh_lanes::<Portable>(groups, fixed, velocities),
+        Isa::Avx2 => unsafe { weigh_avx2(groups, fixed, velocities, touch) },
+        _ => weigh_lanes::<Portable>(groups, fixed, velocities, touch),
     };
     let mut s = [0.0; SUMS];
     for (sum, lanes) in s.iter_mut().zip(&local) {
@@ -144,19 +150,34 @@ fn weigh(
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
-unsafe fn weigh_avx512(groups: &[Group], fixed: &[Fixed], tile: &TileFloats) -> [F32x16; SUMS] {
-    weigh_lanes::<Avx512>(groups, fixed, tile)
+unsafe fn weigh_avx512(
+    groups: &[Group],
+    fixed: &[Fixed],
+    tile: &TileFloats,
+    touch: Option<&BlockTouch<'_>>,
+) -> [F32x16; SUMS] {
+    weigh_lanes::<Avx512>(groups, fixed, tile, touch)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
-unsafe fn weigh_avx2(groups: &[Group], fixed: &[Fixed], tile: &TileFloats) -> [F32x16; SUMS] {
-    weigh_lanes::<Avx2>(groups, fixed, tile)
+unsafe fn weigh_avx2(
+    groups: &[Group],
+    fixed: &[Fixed],
+    tile: &TileFloats,
+    touch: Option<&BlockTouch<'_>>,
+) -> [F32x16; SUMS] {
+    weigh_lanes::<Avx2>(groups, fixed, tile, touch)
 }
 
 /// Sums of the groups of one run, lane by lane, about the block's centre.
 #[inline(always)]
-fn weigh_lanes<V: Lanes>(groups: &[Group], fixed: &[Fixed], tile: &TileFloats) -> [F32x16; SUMS] {
+fn weigh_lanes<V: Lanes>(
+    groups: &[Group],
+    fixed: &[Fixed],
+    tile: &TileFloats,
+    touch: Option<&BlockTouch<'_>>,
+) -> [F32x16; SUMS] {
     let mut sums = [V::broadcast(0.0); SUMS];
     for (group, fixed) in groups.iter().zip(fixed) {
         let x = [
@@ -164,7 +185,23 @@ fn weigh_lanes<V: Lanes>(groups: &[Group], fixed: &[Fixed], tile: &TileFloats) -
             V::load(&group.x[1]),
             V::load(&group.x[2]),
         ];
-        let (v, c) = gather(tile, &Stencil::new(x));
+        let (mut v, mut c) = gather(tile, &Stencil::new(x));
+        if let Some(touch) = touch {
+            let mut gathered = Motion::REST;
+            for a in 0..3 {
+                v[a].store(&mut gathered.v[a]);
+            }
+            for n in 0..9 {
+                c.0[n / 3][n % 3].store(&mut gathered.c[n]);
+            }
+            touch.shield(&fixed.id, false, &group.x, tile, &mut gathered);
+            for a in 0..3 {
+                v[a] = V::load(&gathered.v[a]);
+            }
+            for n in 0..9 {
+                c.0[n / 3][n % 3] = V::load(&gathered.c[n]);
+            }
+        }
         let m = V::load(&fixed.mass);
         let mx = [m * x[0], m * x[1], m * x[2]];
         let orbital = cross(x, v);

@@ -8,18 +8,30 @@ use crate::{
         sweep::Way,
         touch::{ANCHOR, Touch},
     },
+    grid::{Tile, TileFloats},
     particles::{BLOCK, Block, Motion, NO_PARTICLE, position_in_cells},
     simd::{F32x16, LANES},
 };
 
+/// Quadratic B-spline.
+fn spline(r: f64) -> f64 {
+    if r.abs() < 0.5 {
+        0.75 - r * r
+    } else {
+        0.5 * (1.5 - r.abs()).max(0.0).powi(2)
+    }
+}
+
 /// What acts on the particles of one block.
 #[derive(Clone, Debug)]
-pub(super) struct BlockTouch<'a> {
+pub(crate) struct BlockTouch<'a> {
     touch: Touch<'a>,
     block: [i32; 3],
     centre: [f64; 3],
     /// Velocity that those of particles are relative to, before and after the next transfer [cells/s].
     carrier: [[f64; 3]; 2],
+    /// What damping leaves of relative velocities in the next transfer.
+    keep: f64,
 }
 
 /// Makes the lanes that are held as heavy as they must be, and free of stress; returns the masses.
@@ -47,6 +59,7 @@ impl<'a> BlockTouch<'a> {
         block: &Block,
         concerned: bool,
         carrier: [[f64; 3]; 2],
+        keep: f64,
     ) -> Option<Self> {
         let first = block.index.map(|i| f64::from(BLOCK * i));
         // Cells of the block, and as far as particles may drift and travel.
@@ -57,7 +70,67 @@ impl<'a> BlockTouch<'a> {
             block: block.index,
             centre: first.map(|x| x + 1.5),
             carrier,
+            keep: keep.max(f64::MIN_POSITIVE),
         })
+    }
+
+    /// Corrects what sixteen particles gathered, [`Motion::v`] and [`Motion::c`], where a thin wall parts them from some
+    /// of their nodes; those of rigid objects do not move `alone`.
+    #[inline(never)]
+    pub fn shield(
+        &self,
+        ids: &[u32; LANES],
+        alone: bool,
+        x: &[F32x16; 3],
+        tile: &TileFloats,
+        gathered: &mut Motion,
+    ) {
+        for lane in (0..LANES).filter(|&lane| ids[lane] != NO_PARTICLE) {
+            let local = [x[0].0[lane], x[1].0[lane], x[2].0[lane]];
+            let at = position_in_cells(self.block, local);
+            let v = self.velocity(gathered, lane);
+            if !v.iter().all(|v| v.is_finite()) {
+                continue;
+            }
+            let ghosts = self.touch.ghosts(alone, at, v);
+            if ghosts.is_empty() {
+                continue;
+            }
+            // Nodes of the tile run from -2 to 5, the block's centre is at 1.5.
+            let cell = local.map(|x| (f64::from(x) + 1.5).round().clamp(-1.0, 4.0) as i32);
+            let (mut v, mut c) = ([0.0; 3], [0.0; 9]);
+            for n in 0..27 {
+                let node = [n / 9, n / 3 % 3, n % 3];
+                let node: [i32; 3] = std::array::from_fn(|a| cell[a] + node[a] - 1);
+                let r: [f64; 3] =
+                    std::array::from_fn(|a| f64::from(node[a]) - (f64::from(local[a]) + 1.5));
+                let weight: f64 = r.iter().map(|r| spline(*r)).product();
+                let first = Tile::at(
+                    (node[0] + 2) as usize,
+                    (node[1] + 2) as usize,
+                    (node[2] + 2) as usize,
+                );
+                let there = std::array::from_fn(|a| at[a] + r[a]);
+                let mut u =
+                    std::array::from_fn(|a| f64::from(tile.0[first + a]) + self.carrier[0][a]);
+                for ghost in &ghosts {
+                    u = ghost.seen(there, u);
+                }
+                for a in 0..3 {
+                    let u = u[a] - self.carrier[0][a];
+                    v[a] += weight * u;
+                    for b in 0..3 {
+                        c[3 * a + b] += 4.0 * weight * u * r[b];
+                    }
+                }
+            }
+            for a in 0..3 {
+                gathered.v[a].0[lane] = v[a] as f32;
+            }
+            for n in 0..9 {
+                gathered.c[n].0[lane] = c[n] as f32;
+            }
+        }
     }
 
     /// Corrects sixteen particles that the grid moved from `before`; returns the largest squared speed of those
@@ -105,10 +178,18 @@ impl<'a> BlockTouch<'a> {
             let at = position_in_cells(self.block, [x[0].0[lane], x[1].0[lane], x[2].0[lane]]);
             let v = self.velocity(motion, lane);
             if let Some(touched) = self.touch.before(ids[lane], at, v) {
-                // Gravity is on its way into the carrier: what is held must not feel it.
-                let after = usize::from(touched.affine.is_some());
-                held |= (after as u16) << lane;
-                self.give(motion, lane, touched.v, touched.affine, self.carrier[after]);
+                match touched.affine {
+                    None => self.give(motion, lane, touched.v, None, self.carrier[0]),
+                    Some(_) => {
+                        held |= 1 << lane;
+                        // Gravity and damping are on their way: what is held must not feel them.
+                        let after = self.carrier[1];
+                        let v = std::array::from_fn(|a| {
+                            after[a] + (touched.v[a] - after[a]) / self.keep
+                        });
+                        self.give(motion, lane, v, touched.affine, after)
+                    }
+                };
             }
         }
         held

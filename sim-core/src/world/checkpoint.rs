@@ -228,6 +228,7 @@ impl World {
                 &self.parts,
                 &scene.colliders,
                 &scene.pinned_regions,
+                &scene.conditions,
             )
         );
         hash.update(rest.as_bytes());
@@ -242,6 +243,8 @@ impl World {
             ("shape marks", state.shaped.len(), parts),
             ("extremes", state.extremes.len(), parts),
             ("momenta", state.momentum.len(), self.scene.objects.len()),
+            ("pins", state.pins.len(), self.scene.objects.len()),
+            ("colliders", state.paths.len(), self.scene.colliders.len()),
             ("frozen particles", frozen, state.removed.len()),
         ] {
             count(what, found, expected)?;

@@ -9,7 +9,7 @@ use super::{
     time_step::{Limit, MAX_STRAIN, MAX_TRAVEL},
 };
 use crate::{
-    colliders::{Substep, sweep::SKIN, touch::Touch},
+    colliders::touch::Touch,
     grid::node_pass,
     materials::Coefficients,
     particles::{Extremes, Flags, Motion, NO_PARTICLE, Particles, Run},
@@ -101,6 +101,11 @@ impl Frame {
     /// Whether particles left the domain.
     pub fn lost_particles(&self) -> bool {
         !self.left_domain.is_empty()
+    }
+
+    /// What is left of it [s].
+    pub fn remaining(&self) -> f64 {
+        self.remaining
     }
 
     /// Whether it was undone.
@@ -318,6 +323,17 @@ impl World {
         let body_of: Vec<Option<usize>> = bodies
             .map(|(law, part)| law.law.is_rigid().then_some(part.object))
             .collect();
+        let [now, next] = self.around(frame, stage, dt, next_dt);
+        // Field by field: particles and grid change while it is in use.
+        let touch = Touch::new(
+            &self.boundaries,
+            &self.state.paths,
+            &self.rules,
+            &self.state.pins,
+            now,
+            next,
+            self.state.gravity,
+        );
         let rigid = match stage {
             Stage::Scatter => vec![None; laws.len()],
             Stage::Fused | Stage::Gather => rigid_motions(
@@ -327,32 +343,15 @@ impl World {
                 &self.workspace.grid,
                 self.state.carrier,
                 dt,
+                touch.as_ref(),
             ),
         };
-        let now = self.substep(frame, dt);
-        let next = match stage {
-            Stage::Scatter => now,
-            Stage::Fused | Stage::Gather => Substep {
-                time: now.time + dt,
-                dt: next_dt,
-                ..now
-            },
-        };
-        let touch = Touch::new(
-            &self.boundaries,
-            &self.state.paths,
-            &self.rules,
-            &self.state.pins,
-            now,
-            next,
-        );
         let pass = Pass {
             stage,
             dt: dt as f32,
             carrier: self.state.carrier,
-            next_carrier: std::array::from_fn(|a| {
-                self.state.carrier[a] + next.dt * self.state.gravity[a] / self.scene.dx
-            }),
+            next_carrier: self.carrier_after(next.dt),
+            next_keep: self.scene.conditions.damping_factor(next.dt),
             laws: &laws,
             rigid: &rigid,
             max_strain: MAX_STRAIN as f32,
@@ -394,24 +393,11 @@ impl World {
             .collect()
     }
 
-    /// The substep of size `dt` that comes next.
-    fn substep(&self, frame: &Frame, dt: f64) -> Substep {
-        Substep {
-            time: self.state.sim_time + (frame.length - frame.remaining),
-            dt,
-            frame_start: self.state.sim_time,
-            frame_length: frame.length,
-        }
-    }
-
     /// Runs the grid pass; returns the largest velocity component [cells/s].
     fn nodes(&mut self, frame: &mut Frame, dt: f64) -> f64 {
         let start = Instant::now();
-        for a in 0..3 {
-            self.state.carrier[a] += dt * self.state.gravity[a] / self.scene.dx;
-        }
+        self.state.carrier = self.carrier_after(dt);
         let keep = self.scene.conditions.damping_factor(dt) as f32;
-        self.state.carrier = self.state.carrier.map(|u| u * f64::from(keep));
         let substep = self.substep(frame, dt);
         let boundaries = self.boundaries.on_nodes(&self.state.paths, &substep);
         let moving = self.boundaries.moving_on_nodes(&self.state.paths, &substep);
@@ -427,16 +413,7 @@ impl World {
         self.state.grid_speed =
             f64::from(fastest.relative) + carrier + 2.0 * f64::from(fastest.boundary);
         frame.timings.grid += start.elapsed().as_secs_f64();
-        let boundary = self.outside_speeds(&substep);
-        self.state.grid_speed = self.state.grid_speed.max(boundary.prescribed);
-        match boundary.colliders {
-            None => self.state.grid_speed,
-            Some(speed) => {
-                self.state.grid_speed += 2.0 * speed;
-                // Contact may turn a particle's way into one axis and moves it by its skin.
-                3.0_f64.sqrt() * self.state.grid_speed + 2.0 * SKIN / dt
-            }
-        }
+        self.speed_with_boundaries(&substep)
     }
 
     /// Makes the carrier velocity the mean of all particles, so that what single precision rounds is small, and

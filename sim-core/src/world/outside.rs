@@ -2,9 +2,10 @@
 
 use super::{Frame, State, World, published::Published};
 use crate::{
-    colliders::{Path, Substep, touch::Touch},
+    colliders::{Path, Substep, sweep::SKIN, touch::Touch},
     particles::{BLOCK, NO_PARTICLE},
     scene::DomainPolicy,
+    step::particle_pass::Stage,
 };
 
 /// Largest speeds that come from outside in a substep [cells/s].
@@ -17,6 +18,73 @@ pub(super) struct OutsideSpeeds {
 }
 
 impl World {
+    /// The substep of size `dt` that comes next.
+    pub(super) fn substep(&self, frame: &Frame, dt: f64) -> Substep {
+        Substep {
+            time: self.state.sim_time + (frame.length - frame.remaining()),
+            dt,
+            frame_start: self.state.sim_time,
+            frame_length: frame.length,
+        }
+    }
+
+    /// The substep that a particle pass ends and the one that it begins.
+    pub(super) fn around(
+        &self,
+        frame: &Frame,
+        stage: Stage,
+        dt: f64,
+        next_dt: f64,
+    ) -> [Substep; 2] {
+        let now = self.substep(frame, dt);
+        let next = match stage {
+            Stage::Scatter => now,
+            Stage::Fused | Stage::Gather => Substep {
+                time: now.time + dt,
+                dt: next_dt,
+                ..now
+            },
+        };
+        [now, next]
+    }
+
+    /// What acts on single particles between two substeps.
+    pub(super) fn touch(&self, now: Substep, next: Substep) -> Option<Touch<'_>> {
+        Touch::new(
+            &self.boundaries,
+            &self.state.paths,
+            &self.rules,
+            &self.state.pins,
+            now,
+            next,
+            self.state.gravity,
+        )
+    }
+
+    /// The carrier velocity after a transfer: gravity and damping are its own.
+    pub(super) fn carrier_after(&self, dt: f64) -> [f64; 3] {
+        let keep = self.scene.conditions.damping_factor(dt) as f32;
+        std::array::from_fn(|a| {
+            let pulled = dt * self.state.gravity[a] / self.scene.dx;
+            (self.state.carrier[a] + pulled) * f64::from(keep)
+        })
+    }
+
+    /// Largest speed on the grid once boundaries and rules are counted [cells/s]; the one returned bounds how far
+    /// particles travel.
+    pub(super) fn speed_with_boundaries(&mut self, substep: &Substep) -> f64 {
+        let outside = self.outside_speeds(substep);
+        self.state.grid_speed = self.state.grid_speed.max(outside.prescribed);
+        match outside.colliders {
+            None => self.state.grid_speed,
+            Some(speed) => {
+                self.state.grid_speed += 2.0 * speed;
+                // Contact may turn a particle's way into one axis and moves it by its skin.
+                3.0_f64.sqrt() * self.state.grid_speed + 2.0 * SKIN / substep.dt
+            }
+        }
+    }
+
     /// Notes which blocks hold particles that a rule names, and how far blocks reach.
     pub(super) fn survey(&mut self) {
         let particles = &self.state.particles;
@@ -41,14 +109,7 @@ impl World {
 
     /// How fast boundaries and rules may move particles in a substep.
     pub(super) fn outside_speeds(&self, substep: &Substep) -> OutsideSpeeds {
-        let touch = Touch::new(
-            &self.boundaries,
-            &self.state.paths,
-            &self.rules,
-            &self.state.pins,
-            *substep,
-            *substep,
-        );
+        let touch = self.touch(*substep, *substep);
         let [min, max] = self.workspace.extent;
         let Some(touch) = touch.filter(|_| min[0] <= max[0]) else {
             return OutsideSpeeds {
