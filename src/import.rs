@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use cosplat_server::{
     import::{
-        Note,
+        Note, NoteKind,
         files::{Written, import_files},
     },
     load::load_scene,
@@ -109,8 +109,24 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 fn print(report: &Report) {
-    for finding in report.findings {
-        println!("{finding}");
+    let mut findings = report.findings;
+    while let [first, ..] = findings {
+        // Keys that are ignored for one and the same reason share a line.
+        let alike = |f: &&Note| f.kind == NoteKind::Ignored && f.message == first.message;
+        let count = findings.iter().take_while(alike).count().max(1);
+        let (group, rest) = findings.split_at(count);
+        if count == 1 {
+            println!("{first}");
+        } else {
+            let keys: Vec<&str> = group.iter().map(|f| f.key.as_str()).collect();
+            println!(
+                "{:<10} {}: {}",
+                first.kind.to_string(),
+                keys.join(", "),
+                first.message
+            );
+        }
+        findings = rest;
     }
     for warning in &report.warnings {
         println!("scene      {warning}");

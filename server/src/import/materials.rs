@@ -7,6 +7,8 @@ use super::{
 
 /// Young's modulus below which a unit is probably wrong [Pa]: forks store it divided by ten million.
 const SUSPICIOUS: f64 = 100.0;
+/// Range of Young's modulus that a scene file takes [Pa].
+const MODULI: (f64, f64) = (1e-3, 1e13);
 /// What a material without stress gets: the least that the scene format takes [Pa].
 const STRESS_FREE: f64 = 1e-3;
 /// Angles of friction that the law of sand takes [degrees].
@@ -82,6 +84,17 @@ pub(super) fn check_stiffness(config: &mut Config, multiplier: Option<f64>, note
                 "softer than any solid one can hold; DreamPhysics and Physics3D store Pa divided by 1e7: try \
                  --e-multiplier 1e7",
             );
+        }
+        let taken = modulus.clamp(MODULI.0, MODULI.1);
+        if taken != *modulus {
+            notes.add(
+                NoteKind::Changed,
+                &key,
+                *modulus,
+                taken,
+                "the nearest modulus that a scene file takes [Pa]",
+            );
+            *modulus = taken;
         }
         let elastic = Elastic {
             youngs_modulus: *modulus,

@@ -114,6 +114,29 @@ fn no_key_is_passed_over_in_silence() {
 }
 
 #[test]
+fn the_documentation_maps_every_key() {
+    let text = include_str!("../../../../docs/physgaussian.md");
+    let everything = everything();
+    let keys = everything.as_object().expect("an object").keys();
+    let filling = everything["particle_filling"]
+        .as_object()
+        .expect("an object")
+        .keys();
+    let filling =
+        filling.filter(|k| ["n_grid", "boundary", "max_partciels_per_cell"].contains(&k.as_str()));
+    let types = everything["boundary_conditions"]
+        .as_array()
+        .expect("a list");
+    let types = types.iter().filter_map(|b| b["type"].as_str());
+    for name in keys.chain(filling).map(String::as_str).chain(types) {
+        let named = text
+            .split('`')
+            .any(|word| word.trim_start_matches('.').ends_with(name));
+        assert!(named, "{name} is not in docs/physgaussian.md");
+    }
+}
+
+#[test]
 fn an_unknown_key_is_named_with_the_nearest_known_one() {
     let imported = imported(
         json!({"densty": 3, "boundary_conditions": [{"type": "cubiod"}, {"type": "bounding_box", "padding": 4}]}),
@@ -224,6 +247,14 @@ fn moduli_in_another_unit_are_doubted_and_multiplied() {
             .iter()
             .any(|n| n.kind == NoteKind::Warning && n.key == "E")
     );
+}
+
+#[test]
+fn a_modulus_too_small_for_a_scene_file_is_raised() {
+    let bird = imported(json!({"E": 1e-4}), false);
+    find(&bird, NoteKind::Warning, "E");
+    assert_eq!(find(&bird, NoteKind::Changed, "E").new, json!(1e-3));
+    near(number(&material(&bird), "youngs_modulus_pa"), 1e-3);
 }
 
 #[test]
