@@ -390,6 +390,59 @@ fn a_block_is_pinned_and_let_go_and_the_floor_is_lifted_by_name() {
 }
 
 #[test]
+fn any_material_is_set_in_words_and_journalled_in_numbers() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let mut server = stage.serve(&["--pace", "free", "--duration", "0.4", "--paused"]);
+    let client = stage.client();
+    let mut journal = client.journal().expect("the journal is readable");
+    let set = |words: &[&str]| stage.ctl(&[&["set-material"], words].concat());
+    let sand = [
+        "left",
+        "--law",
+        "drucker_prager",
+        "--set",
+        "youngs_modulus_pa=2e5",
+        "--set",
+        "poisson_ratio=0.3",
+        "--set",
+        "friction_angle_deg=30",
+        "--set",
+        "cohesion=0",
+    ];
+    assert!(set(&sand).status.success());
+    let water = ["right", "water", "--set", "bulk_modulus_pa=1e5"];
+    assert!(set(&water).status.success());
+    let refused: [(&[&str], &str); 4] = [
+        (&["left", "steal"], "did you mean `steel`?"),
+        (&["left", "water", "--set", "cohesion=3"], "`cohesion`"),
+        (&["left", "--law", "snow"], "youngs_modulus_pa"),
+        (&["left", "jelly", "--region", "3"], "region"),
+    ];
+    for (words, said) in refused {
+        let output = set(words);
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(
+            !output.status.success() && text.contains(said),
+            "{words:?}: {text}"
+        );
+    }
+    assert!(stage.ctl(&["resume"]).status.success());
+    let mut found = Vec::new();
+    while found.len() < 2 {
+        let message = journal
+            .next(PATIENCE)
+            .expect("the journal is well-formed")
+            .expect("the commands are in it");
+        found.extend(message.items().iter().map(|entry| entry.command.material));
+    }
+    assert_eq!((found[0].law, found[0].youngs_modulus), (4, 2e5));
+    assert_eq!(found[0].parameters, [30.0, 0.0, 0.0, 0.0]);
+    assert_eq!((found[1].law, found[1].parameters[0]), (8, 1e5));
+    assert_eq!(server.result()["steps"], 20);
+}
+
+#[test]
 fn reset_brings_the_first_frames_back_bit_for_bit() {
     let _watchdog = watchdog();
     let stage = Stage::new();
