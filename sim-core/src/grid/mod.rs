@@ -7,51 +7,59 @@ mod topology;
 pub(crate) use node_pass::node_pass;
 pub(crate) use topology::OFFSETS;
 
-use crate::simd::F32x16;
+use crate::simd::{F32x16, Lanes};
 
 /// Nodes along one edge of a tile: a block, the stencil's reach and one cell of drift on each side.
 pub(crate) const TILE: usize = 8;
 /// Floats before the first node, so that a row may be read from two nodes earlier.
 pub(crate) const FRONT: usize = 16;
 /// Floats of a tile: nodes of four floats, padded at both ends.
-pub(crate) const TILE_FLOATS: usize = FRONT + 4 * TILE * TILE * TILE + 16;
+pub(crate) const TILE_FLOATS: usize = FRONT + 4 * TILE * TILE * TILE + 32;
 
 /// No block there.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// Nodes -2..=5 around a block, z fastest, four floats each: momentum and mass on the way to the grid, velocity
-/// and one unused on the way back.
+/// and one unused on the way back. Of [packed](Tile::pack) tiles only the nodes in use, one after the other.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub(crate) struct TileFloats(pub [f32; TILE_FLOATS]);
+pub(crate) struct Tile(pub [f32; TILE_FLOATS]);
 
-impl TileFloats {
-    /// All zero.
-    pub const ZERO: Self = Self([0.0; TILE_FLOATS]);
-}
+/// Cell indices -1..=4 of the particles of a block, smallest and largest along each axis; the nodes in use reach one
+/// further.
+pub(crate) type Cells = [(i32, i32); 3];
 
-/// What the particles of one block bring to the grid.
-#[derive(Clone, Debug)]
-pub(crate) struct Tile {
-    /// Momentum and mass of the nodes.
-    pub floats: TileFloats,
-    /// Cell indices -1..=4 of the particles inside, smallest and largest along each axis; the nodes in use
-    /// reach one further.
-    pub cells: [(i32, i32); 3],
-}
+/// No particle.
+pub(crate) const NO_CELLS: Cells = [(99, -99); 3];
 
 impl Tile {
-    /// A tile that no particle touches.
-    pub const EMPTY: Self = Self {
-        floats: TileFloats::ZERO,
-        cells: [(99, -99); 3],
-    };
+    /// All zero.
+    pub const ZERO: Self = Self([0.0; TILE_FLOATS]);
 
-    /// Forgets all particles.
+    /// Copies the nodes in use to `to`: most tiles fill half of the space that they are entitled to, and what moves
+    /// between caches is what costs.
     #[inline(always)]
-    pub fn clear(&mut self) {
-        self.floats.0.fill(0.0);
-        self.cells = Self::EMPTY.cells;
+    pub fn pack<V: Lanes>(&self, cells: &Cells, to: &mut Self) {
+        let [(x0, x1), (y0, y1), (z0, z1)] = *cells;
+        if x0 > x1 {
+            return;
+        }
+        let length = 4 * (z1 - z0 + 3) as usize;
+        let mut end = FRONT;
+        for i in x0 + 1..=x1 + 3 {
+            for j in y0 + 1..=y1 + 3 {
+                let start = Self::at(i as usize, j as usize, (z0 + 1) as usize);
+                // SAFETY: cells are in -1..=4, so a row starts at node 7, 7, 5 or before, and two vectors from there
+                // end within the padding. Packed rows are no longer and no more than those of the tile. What the
+                // second vector holds beyond its row is overwritten by the next, or is padding that nobody reads.
+                unsafe {
+                    let (from, to) = (self.0.as_ptr().add(start), to.0.as_mut_ptr().add(end));
+                    V::load_at(from).store_at(to);
+                    V::load_at(from.add(16)).store_at(to.add(16));
+                }
+                end += length;
+            }
+        }
     }
 
     /// Index of the first float of the node at `i`, `j`, `k` in 0..8.
@@ -80,8 +88,10 @@ pub(crate) struct Velocities(pub [F32x16; 16]);
 /// The grid that belongs to one sorted arrangement of particles.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Grid {
-    /// One per particle block.
+    /// Momentum and mass that each particle block brings, packed.
     pub tiles: Vec<Tile>,
+    /// Cells in use, like `tiles`.
+    pub cells: Vec<Cells>,
     /// Per particle block the node blocks around it, like [`NodeBlock::tiles`].
     pub nodes_of: Vec<[u32; 27]>,
     /// All node blocks in lexicographic order.

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{
-    Grid, NONE, NodeBlock, Tile, Velocities,
+    Cells, FRONT, Grid, NONE, NodeBlock, Tile, Velocities,
     boundary::{corners, covers_block, near_block},
     topology::OFFSETS,
 };
@@ -45,11 +45,12 @@ pub(crate) fn node_pass(
 ) -> Fastest {
     let Grid {
         tiles,
+        cells,
         nodes,
         velocities,
         ..
     } = grid;
-    let tiles = tiles.as_slice();
+    let tiles = (tiles.as_slice(), cells.as_slice());
     // Magnitudes are compared as integers: NaN is then the largest of all and cannot get lost.
     let largest = nodes
         .par_iter()
@@ -87,7 +88,7 @@ pub(crate) fn node_pass(
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
 unsafe fn node_block_avx512(
     block: &NodeBlock,
-    tiles: &[Tile],
+    tiles: Tiles<'_>,
     keep: f32,
     out: &mut Velocities,
 ) -> u32 {
@@ -98,65 +99,135 @@ unsafe fn node_block_avx512(
 #[target_feature(enable = "avx2,fma")]
 unsafe fn node_block_avx2(
     block: &NodeBlock,
-    tiles: &[Tile],
+    tiles: Tiles<'_>,
     keep: f32,
     out: &mut Velocities,
 ) -> u32 {
     node_block::<Avx2>(block, tiles, keep, out)
 }
 
-/// Sums one node block and divides; returns the largest magnitude of a velocity component as bits.
-#[inline(always)]
-fn node_block<V: Lanes>(block: &NodeBlock, tiles: &[Tile], keep: f32, out: &mut Velocities) -> u32 {
-    let zero = V::broadcast(0.0);
-    let truth = |of: fn(usize) -> bool| {
-        let lanes = F32x16(std::array::from_fn(|i| f32::from(u8::from(of(i)))));
-        zero.lt(V::load(&lanes))
-    };
-    let first_two_nodes = truth(|i| i < 8);
-    let last_two_nodes = truth(|i| i >= 8);
-    let everywhere = truth(|_| true);
-    let velocity = truth(|i| i % 4 < 3);
-    let mut sum = [zero; 16];
-    for (offset, &tile) in OFFSETS.iter().zip(&block.tiles) {
-        if tile == NONE {
-            continue;
-        }
-        let tile = &tiles[tile as usize];
-        // Node n of this block is node n - 4 offset of the particle block: first and last node in use here, and
-        // where in the tile node 0 would be.
-        let mut first = [0; 3];
-        let mut last = [0; 3];
-        let mut origin = [0; 3];
+/// Packed tiles and their cells in use.
+type Tiles<'a> = (&'a [Tile], &'a [Cells]);
+
+/// The rows along z that a tile shares with a node block.
+#[derive(Clone, Copy)]
+struct Overlap {
+    /// Where node 0, 0, 0 of the block would be; at most 12 floats in front of the tile's first node.
+    origin: *const f32,
+    /// Nodes along y and z in the tile.
+    length: [isize; 2],
+    /// First and last node in use, in the block's numbers.
+    range: [[i32; 2]; 3],
+}
+
+impl Overlap {
+    /// Of the particle block at this offset; `None` where they share no node.
+    #[inline(always)]
+    fn new(tile: &Tile, cells: &Cells, offset: [i32; 3]) -> Option<Self> {
+        let mut start = [0; 3];
+        let mut range = [[0; 2]; 3];
+        let mut length = [0; 3];
         for a in 0..3 {
             let shift = BLOCK * offset[a];
-            first[a] = (tile.cells[a].0 - 1 + shift).max(0);
-            last[a] = (tile.cells[a].1 + 1 + shift).min(BLOCK - 1);
-            origin[a] = 2 - shift;
+            start[a] = (cells[a].0 - 1 + shift) as isize;
+            length[a] = (cells[a].1 - cells[a].0 + 3) as isize;
+            range[a] = [
+                (cells[a].0 - 1 + shift).max(0),
+                (cells[a].1 + 1 + shift).min(BLOCK - 1),
+            ];
+            if range[a][0] > range[a][1] {
+                return None;
+            }
         }
-        if first[2] > last[2] {
+        let first = (start[0] * length[1] + start[1]) * length[2] + start[2];
+        Some(Self {
+            origin: tile.0.as_ptr().wrapping_offset(FRONT as isize - 4 * first),
+            length: [length[1], length[2]],
+            range,
+        })
+    }
+
+    /// Four nodes along z; those outside the range hold anything.
+    #[inline(always)]
+    fn row(&self, i: i32, j: i32) -> *const f32 {
+        let [ny, nz] = self.length;
+        let node = (i as isize * ny + j as isize) * nz;
+        self.origin.wrapping_offset(4 * node)
+    }
+
+    /// Asks for the rows.
+    #[inline(always)]
+    fn prefetch(&self) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            let [[x0, x1], [y0, y1], _] = self.range;
+            for i in x0..=x1 {
+                for j in y0..=y1 {
+                    let row = self.row(i, j).cast::<i8>();
+                    // SAFETY: hints.
+                    unsafe {
+                        _mm_prefetch::<_MM_HINT_T0>(row);
+                        _mm_prefetch::<_MM_HINT_T0>(row.wrapping_add(63));
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Sums one node block and divides; returns the largest magnitude of a velocity component as bits.
+#[inline(always)]
+fn node_block<V: Lanes>(
+    block: &NodeBlock,
+    tiles: Tiles<'_>,
+    keep: f32,
+    out: &mut Velocities,
+) -> u32 {
+    let zero = V::broadcast(0.0);
+    let one = V::broadcast(1.0);
+    let node = V::load(&F32x16([
+        0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0,
+    ]));
+    let velocity = V::load(&F32x16([
+        1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0,
+    ]));
+    let velocity = zero.lt(velocity);
+    // Tiles come from the outer caches: each is asked for while the one before it is summed.
+    let mut overlaps = [None; 28];
+    let mut count = 0;
+    for n in 0..27 {
+        if block.tiles[n] != NONE {
+            let tile = block.tiles[n] as usize;
+            overlaps[count] = Overlap::new(&tiles.0[tile], &tiles.1[tile], OFFSETS[n]);
+            count += usize::from(overlaps[count].is_some());
+        }
+    }
+    let mut sum = [zero; 16];
+    for n in 0..count {
+        if let Some(next) = &overlaps[n + 1] {
+            next.prefetch();
+        }
+        let Some(overlap) = &overlaps[n] else {
             continue;
-        }
-        // Rows along z that are half in this block are read whole and masked; those in front of it two nodes
-        // early.
-        let k = [6, 2, -2][(offset[2] + 1) as usize];
-        let keep = [first_two_nodes, everywhere, last_two_nodes][(offset[2] + 1) as usize];
-        let mut i = first[0];
-        while i <= last[0] {
-            let mut j = first[1];
-            while j <= last[1] {
-                let at = Tile::at((i + origin[0]) as usize, (j + origin[1]) as usize, 0);
-                // SAFETY: i + origin and j + origin are in 0..8 because the cells of a tile are in -1..=4; reads
-                // start at most two nodes before and end two nodes behind the nodes, where tiles are padded.
-                let row = unsafe { V::load_at(tile.floats.0.as_ptr().offset(at as isize + 4 * k)) };
+        };
+        let [[x0, x1], [y0, y1], [z0, z1]] = overlap.range;
+        let (first, last) = (V::broadcast(z0 as f32), V::broadcast(z1 as f32));
+        let outside = node.lt(first) | last.lt(node);
+        let mut i = x0;
+        while i <= x1 {
+            let mut j = y0;
+            while j <= y1 {
+                // SAFETY: row i, j is in the tile, and node 0 of it at most three nodes before, node 3 at most three
+                // nodes behind those in use; tiles are padded by four and more.
+                let row = unsafe { V::load_at(overlap.row(i, j)) };
                 let sum = &mut sum[(BLOCK * i + j) as usize];
-                *sum = *sum + V::select(keep, row, zero);
+                *sum = *sum + V::select(outside, zero, row);
                 j += 1;
             }
             i += 1;
         }
     }
-    let one = V::broadcast(1.0);
     let keep = V::broadcast(keep);
     let mut largest = zero;
     for (row, to) in sum.iter().zip(&mut out.0) {

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Grid, NONE, NodeBlock, Tile, Velocities, boundary::covers_block};
+use super::{Grid, NO_CELLS, NONE, NodeBlock, Tile, Velocities, boundary::covers_block};
 use crate::{colliders::NodeConditions, particles::Block, simd::F32x16};
 
 /// Neighbour offsets, z fastest.
@@ -59,7 +59,9 @@ impl Grid {
             .par_iter()
             .map(|block| neighbours(&indices, block.index, |&index| index))
             .collect();
-        self.tiles.resize(blocks.len(), Tile::EMPTY);
+        self.tiles.resize(blocks.len(), Tile::ZERO);
+        self.cells.clear();
+        self.cells.resize(blocks.len(), NO_CELLS);
         self.velocities
             .resize(self.nodes.len(), Velocities([F32x16::ZERO; 16]));
     }

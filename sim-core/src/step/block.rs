@@ -10,7 +10,7 @@ use super::{
     touch::{BlockTouch, anchor},
 };
 use crate::{
-    grid::{NONE, TILE, Tile, TileFloats, Velocities},
+    grid::{Cells, NONE, TILE, Tile, Velocities},
     kinematics::advance_deformation,
     mat3::{Mat3, cross, dot},
     num::Real,
@@ -36,8 +36,8 @@ pub(super) fn block<V: Constitutive>(
 pub(super) fn load_velocities(
     nodes_of: &[u32; 27],
     nodes: &[Velocities],
-    cells: &[(i32, i32); 3],
-    to: &mut TileFloats,
+    cells: &Cells,
+    to: &mut Tile,
 ) {
     let [(x0, x1), (y0, y1), _] = *cells;
     for i in x0 - 1..=x1 + 1 {
@@ -204,7 +204,7 @@ fn advance<V: Lanes>(
     shape: Option<&mut [F32x16; 9]>,
     deforms: bool,
     live: V::Mask,
-    velocities: &TileFloats,
+    velocities: &Tile,
     limits: &Limits<V>,
     touch: Option<(&BlockTouch<'_>, &[u32; LANES])>,
     largest: &mut Largest<V>,
@@ -324,12 +324,15 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
     work: &mut Work<'_>,
     nodes: &[Velocities],
 ) -> Findings {
-    let mut velocity_tile = TileFloats::ZERO;
+    // Private and in the first-level cache.
+    let mut velocity_tile = Tile::ZERO;
+    let mut momentum_tile = Tile::ZERO;
     if GATHER {
-        load_velocities(work.nodes_of, nodes, &work.tile.cells, &mut velocity_tile);
-    }
-    if SCATTER {
-        work.tile.clear();
+        load_velocities(&work.nodes_of[0], nodes, work.cells, &mut velocity_tile);
+        if let Some(next) = work.nodes_of.get(1) {
+            prefetch_velocities(next, nodes, work.cells);
+        }
+        prefetch_tile(work.tile, work.cells);
     }
     let mut cells = [(V::splat(4.0), V::splat(-1.0)); 3];
     let mut accumulator = Accumulator::<V>::new();
@@ -459,7 +462,7 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
                     }
                     let v = load3(&motion[n].v);
                     let affine = load9(&answer.affine[n]);
-                    accumulator.scatter(work.tile, &stencil, mass, v, &affine);
+                    accumulator.scatter(&mut momentum_tile, &stencil, mass, v, &affine);
                 } else {
                     work.motion[g] = motion[n];
                 }
@@ -470,8 +473,8 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
         }
     }
     if SCATTER {
-        accumulator.flush(work.tile);
-        work.tile.cells = cells.map(|(low, high)| {
+        accumulator.flush(&mut momentum_tile);
+        *work.cells = cells.map(|(low, high)| {
             let fold = |v: V, f: fn(f32, f32) -> f32| {
                 let mut lanes = F32x16::ZERO;
                 v.store(&mut lanes);
@@ -479,8 +482,50 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
             };
             (fold(low, f32::min), fold(high, f32::max))
         });
+        momentum_tile.pack::<V>(work.cells, work.tile);
     }
     findings
+}
+
+/// Asks for the velocities that the next block will load, taking its cells in use for those of this one.
+#[inline(always)]
+fn prefetch_velocities(nodes_of: &[u32; 27], nodes: &[Velocities], cells: &Cells) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let [(x0, x1), (y0, y1), _] = *cells;
+        for i in x0 - 1..=x1 + 1 {
+            for j in y0 - 1..=y1 + 1 {
+                let column = 9 * ((i + BLOCK) / BLOCK) + 3 * ((j + BLOCK) / BLOCK);
+                let row = BLOCK * (i & (BLOCK - 1)) + (j & (BLOCK - 1));
+                for k in 0..3 {
+                    let block = nodes_of[(column + k) as usize] as usize;
+                    let at = nodes.as_ptr().wrapping_add(block).cast::<F32x16>();
+                    // SAFETY: a hint.
+                    unsafe { _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(row as usize).cast()) };
+                }
+            }
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (nodes_of, nodes, cells);
+}
+
+/// Asks for the part of a packed tile that is going to be written.
+#[inline(always)]
+fn prefetch_tile(tile: &Tile, cells: &Cells) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_ET0, _mm_prefetch};
+        let nodes: i32 = cells.iter().map(|(low, high)| high - low + 3).product();
+        let start = tile.0.as_ptr().cast::<i8>();
+        for line in 1..=(nodes as usize).div_ceil(4) {
+            // SAFETY: a hint.
+            unsafe { _mm_prefetch::<_MM_HINT_ET0>(start.wrapping_add(64 * line)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (tile, cells);
 }
 
 /// Asks for the two groups from `next` on while the two before them are worked on.

@@ -2,7 +2,7 @@
 
 use super::stencil::{Stencil, Weights, read_quarter, stored_all, z_offsets};
 use crate::{
-    grid::{TILE, TileFloats},
+    grid::{TILE, Tile},
     mat3::Mat3,
     simd::{F32x16, LANES, Lanes},
 };
@@ -12,7 +12,7 @@ use crate::{
 ///
 /// Rows of four nodes along z fill one vector, so sums run over y, then x, then z.
 #[inline(always)]
-pub(crate) fn gather<V: Lanes>(tile: &TileFloats, stencil: &Stencil<V>) -> ([V; 3], Mat3<V>) {
+pub(crate) fn gather<V: Lanes>(tile: &Tile, stencil: &Stencil<V>) -> ([V; 3], Mat3<V>) {
     let Weights { first, z } = stencil.weights();
     let wx = stored_all(stencil.w[0]);
     let wy = stored_all(stencil.w[1]);
@@ -57,7 +57,7 @@ pub(crate) fn gather<V: Lanes>(tile: &TileFloats, stencil: &Stencil<V>) -> ([V; 
 
 /// Four nodes along z at offsets `i`, `j` in 0..3 from the stencil's first float.
 #[inline(always)]
-fn row<V: Lanes>(tile: &TileFloats, first: usize, i: usize, j: usize) -> V {
+fn row<V: Lanes>(tile: &Tile, first: usize, i: usize, j: usize) -> V {
     // SAFETY: cells are clamped to -1..=4, so the stencil's rows start inside the tile and end at most one node
     // behind it, where it is padded.
     unsafe { V::load_at(tile.0.as_ptr().add(first + 4 * TILE * (TILE * i + j))) }

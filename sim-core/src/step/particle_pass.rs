@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{block::block, constitutive::PartLaw, rigid::RigidMotion};
 use crate::{
     colliders::touch::Touch,
-    grid::{Grid, Tile, Velocities},
+    grid::{Cells, Grid, Tile, Velocities},
     particles::{Backup, Block, Fixed, Flags, Group, Motion, Particles, Run, Shape},
     simd::{F32x16, Isa, Portable},
 };
@@ -61,7 +61,8 @@ pub(crate) struct Pass<'a> {
 /// The parts of a block that one task owns.
 pub(super) struct Work<'a> {
     pub block: &'a Block,
-    pub nodes_of: &'a [u32; 27],
+    /// Node blocks around this block and those after it.
+    pub nodes_of: &'a [[u32; 27]],
     pub runs: &'a mut [Run],
     pub groups: &'a mut [Group],
     pub memory: &'a mut [F32x16],
@@ -73,6 +74,7 @@ pub(super) struct Work<'a> {
     pub tile: &'a mut Tile,
     /// Whether a rule may name one of the block's particles.
     pub concerned: bool,
+    pub cells: &'a mut Cells,
 }
 
 /// Where a block's particles are copied to.
@@ -110,6 +112,7 @@ pub(crate) fn particle_pass(
 ) -> Findings {
     let Grid {
         tiles,
+        cells,
         nodes_of,
         velocities,
         ..
@@ -128,12 +131,12 @@ pub(crate) fn particle_pass(
     };
     let mut flags = particles.flags.as_mut_slice();
     let mut work = Vec::with_capacity(particles.blocks.len());
-    let blocks = particles.blocks.iter().zip(&*nodes_of).zip(tiles);
-    for (n, ((block, nodes_of), tile)) in blocks.enumerate() {
+    let targets = tiles.iter_mut().zip(cells);
+    for ((n, block), (tile, cells)) in particles.blocks.iter().enumerate().zip(targets) {
         let (count, shape_count) = (block.groups.len(), block.shapes.len());
         work.push(Work {
             block,
-            nodes_of,
+            nodes_of: &nodes_of[n..],
             runs: take(&mut runs, block.runs.len()),
             groups: take(&mut groups, count),
             memory: take(&mut memory, count),
@@ -148,6 +151,7 @@ pub(crate) fn particle_pass(
             flags: take(&mut flags, count),
             tile,
             concerned: pass.concerned.get(n).copied().unwrap_or(false),
+            cells,
         });
     }
     work.into_par_iter()

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{block::load_velocities, gather::gather, stencil::Stencil, touch::BlockTouch};
 use crate::{
     colliders::touch::Touch,
-    grid::{Grid, TileFloats},
+    grid::{Grid, Tile},
     mat3::{Mat3, cross},
     particles::{BLOCK, Block, Fixed, Group, Motion, Particles, Run},
     simd::{F32x16, Isa, Lanes, Portable},
@@ -79,8 +79,8 @@ pub(crate) fn rigid_motions(
         .blocks
         .par_iter()
         .zip(&grid.nodes_of)
-        .zip(&grid.tiles)
-        .map(|((block, nodes_of), tile)| {
+        .zip(&grid.cells)
+        .map(|((block, nodes_of), cells)| {
             let runs = particles.runs[block.runs.clone()].iter();
             let mut rigid = runs
                 .filter_map(|run| Some((body_of[run.part]?, run)))
@@ -88,8 +88,8 @@ pub(crate) fn rigid_motions(
             if rigid.peek().is_none() {
                 return vec![];
             }
-            let mut velocities = TileFloats::ZERO;
-            load_velocities(nodes_of, &grid.velocities, &tile.cells, &mut velocities);
+            let mut velocities = Tile::ZERO;
+            load_velocities(nodes_of, &grid.velocities, cells, &mut velocities);
             let carriers = [carrier; 2];
             let touch = touch.and_then(|t| BlockTouch::new(t, block, false, carriers, 1.0));
             let touch = touch.as_ref();
@@ -116,7 +116,7 @@ fn weigh(
     particles: &Particles,
     block: &Block,
     run: &Run,
-    velocities: &TileFloats,
+    velocities: &Tile,
     touch: Option<&BlockTouch<'_>>,
 ) -> BodySums {
     let groups = &particles.groups[run.groups.clone()];
@@ -153,7 +153,7 @@ fn weigh(
 unsafe fn weigh_avx512(
     groups: &[Group],
     fixed: &[Fixed],
-    tile: &TileFloats,
+    tile: &Tile,
     touch: Option<&BlockTouch<'_>>,
 ) -> [F32x16; SUMS] {
     weigh_lanes::<Avx512>(groups, fixed, tile, touch)
@@ -164,7 +164,7 @@ unsafe fn weigh_avx512(
 unsafe fn weigh_avx2(
     groups: &[Group],
     fixed: &[Fixed],
-    tile: &TileFloats,
+    tile: &Tile,
     touch: Option<&BlockTouch<'_>>,
 ) -> [F32x16; SUMS] {
     weigh_lanes::<Avx2>(groups, fixed, tile, touch)
@@ -175,7 +175,7 @@ unsafe fn weigh_avx2(
 fn weigh_lanes<V: Lanes>(
     groups: &[Group],
     fixed: &[Fixed],
-    tile: &TileFloats,
+    tile: &Tile,
     touch: Option<&BlockTouch<'_>>,
 ) -> [F32x16; SUMS] {
     let mut sums = [V::broadcast(0.0); SUMS];

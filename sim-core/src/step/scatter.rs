@@ -32,7 +32,7 @@ impl<V: Lanes> Accumulator<V> {
             // SAFETY: cells are clamped to -1..=4, so the stencil's rows start inside the tile and end at most
             // one node behind it, where it is padded.
             unsafe {
-                let to = tile.floats.0.as_mut_ptr().add(at);
+                let to = tile.0.as_mut_ptr().add(at);
                 (V::load_at(to) + self.rows[n]).store_at(to);
             }
             self.rows[n] = V::broadcast(0.0);

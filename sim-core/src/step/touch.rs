@@ -8,7 +8,7 @@ use crate::{
         sweep::Way,
         touch::{ANCHOR, Touch},
     },
-    grid::{Tile, TileFloats},
+    grid::Tile,
     particles::{BLOCK, Block, Motion, NO_PARTICLE, position_in_cells},
     simd::{F32x16, LANES},
 };
@@ -82,7 +82,7 @@ impl<'a> BlockTouch<'a> {
         ids: &[u32; LANES],
         alone: bool,
         x: &[F32x16; 3],
-        tile: &TileFloats,
+        tile: &Tile,
         gathered: &mut Motion,
     ) {
         for lane in (0..LANES).filter(|&lane| ids[lane] != NO_PARTICLE) {
