@@ -118,7 +118,10 @@ fn read_asset(path: &Path) -> Result<(Gaussians, ReadReport), Box<dyn Error + Se
 
 #[cfg(test)]
 mod tests {
-    use cosplat_sim_core::assets::{generate, ply};
+    use cosplat_sim_core::{
+        assets::{generate, ply},
+        scene::ColliderShape,
+    };
 
     use super::*;
 
@@ -145,6 +148,38 @@ fidelity = "static"
         assert_eq!(loaded.scene.gaussians.len(), vase.len());
         assert_eq!(loaded.text, TEXT);
         assert_eq!(loaded.report.assets[0].gaussians, vase.len());
+    }
+
+    #[test]
+    fn meshes_of_colliders_are_found_beside_the_scene_file() {
+        let folder = folder();
+        let path = folder.path().join("scene.toml");
+        let text = r#"version = 1
+[[objects]]
+name = "ball"
+shape = { kind = "sphere", radius = 0.1 }
+material = "jelly"
+[[colliders]]
+name = "ramp"
+shape = "mesh"
+path = "ramp.obj"
+scale = 2
+"#;
+        fs::write(&path, text).expect("written");
+        let error = load_scene(&path).expect_err("no mesh").to_string();
+        for words in ["line 6", "cannot read mesh", "ramp.obj: No such"] {
+            assert!(error.contains(words), "{words:?} not in {error}");
+        }
+        let ramp = "v 0 -1 0\nv 1 -1 0\nv 0 -1 -1\nf 1 2 3\n";
+        fs::write(folder.path().join("ramp.obj"), ramp).expect("written");
+        let loaded = load_scene(&path).unwrap_or_else(|e| panic!("{e}"));
+        let ColliderShape::Mesh(mesh) = &loaded.scene.colliders[0].shape else {
+            panic!("{:?}", loaded.scene.colliders)
+        };
+        assert_eq!(mesh.points[1], [2.0, -2.0, 0.0]);
+        fs::write(folder.path().join("ramp.obj"), "nonsense").expect("written");
+        let error = load_scene(&path).expect_err("no OBJ").to_string();
+        assert!(error.contains("ramp.obj: 0 triangles"), "{error}");
     }
 
     #[test]

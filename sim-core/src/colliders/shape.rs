@@ -11,7 +11,7 @@ pub(crate) enum Shape {
     Sphere { radius: f64 },
     Cylinder { radius: f64, half_height: f64 },
     Capsule { radius: f64, half_height: f64 },
-    Mesh(Mesh),
+    Mesh(Box<Mesh>),
 }
 
 /// Signed distance, negative inside, and the unit vector along which it grows fastest.
@@ -57,7 +57,7 @@ impl Shape {
                 radius: radius / scale,
                 half_height: half_height / scale,
             },
-            ColliderShape::Mesh(mesh) => Self::Mesh(Mesh::new(mesh, scale)),
+            ColliderShape::Mesh(mesh) => Self::Mesh(Box::new(Mesh::new(mesh, scale))),
         }
     }
 

@@ -9,6 +9,9 @@ use super::{
 
 use crate::mat3::dot;
 
+/// How far a collider may be from a particle and still matter to it [cells]: the stencil's reach along a diagonal, and
+/// what it may come closer in one substep.
+const REACH: f64 = 3.0;
 /// Rounds over all colliders near a particle; one that is still squeezed then stays where the last put it.
 const ROUNDS: usize = 3;
 
@@ -108,7 +111,7 @@ impl<'a> Touch<'a> {
         let bodies = self.bodies.iter();
         let near = Self {
             bodies: bodies
-                .filter(|body| body.is_near(min, max, self.cell))
+                .filter(|body| body.is_near(min, max, REACH * self.cell))
                 .copied()
                 .collect(),
             holds_now: self.holds_now && concerned,
@@ -130,7 +133,7 @@ impl<'a> Touch<'a> {
         let speeds = self.bodies.iter().filter_map(|body| {
             let reach = super::farthest(body.start.translation, min, max);
             let speed = body.speed(self.cell, reach);
-            let margin = self.cell + speed * self.now.dt;
+            let margin = REACH * self.cell + speed * self.now.dt;
             body.is_near(min, max, margin).then_some(speed)
         });
         speeds.reduce(f64::max)

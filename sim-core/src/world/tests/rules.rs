@@ -382,6 +382,27 @@ fn boundaries_never_show_threads_or_instruction_sets_in_the_bits() {
 }
 
 #[test]
+fn a_checkpoint_remembers_moved_colliders_and_pins() {
+    let (scene, actions) = busy();
+    let mut world = World::new(scene.clone()).expect("valid scene");
+    let step = |world: &mut World, n: usize| {
+        let due = actions.iter().filter(|(at, _)| *at == n);
+        let due: Vec<Command> = due.map(|(_, action)| command(action.clone())).collect();
+        world.step(FRAME, &due).state_hash
+    };
+    for n in 0..15 {
+        step(&mut world, n);
+    }
+    let bytes = world.checkpoint();
+    let mut restored = World::new(scene).expect("valid scene");
+    restored.restore(&bytes).unwrap_or_else(|e| panic!("{e}"));
+    for n in 15..24 {
+        let expected = step(&mut world, n);
+        assert_eq!(step(&mut restored, n), expected, "frame {n}");
+    }
+}
+
+#[test]
 fn both_solvers_obey_the_same_boundaries() {
     let (scene, actions) = busy();
     let mut reference = ReferenceWorld::new(&scene);
