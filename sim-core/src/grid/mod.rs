@@ -4,7 +4,7 @@ pub(crate) mod boundary;
 mod node_pass;
 mod topology;
 
-pub(crate) use node_pass::node_pass;
+pub(crate) use node_pass::{node_means, node_pass};
 pub(crate) use topology::OFFSETS;
 
 use crate::simd::{F32x16, Lanes};
@@ -20,7 +20,7 @@ pub(crate) const TILE_FLOATS: usize = FRONT + 4 * TILE * TILE * TILE + 32;
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// Nodes -2..=5 around a block, z fastest, four floats each: momentum and mass on the way to the grid, velocity
-/// and one unused on the way back. Of [packed](Tile::pack) tiles only the nodes in use, one after the other.
+/// and mass on the way back. Of [packed](Tile::pack) tiles only the nodes in use, one after the other.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Tile(pub [f32; TILE_FLOATS]);
@@ -80,7 +80,7 @@ pub(crate) struct NodeBlock {
     pub constrained: bool,
 }
 
-/// Node velocities [cells/s] of one node block: rows of four nodes along z, x slowest.
+/// Node velocities [cells/s] and masses of one node block: rows of four nodes along z, x slowest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Velocities(pub [F32x16; 16]);

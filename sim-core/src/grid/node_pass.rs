@@ -57,15 +57,7 @@ pub(crate) fn node_pass(
         .zip(velocities.par_iter_mut())
         .with_min_len(TASK)
         .map(|(block, out)| {
-            let largest = match isa {
-                #[cfg(target_arch = "x86_64")]
-                // SAFETY: a world is only made with an instruction set that the processor has.
-                Isa::Avx512 => unsafe { node_block_avx512(block, tiles, keep, out) },
-                #[cfg(target_arch = "x86_64")]
-                // SAFETY: a world is only made with an instruction set that the processor has.
-                Isa::Avx2 => unsafe { node_block_avx2(block, tiles, keep, out) },
-                _ => node_block::<Portable>(block, tiles, keep, out),
-            };
+            let largest = sum_block(isa, block, tiles, keep, out);
             let mut given = 0;
             if block.constrained || covers_block(moving, block.index) {
                 let near = near_block(boundaries, block.index);
@@ -81,6 +73,38 @@ pub(crate) fn node_pass(
     Fastest {
         relative: f32::from_bits(largest[0]),
         boundary: f32::from_bits(largest[1]),
+    }
+}
+
+/// Turns tiles into means over the nodes, of whatever was scattered in place of momentum.
+pub(crate) fn node_means(isa: Isa, grid: &mut Grid) {
+    let tiles = (grid.tiles.as_slice(), grid.cells.as_slice());
+    grid.nodes
+        .par_iter()
+        .zip(grid.velocities.par_iter_mut())
+        .with_min_len(TASK)
+        .for_each(|(block, out)| {
+            sum_block(isa, block, tiles, 1.0, out);
+        });
+}
+
+/// Sums and divides the nodes of one block; returns the largest magnitude of a component as bits.
+#[inline(always)]
+fn sum_block(
+    isa: Isa,
+    block: &NodeBlock,
+    tiles: (&[Tile], &[Cells]),
+    keep: f32,
+    out: &mut Velocities,
+) -> u32 {
+    match isa {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: a world is only made with an instruction set that the processor has.
+        Isa::Avx512 => unsafe { node_block_avx512(block, tiles, keep, out) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: a world is only made with an instruction set that the processor has.
+        Isa::Avx2 => unsafe { node_block_avx2(block, tiles, keep, out) },
+        _ => node_block::<Portable>(block, tiles, keep, out),
     }
 }
 
@@ -235,7 +259,7 @@ fn node_block<V: Lanes>(
         let occupied = V::broadcast(LIGHTEST).lt(mass);
         let v = *row / V::select(occupied, mass, one) * keep;
         let v = V::select(velocity & occupied, v, zero);
-        v.store(to);
+        V::select(velocity, v, mass).store(to);
         largest = largest.larger_magnitude(v);
     }
     largest.largest_magnitude_bits()

@@ -261,6 +261,11 @@ impl Law {
         matches!(self, Self::Fluid { .. } | Self::DruckerPrager { .. })
     }
 
+    /// Whether matter keeps its shape when nothing is beyond its elastic limit.
+    pub fn is_solid(self) -> bool {
+        !self.is_loose() && !self.is_rigid()
+    }
+
     /// Whether all particles of an object under this law move as one body.
     pub fn is_rigid(self) -> bool {
         matches!(self, Self::Rigid)

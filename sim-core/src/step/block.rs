@@ -2,7 +2,7 @@
 
 use super::{
     constitutive::{Answer, Constitutive, Deformed},
-    gather::gather,
+    gather::{Gathered, gather},
     particle_pass::{Findings, Pass, Stage, Work},
     rigid::RigidMotion,
     scatter::Accumulator,
@@ -211,7 +211,7 @@ fn advance<V: Lanes>(
 ) -> Moved<V> {
     let zero = V::broadcast(0.0);
     let x = load3::<V>(&group.x);
-    let (mut v, mut c) = gather(velocities, &Stencil::new(x));
+    let Gathered { mut v, mut c, .. } = gather(velocities, &Stencil::new(x));
     if let Some((touch, ids)) = touch {
         let mut gathered = Motion::REST;
         store3(v, &mut gathered.v);

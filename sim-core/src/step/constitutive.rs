@@ -20,6 +20,10 @@ pub(crate) struct PartLaw {
     pub coefficients: Coefficients<f64>,
     /// `4 dt / (rho0 dx^2)` of the coming substep: Kirchhoff stress [Pa] to affine velocity [1/s].
     pub stress_scale: f32,
+    /// Whether particles share their volume ratio over the grid.
+    pub shares_volume: bool,
+    /// One over the mass that fills a cell at rest, in the solver's unit.
+    pub cells_per_rest_mass: f64,
     /// Whether Gaussians follow the deformation, which a fluid need not know otherwise.
     pub visible: bool,
 }

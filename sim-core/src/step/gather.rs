@@ -7,12 +7,22 @@ use crate::{
     simd::{F32x16, LANES, Lanes},
 };
 
+/// What 16 particles find on the grid.
+pub(crate) struct Gathered<V> {
+    /// Velocity [cells/s].
+    pub v: [V; 3],
+    /// Velocity gradient [1/s].
+    pub c: Mat3<V>,
+    /// Mass per cell, in units of the heaviest particle.
+    pub mass: V,
+}
+
 /// Velocity `v = sum w v_i` [cells/s] and `C = 4 sum w v_i (x_i - x_p)^T` [1/s] of 16 particles (APIC with
-/// quadratic splines, Jiang et al. 2015).
+/// quadratic splines, Jiang et al. 2015), and the mass per cell.
 ///
 /// Rows of four nodes along z fill one vector, so sums run over y, then x, then z.
 #[inline(always)]
-pub(crate) fn gather<V: Lanes>(tile: &Tile, stencil: &Stencil<V>) -> ([V; 3], Mat3<V>) {
+pub(crate) fn gather<V: Lanes>(tile: &Tile, stencil: &Stencil<V>) -> Gathered<V> {
     let Weights { first, z } = stencil.weights();
     let wx = stored_all(stencil.w[0]);
     let wy = stored_all(stencil.w[1]);
@@ -52,7 +62,7 @@ pub(crate) fn gather<V: Lanes>(tile: &Tile, stencil: &Stencil<V>) -> ([V; 3], Ma
             c.0[i][j] = V::splat(4.0) * (-v[i]).mul_add(stencil.d[j], m[4 + 4 * j + i]);
         }
     }
-    (v, c)
+    Gathered { v, c, mass: m[3] }
 }
 
 /// Four nodes along z at offsets `i`, `j` in 0..3 from the stencil's first float.

@@ -10,3 +10,4 @@ pub(crate) mod shapes;
 pub(crate) mod sort;
 pub(crate) mod stencil;
 pub(crate) mod touch;
+pub(crate) mod volume;

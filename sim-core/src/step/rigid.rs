@@ -2,7 +2,12 @@
 
 use rayon::prelude::*;
 
-use super::{block::load_velocities, gather::gather, stencil::Stencil, touch::BlockTouch};
+use super::{
+    block::load_velocities,
+    gather::{Gathered, gather},
+    stencil::Stencil,
+    touch::BlockTouch,
+};
 use crate::{
     colliders::touch::Touch,
     grid::{Grid, Tile},
@@ -185,7 +190,7 @@ fn weigh_lanes<V: Lanes>(
             V::load(&group.x[1]),
             V::load(&group.x[2]),
         ];
-        let (mut v, mut c) = gather(tile, &Stencil::new(x));
+        let Gathered { mut v, mut c, .. } = gather(tile, &Stencil::new(x));
         if let Some(touch) = touch {
             let mut gathered = Motion::REST;
             for a in 0..3 {

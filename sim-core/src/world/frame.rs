@@ -21,6 +21,7 @@ use crate::{
         rigid::rigid_motions,
         shapes::limit_shapes,
         sort::sort,
+        volume::{NEARLY_INCOMPRESSIBLE, average_volume},
     },
 };
 
@@ -249,6 +250,7 @@ impl World {
         #[cfg(test)]
         self.workspace.substeps.extend(taken);
         std::mem::swap(&mut self.state.particles.motion, &mut self.workspace.motion);
+        self.share_volume(frame);
         if self.state.particles.flags.iter().any(|f| f.outside != 0) {
             let left = self.take_out(|flags| flags.outside);
             frame.left_domain.extend(left);
@@ -376,6 +378,19 @@ impl World {
         findings
     }
 
+    /// Lets nearly incompressible parts share their volume over the grid.
+    fn share_volume(&mut self, frame: &mut Frame) {
+        let start = Instant::now();
+        let laws = self.laws(0.0);
+        average_volume(
+            self.isa,
+            &laws,
+            &mut self.state.particles,
+            &mut self.workspace.grid,
+        );
+        frame.timings.particles += start.elapsed().as_secs_f64();
+    }
+
     /// Law and numbers of every part, for a coming substep of `dt` [s].
     fn laws(&self, dt: f64) -> Vec<PartLaw> {
         let dx = self.scene.dx;
@@ -386,6 +401,10 @@ impl World {
                 PartLaw {
                     law: material.law,
                     coefficients: Coefficients::new(material),
+                    shares_volume: material.law.is_fluid()
+                        || material.law.is_solid()
+                            && material.poisson_ratio > NEARLY_INCOMPRESSIBLE,
+                    cells_per_rest_mass: self.mass_unit / (density * dx * dx * dx),
                     stress_scale: (4.0 * dt / (density * dx * dx)) as f32,
                     visible: self.is_visible(part),
                 }

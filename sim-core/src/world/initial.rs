@@ -58,7 +58,7 @@ impl World {
     }
 
     /// Largest particle mass [kg]: the solver's unit, so that single precision never under- or overflows.
-    pub(super) fn mass_unit(&self) -> f64 {
+    pub(super) fn heaviest_particle(&self) -> f64 {
         let heaviest = self.parts.iter().flat_map(|part| {
             let volumes = &self.scene.particles.volume[part.particles.clone()];
             volumes.iter().map(|v| v * part.material.density)
@@ -79,7 +79,7 @@ impl World {
     }
 
     fn newcomers(&self) -> Vec<Newcomer> {
-        let (scene, unit) = (&self.scene, self.mass_unit());
+        let (scene, unit) = (&self.scene, self.mass_unit);
         let mut newcomers = Vec::with_capacity(scene.particles.position.len());
         for (id, part) in self.parts.iter().enumerate() {
             let object = &scene.objects[part.object];

@@ -44,6 +44,8 @@ use published::Published;
 pub struct World {
     scene: Scene,
     parts: Vec<Part>,
+    /// Mass of the heaviest particle [kg]: the solver's unit.
+    mass_unit: f64,
     isa: Isa,
     boundaries: Boundaries,
     rules: Rules,
@@ -133,12 +135,14 @@ impl World {
             parts: scene.parts(),
             boundaries: Boundaries::new(&scene, scene.dx),
             rules: Rules::new(&scene, scene.dx),
+            mass_unit: 1.0,
             state: State::default(),
             workspace: Workspace::default(),
             published: Published::default(),
             report: StepReport::default(),
             scene,
         };
+        world.mass_unit = world.heaviest_particle();
         world.reset();
         world.report = world.measure(&Frame::new(0.0));
         Ok(world)
@@ -195,6 +199,12 @@ impl World {
     /// Particle velocities [m/s] in scene order.
     pub fn velocities(&self) -> &[[f32; 3]] {
         &self.published.velocity
+    }
+
+    /// Substeps of the latest frame [s].
+    #[cfg(test)]
+    pub(crate) fn substeps(&self) -> &[f64] {
+        &self.workspace.substeps
     }
 
     /// Affine velocities `C` [1/s], row-major, in scene order.

@@ -1,0 +1,241 @@
+//! What particles know together about volume, between two segments of substeps.
+//!
+//! Nearly incompressible solids: eight particles in a cell make eight demands on the volume where the grid has
+//! freedom for about one; near `nu = 1/2` nothing can bend any more. `F <- F (J' / J)^(1/3)`, with `J'` the
+//! mass-weighted mean over the particle's nodes (the F-bar idea of de Souza Neto et al. 1996, with the grid in place
+//! of elements): what a particle demands alone is dropped, what its neighbourhood demands stays. `sum m J` does not
+//! change, volumetric energy can only fall.
+//!
+//! Fluids: errors of `J` add up as long as the fluid moves, and the pool sinks into itself. Where the grid holds more
+//! fluid than `J` admits, `J` gives way by [`CORRECTION`] of the difference; where it holds less there may be a
+//! surface, and nothing is done.
+
+use rayon::prelude::*;
+
+use super::{
+    block::load_velocities, constitutive::PartLaw, gather::gather, scatter::Accumulator,
+    stencil::Stencil,
+};
+use crate::{
+    grid::{Cells, Grid, Tile, node_means},
+    mat3::Mat3,
+    particles::{Block, Fixed, Group, Particles, Run},
+    simd::{F32x16, Isa, Lanes, Portable},
+};
+
+#[cfg(target_arch = "x86_64")]
+use crate::simd::{Avx2, Avx512};
+
+/// Poisson's ratio above which matter is nearly incompressible: below, bending is within 6 % of what it should be.
+pub(crate) const NEARLY_INCOMPRESSIBLE: f64 = 0.4;
+
+/// Share of the difference to the grid that the volume ratio of a fluid gives way by.
+const CORRECTION: f64 = 0.2;
+/// Smallest volume ratio that the grid may ask of a fluid.
+const LEAST: f64 = 0.9;
+
+/// One block of particles.
+struct Work<'a> {
+    runs: &'a [Run],
+    /// First group of the block.
+    origin: usize,
+    groups: &'a mut [Group],
+    memory: &'a mut [F32x16],
+    fixed: &'a [Fixed],
+}
+
+/// Averages the volume ratio of all parts whose law says so.
+pub(crate) fn average_volume(
+    isa: Isa,
+    laws: &[PartLaw],
+    particles: &mut Particles,
+    grid: &mut Grid,
+) {
+    if !laws.iter().any(|law| law.shares_volume) {
+        return;
+    }
+    let mut work = split(particles);
+    work.par_iter()
+        .zip(&mut grid.tiles)
+        .zip(&mut grid.cells)
+        .for_each(|((work, tile), cells)| match isa {
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: a world is only made with an instruction set that the processor has.
+            Isa::Avx512 => unsafe { give_avx512(laws, work, tile, cells) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: a world is only made with an instruction set that the processor has.
+            Isa::Avx2 => unsafe { give_avx2(laws, work, tile, cells) },
+            _ => give::<Portable>(laws, work, tile, cells),
+        });
+    // Mass times J - 1 over mass, as if it were a velocity.
+    node_means(isa, grid);
+    let Grid {
+        cells,
+        nodes_of,
+        velocities,
+        ..
+    } = grid;
+    work.par_iter_mut()
+        .zip(&*nodes_of)
+        .zip(&*cells)
+        .for_each(|((work, nodes_of), cells)| {
+            if !work.runs.iter().any(|run| laws[run.part].shares_volume) {
+                return;
+            }
+            let mut means = Tile::ZERO;
+            load_velocities(nodes_of, velocities, cells, &mut means);
+            match isa {
+                #[cfg(target_arch = "x86_64")]
+                // SAFETY: a world is only made with an instruction set that the processor has.
+                Isa::Avx512 => unsafe { take_avx512(laws, work, &means) },
+                #[cfg(target_arch = "x86_64")]
+                // SAFETY: a world is only made with an instruction set that the processor has.
+                Isa::Avx2 => unsafe { take_avx2(laws, work, &means) },
+                _ => take::<Portable>(laws, work, &means),
+            }
+        });
+}
+
+fn split(particles: &mut Particles) -> Vec<Work<'_>> {
+    let Particles {
+        blocks,
+        runs,
+        groups,
+        memory,
+        fixed,
+        ..
+    } = particles;
+    let (mut rest, mut memory) = (groups.as_mut_slice(), memory.as_mut_slice());
+    let mut work = Vec::with_capacity(blocks.len());
+    for Block {
+        runs: r, groups: g, ..
+    } in blocks.iter()
+    {
+        let (mine, others) = std::mem::take(&mut rest).split_at_mut(g.len());
+        rest = others;
+        let (remembered, later) = std::mem::take(&mut memory).split_at_mut(g.len());
+        memory = later;
+        work.push(Work {
+            runs: &runs[r.clone()],
+            origin: g.start,
+            groups: mine,
+            memory: remembered,
+            fixed: &fixed[g.clone()],
+        });
+    }
+    work
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
+unsafe fn give_avx512(laws: &[PartLaw], work: &Work<'_>, tile: &mut Tile, cells: &mut Cells) {
+    give::<Avx512>(laws, work, tile, cells);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+unsafe fn give_avx2(laws: &[PartLaw], work: &Work<'_>, tile: &mut Tile, cells: &mut Cells) {
+    give::<Avx2>(laws, work, tile, cells);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
+unsafe fn take_avx512(laws: &[PartLaw], work: &mut Work<'_>, means: &Tile) {
+    take::<Avx512>(laws, work, means);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+unsafe fn take_avx2(laws: &[PartLaw], work: &mut Work<'_>, means: &Tile) {
+    take::<Avx2>(laws, work, means);
+}
+
+#[inline(always)]
+fn load<V: Lanes>(group: &Group) -> ([V; 3], Mat3<V>) {
+    let zero = V::broadcast(0.0);
+    let (mut x, mut f) = ([zero; 3], Mat3([[zero; 3]; 3]));
+    for a in 0..3 {
+        x[a] = V::load(&group.x[a]);
+        for b in 0..3 {
+            f.0[a][b] = V::load(&group.f[3 * a + b]);
+        }
+    }
+    (x, f)
+}
+
+/// Scatters `m (J - 1)` of one block.
+#[inline(always)]
+fn give<V: Lanes>(laws: &[PartLaw], work: &Work<'_>, packed: &mut Tile, used: &mut Cells) {
+    let mut tile = Tile::ZERO;
+    let zero = V::broadcast(0.0);
+    let mut cells = [(V::splat(4.0), V::splat(-1.0)); 3];
+    let mut accumulator = Accumulator::<V>::new();
+    for run in work.runs {
+        if !laws[run.part].shares_volume {
+            continue;
+        }
+        for g in run.groups.start - work.origin..run.groups.end - work.origin {
+            let (x, f) = load::<V>(&work.groups[g]);
+            let stencil = Stencil::<V>::new(x);
+            for a in 0..3 {
+                cells[a].0 = cells[a].0.min(stencil.cell[a]);
+                cells[a].1 = cells[a].1.max(stencil.cell[a]);
+            }
+            let mass = V::load(&work.fixed[g].mass);
+            let excess = match laws[run.part].law.is_fluid() {
+                true => V::load(&work.memory[g]),
+                false => f.det() - V::broadcast(1.0),
+            };
+            let nothing = Mat3([[zero; 3]; 3]);
+            accumulator.scatter(&mut tile, &stencil, mass, [excess, zero, zero], &nothing);
+        }
+    }
+    accumulator.flush(&mut tile);
+    for a in 0..3 {
+        let (mut low, mut high) = (F32x16::ZERO, F32x16::ZERO);
+        cells[a].0.store(&mut low);
+        cells[a].1.store(&mut high);
+        let (mut least, mut most) = (low.0[0], high.0[0]);
+        for lane in 1..16 {
+            least = least.min(low.0[lane]);
+            most = most.max(high.0[lane]);
+        }
+        used[a] = (least as i32, most as i32);
+    }
+    tile.pack::<V>(used, packed);
+}
+
+/// Gathers the mean of `J - 1` and the mass per cell, and gives them to the particles of one block.
+#[inline(always)]
+fn take<V: Lanes>(laws: &[PartLaw], work: &mut Work<'_>, means: &Tile) {
+    let (zero, one) = (V::broadcast(0.0), V::broadcast(1.0));
+    for run in work.runs {
+        let law = &laws[run.part];
+        if !law.shares_volume {
+            continue;
+        }
+        for g in run.groups.start - work.origin..run.groups.end - work.origin {
+            let (x, f) = load::<V>(&work.groups[g]);
+            let found = gather(means, &Stencil::new(x));
+            let live = zero.lt(V::load(&work.fixed[g].mass));
+            if law.law.is_fluid() {
+                let memory = V::load(&work.memory[g]);
+                let crowding = found.mass * V::splat(law.cells_per_rest_mass);
+                let shown = (one / crowding.max(one)).max(V::splat(LEAST)) - one;
+                let corrected = V::splat(CORRECTION).mul_add(shown - memory, memory);
+                let denser = live & one.lt(crowding) & shown.lt(memory);
+                V::select(denser, corrected, memory).store(&mut work.memory[g]);
+                continue;
+            }
+            let mean = found.v[0] + one;
+            let j = f.det();
+            let usable = live & zero.lt(j) & zero.lt(mean);
+            let ratio = V::select(usable, mean / j, one);
+            let factor = (ratio.ln() * V::splat(1.0 / 3.0)).exp();
+            for n in 0..9 {
+                let value = V::select(usable, f.0[n / 3][n % 3] * factor, f.0[n / 3][n % 3]);
+                value.store(&mut work.groups[g].f[n]);
+            }
+        }
+    }
+}
