@@ -44,6 +44,46 @@ pub fn elastic(law: Law, youngs_modulus: f64, poisson_ratio: f64) -> Material {
     }
 }
 
+/// One of each law, soft enough for some hundred substeps per simulated second on a grid of 0.1 m.
+pub fn one_of_each() -> Vec<Material> {
+    let laws = [
+        Law::FixedCorotated,
+        Law::NeoHookean,
+        Law::VonMises {
+            yield_stress: 3e3,
+            hardening: 1e4,
+        },
+        Law::DruckerPrager {
+            friction_angle: 30.0,
+            cohesion: 50.0,
+        },
+        Law::Snow {
+            critical_compression: 0.025,
+            critical_stretch: 0.0075,
+            hardening: 10.0,
+        },
+        Law::Foam {
+            yield_stress: 1e3,
+            viscosity: 300.0,
+            exponent: 0.6,
+        },
+        Law::Plasticine {
+            yield_stress: 3e3,
+            softening: 2e3,
+        },
+        Law::Fluid {
+            bulk_modulus: 2e5,
+            viscosity: 2.0,
+        },
+        Law::Rigid,
+    ];
+    let of = |law: Law| match law {
+        Law::Fluid { .. } | Law::Rigid => elastic(law, 0.0, 0.0),
+        _ => elastic(law, 3e5, 0.3),
+    };
+    laws.into_iter().map(of).collect()
+}
+
 /// Adds a box of `cells` lattice cells with spacing `h` [m], lowest corner at `corner`; returns its object id.
 pub fn add_box(
     scene: &mut Scene,

@@ -13,29 +13,33 @@ const ROUNDING: f64 = 1.0 / 16_777_216.0;
 
 /// Largest differences over all particles and all compared times.
 #[derive(Debug, Default)]
-struct Difference {
+pub(super) struct Difference {
     /// Positions [m].
-    position: f64,
+    pub position: f64,
     /// Velocities [m/s].
-    velocity: f64,
-    /// Deformation gradients, Frobenius norm.
-    deformation: f64,
-    /// Largest strain, which shows that something happened.
-    strain: f64,
+    pub velocity: f64,
+    /// Elastic deformation gradients, Frobenius norm.
+    pub deformation: f64,
+    /// The laws' own number.
+    pub memory: f64,
+    /// Largest visible strain, which shows that something happened.
+    pub strain: f64,
 }
 
 impl Difference {
-    fn compare(&mut self, fast: &World, reference: &ReferenceWorld) {
+    pub fn compare(&mut self, fast: &World, reference: &ReferenceWorld) {
         let state = &reference.particles;
         let norm = |m: Mat3<f64>| m.norm_squared().sqrt();
+        let (elastic, memories) = (fast.arrays().elastic, fast.arrays().memory);
         for p in 0..state.mass.len() {
             let x = distance(fast.positions()[p], state.position[p]);
             let v = distance(fast.velocities()[p], state.velocity[p]);
-            let f = Mat3(std::array::from_fn(|i| {
-                std::array::from_fn(|j| f64::from(fast.deformations()[p][3 * i + j]))
-            }));
-            let exact = Mat3(state.deformation[p]);
-            let green = exact.transpose().mul(&exact).sub(&Mat3::identity());
+            let f = Mat3(elastic[p].map(|row| row.map(f64::from)));
+            let exact = Mat3(state.elastic[p]);
+            let memory = f64::from(memories[p]) - state.memory[p];
+            let visible = Mat3(state.deformation[p]);
+            let green = visible.transpose().mul(&visible).sub(&Mat3::identity());
+            self.memory = self.memory.max(memory.abs());
             self.position = self.position.max(x);
             self.velocity = self.velocity.max(v);
             self.deformation = self.deformation.max(norm(f.sub(&exact)));

@@ -288,7 +288,7 @@ impl ReferenceWorld {
         }
         for (part, material) in self.parts.iter().zip(&self.materials) {
             if !material.law.is_rigid() {
-                particles.move_and_deform(part.particles.clone(), material, dt);
+                particles.move_and_deform(part, material, dt);
             }
         }
         for object in 0..self.scene.objects.len() {
@@ -422,5 +422,7 @@ fn momentum(object: &crate::ObjectState) -> [f64; 3] {
 
 #[cfg(test)]
 mod against_fast;
+#[cfg(test)]
+mod each_material;
 #[cfg(test)]
 mod tests;

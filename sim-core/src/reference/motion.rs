@@ -1,20 +1,19 @@
 //! How particles move once they have gathered their velocity.
 
-use std::ops::Range;
-
 use super::Particles;
 use crate::{
     kinematics::advance_deformation,
     mat3::{Mat3, cross},
     materials::{Coefficients, Material, Trial},
+    scene::Part,
     step::rigid::{BodySums, body_motion},
 };
 
 impl Particles {
     /// Moves particles one by one, deforms them and lets the law have its say.
-    pub(super) fn move_and_deform(&mut self, range: Range<usize>, material: &Material, dt: f64) {
+    pub(super) fn move_and_deform(&mut self, part: &Part, material: &Material, dt: f64) {
         let k = Coefficients::new(material);
-        for p in range {
+        for p in part.particles.clone() {
             if self.mass[p] <= 0.0 {
                 continue;
             }
@@ -31,7 +30,9 @@ impl Particles {
                 dt,
             };
             let response = material.law.respond(&trial, &k);
-            self.elastic[p] = response.f.0;
+            if !material.law.is_fluid() {
+                self.elastic[p] = response.f.0;
+            }
             self.memory[p] = response.memory;
         }
     }

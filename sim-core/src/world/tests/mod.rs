@@ -3,7 +3,9 @@
 mod boundaries;
 mod damping;
 mod laws;
+mod materials;
 mod rigid;
+mod robustness;
 mod rules;
 mod stories;
 
