@@ -283,18 +283,18 @@ fn vasedeck() -> Parts {
 
 /// Four legs, a trunk along x, a head, a tail.
 fn wolf() -> Parts {
-    let fur = style(0.01, [0.45, 0.42, 0.4]);
+    let fur = style(0.007, [0.45, 0.42, 0.4]);
     let mut solids = vec![
-        at(spheroid(0.11, 0.33, &fur), along_x(), [0.0; 3]),
-        at(spheroid(0.07, 0.14, &fur), along_x(), [0.36, 0.0, 0.12]),
+        at(spheroid(0.06, 0.33, &fur), along_x(), [0.0; 3]),
+        at(spheroid(0.04, 0.14, &fur), along_x(), [0.36, 0.0, 0.05]),
         at(
-            generate::surface_cylinder(0.025, 0.22, &fur),
+            generate::surface_cylinder(0.015, 0.22, &fur),
             along_x(),
             [-0.39, 0.0, 0.03],
         ),
     ];
-    for (x, y) in [(-0.2, -0.06), (-0.2, 0.06), (0.2, -0.06), (0.2, 0.06)] {
-        let leg = generate::surface_cylinder(0.035, 0.3, &fur);
+    for (x, y) in [(-0.2, -0.04), (-0.2, 0.04), (0.2, -0.04), (0.2, 0.04)] {
+        let leg = generate::surface_cylinder(0.02, 0.3, &fur);
         solids.push(at(leg, z_up(), [x, y, -0.17]));
     }
     Parts {
