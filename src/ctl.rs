@@ -1,6 +1,9 @@
 //! `cosplat ctl`: orders to a running simulation.
 
-use std::{path::PathBuf, time::Duration};
+use std::{
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
 
 use anyhow::{Context, bail};
 use clap::Subcommand;
@@ -114,6 +117,8 @@ enum Ctl {
         /// Object name or id.
         object: ObjectRef,
     },
+    /// Have the server write its complete state to a file in its `--checkpoints` folder, and wait for the file.
+    Checkpoint,
     /// Stop stepping.
     Pause,
     /// Step again.
@@ -230,6 +235,7 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
         Ctl::Release { object } => Order::Release {
             object: object.clone(),
         },
+        Ctl::Checkpoint => Order::Checkpoint,
         Ctl::Pause => Order::Pause,
         Ctl::Resume => Order::Resume,
         Ctl::Reset => Order::Reset,
@@ -278,23 +284,47 @@ fn report(args: &Args, answers: &[Answer]) -> anyhow::Result<()> {
     let refusals: Vec<_> = answers.iter().filter_map(|a| a.refused.as_ref()).collect();
     if args.json {
         let steps: Vec<_> = answers.iter().map(|a| a.applied_at_step).collect();
+        let files: Vec<_> = answers.iter().filter_map(|a| a.file.as_ref()).collect();
+        for file in &files {
+            wait_for(file, args.timeout);
+        }
         println!(
             "{}",
             json!({
                 "acknowledged": answers.len() - refusals.len(),
                 "refused": refusals,
                 "applied_at_step": steps,
+                "files": files,
             })
         );
     } else {
         for answer in answers.iter().filter(|a| a.refused.is_none()) {
-            println!("accepted, takes effect at step {}", answer.applied_at_step);
+            match &answer.file {
+                None => println!("accepted, takes effect at step {}", answer.applied_at_step),
+                Some(file) if wait_for(file, args.timeout) => println!("{file}"),
+                Some(file) => println!(
+                    "accepted, {file} will be there at step {}",
+                    answer.applied_at_step
+                ),
+            }
         }
     }
     match refusals.first() {
         None => Ok(()),
         Some(reason) => bail!("refused: {reason}"),
     }
+}
+
+/// Waits until a file is there; the server writes it between two steps.
+fn wait_for(file: &str, seconds: f64) -> bool {
+    let deadline = Instant::now() + Duration::from_secs_f64(seconds);
+    while !Path::new(file).exists() {
+        if Instant::now() > deadline {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    true
 }
 
 fn list(domain: &Domain, json: bool) -> anyhow::Result<()> {

@@ -39,6 +39,12 @@ pub struct Args {
     /// Frames in the shared pool; chosen by frame size without.
     #[arg(long, value_name = "N")]
     frame_slots: Option<usize>,
+    /// Folder for the checkpoints that clients order with `cosplat ctl checkpoint`.
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    checkpoints: PathBuf,
+    /// Begin with this checkpoint of the same scene.
+    #[arg(long, value_name = "FILE")]
+    restore: Option<PathBuf>,
     /// Print one JSON object when done.
     #[arg(long)]
     json: bool,
@@ -66,6 +72,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     for warning in &scene.report.warnings {
         eprintln!("warning: {warning}");
     }
+    let checkpoints = args
+        .checkpoints
+        .canonicalize()
+        .with_context(|| format!("no folder for checkpoints: {}", args.checkpoints.display()))?;
     let options = ServeOptions {
         domain: Domain::from_env().context("cannot use the session folder")?,
         session: args.session.clone(),
@@ -78,6 +88,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         paused: args.paused,
         lossless: args.lossless,
         frame_slots: args.frame_slots,
+        checkpoints: Some(checkpoints),
+        restore: args.restore.clone(),
     };
     let summary = serve(scene, &options, &stop, |summary| {
         eprintln!(

@@ -11,7 +11,7 @@ use cosplat_sim_core::{
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WireError {
     /// `kind` is none of the known ones.
-    #[error("command kind {kind} is unknown: expected 1 to 12")]
+    #[error("command kind {kind} is unknown: expected 1 to 13")]
     UnknownKind {
         /// The value sent.
         kind: u32,
@@ -29,6 +29,8 @@ pub enum WireError {
 pub enum Order {
     /// Something for the world, at a step boundary.
     World(Action),
+    /// Write a checkpoint.
+    Checkpoint,
     /// Stop stepping.
     Pause,
     /// Step again.
@@ -81,6 +83,7 @@ pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
         },
         wire::COMMAND_RELEASE => Action::Release { object },
         wire::COMMAND_RESET => Action::Reset,
+        wire::COMMAND_CHECKPOINT => return Ok(Order::Checkpoint),
         wire::COMMAND_PAUSE => return Ok(Order::Pause),
         wire::COMMAND_RESUME => return Ok(Order::Resume),
         wire::COMMAND_STOP => return Ok(Order::Stop),

@@ -1,6 +1,8 @@
 //! Commands between their arrival and the step they take effect at.
 
-use cosplat_ipc::schema::{self as wire, padded};
+use std::path::PathBuf;
+
+use cosplat_ipc::schema as wire;
 use cosplat_sim_core::{Action, Command, CommandError};
 
 use crate::convert::{Order, order_from_wire};
@@ -18,10 +20,31 @@ pub struct Ingest {
     pub paused: bool,
     /// Whether a client asked the server to shut down.
     pub stop: bool,
+    /// Where checkpoints go; none where they are not wanted.
+    pub checkpoints: Option<CheckpointFolder>,
+    /// Steps before which a checkpoint is due.
+    due_checkpoints: Vec<u64>,
     /// Commands accepted since start.
     pub accepted: u64,
     /// Commands refused since start.
     pub refused: u64,
+}
+
+/// Names the files of checkpoints.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CheckpointFolder {
+    /// Existing folder.
+    pub folder: PathBuf,
+    /// First part of the names.
+    pub session: String,
+}
+
+impl CheckpointFolder {
+    /// File of the state after `step` steps.
+    pub fn file(&self, step: u64) -> PathBuf {
+        let name = format!("{}-step-{step}.checkpoint", self.session);
+        self.folder.join(name)
+    }
 }
 
 /// A command that waits for its step, in both shapes: for the world and for the journal.
@@ -35,9 +58,10 @@ pub struct Pending {
 
 impl Ingest {
     /// An empty inbox.
-    pub fn new(paused: bool) -> Ingest {
+    pub fn new(paused: bool, checkpoints: Option<CheckpointFolder>) -> Ingest {
         Ingest {
             paused,
+            checkpoints,
             ..Ingest::default()
         }
     }
@@ -60,7 +84,14 @@ impl Ingest {
                     Ok(_) => self.accepted += 1,
                     Err(_) => self.refused += 1,
                 }
-                ack(command.sequence, outcome)
+                match (outcome, &self.checkpoints) {
+                    (Ok(step), Some(to)) if command.kind == wire::COMMAND_CHECKPOINT => {
+                        let path = to.file(step - 1).display().to_string();
+                        wire::Ack::accepted_with_file(command.sequence, step, &path)
+                    }
+                    (Ok(step), _) => wire::Ack::accepted(command.sequence, step),
+                    (Err(reason), _) => wire::Ack::refused(command.sequence, &reason),
+                }
             })
             .collect()
     }
@@ -80,6 +111,9 @@ impl Ingest {
             ));
         }
         match order_from_wire(command).map_err(|error| error.to_string())? {
+            Order::Checkpoint => {
+                self.checkpoint_at(step)?;
+            }
             Order::Pause => self.paused = true,
             Order::Resume => self.paused = false,
             Order::Stop => self.stop = true,
@@ -109,6 +143,41 @@ impl Ingest {
         Ok(step)
     }
 
+    /// Notes that a checkpoint is wanted of the state before `step`.
+    fn checkpoint_at(&mut self, step: u64) -> Result<(), String> {
+        let Some(to) = &self.checkpoints else {
+            return Err(
+                "this server writes no checkpoints: start it with --checkpoints DIR".into(),
+            );
+        };
+        let path = to.file(step - 1).display().to_string();
+        let room = wire::Ack::accepted(0, 0).reason.len();
+        if path.len() > room {
+            let length = path.len();
+            return Err(format!(
+                "the path of the checkpoint has {length} bytes, expected at most {room}: {path}"
+            ));
+        }
+        if self.due_checkpoints.len() >= MAX_PENDING {
+            return Err(format!(
+                "{MAX_PENDING} checkpoints are waiting already, expected fewer"
+            ));
+        }
+        self.due_checkpoints.push(step);
+        Ok(())
+    }
+
+    /// Takes out the checkpoint that is due before `step`; its file when there is one.
+    pub fn take_checkpoint(&mut self, step: u64) -> Option<PathBuf> {
+        let before = self.due_checkpoints.len();
+        self.due_checkpoints.retain(|&due| due > step);
+        let is_due = self.due_checkpoints.len() < before;
+        self.checkpoints
+            .as_ref()
+            .filter(|_| is_due)
+            .map(|to| to.file(step - 1))
+    }
+
     /// Takes out what is due at `step`, in the order of application.
     pub fn take_due(&mut self, step: u64) -> Vec<Pending> {
         let (mut due, later): (Vec<_>, Vec<_>) = std::mem::take(&mut self.pending)
@@ -120,20 +189,6 @@ impl Ingest {
             (command.apply_at_step, command.client, command.sequence)
         });
         due
-    }
-}
-
-fn ack(sequence: u64, outcome: Result<u64, String>) -> wire::Ack {
-    let (status, applied_at_step, reason) = match outcome {
-        Ok(step) => (wire::ACK_ACCEPTED, step, String::new()),
-        Err(reason) => (wire::ACK_REFUSED, 0, reason),
-    };
-    wire::Ack {
-        sequence,
-        applied_at_step,
-        status,
-        reserved: 0,
-        reason: padded(&reason),
     }
 }
 
@@ -199,6 +254,34 @@ mod tests {
         let refused = acks.iter().filter(|a| a.status == wire::ACK_REFUSED);
         assert_eq!(refused.count(), 10);
         assert_eq!(ingest.take_due(1).len(), MAX_PENDING);
+    }
+
+    #[test]
+    fn checkpoints_are_due_before_their_step_and_named_after_the_state() {
+        let checkpoint = |sequence, apply_at_step| wire::Command {
+            kind: wire::COMMAND_CHECKPOINT,
+            sequence,
+            apply_at_step,
+            ..Default::default()
+        };
+        let mut ingest = Ingest::default();
+        let fine = |_: &Action| Ok(());
+        let refused = ingest.accept(1, &[checkpoint(1, 0)], 5, &fine);
+        assert_eq!(refused[0].status, wire::ACK_REFUSED);
+        ingest.checkpoints = Some(CheckpointFolder {
+            folder: "/tmp/states".into(),
+            session: "demo".into(),
+        });
+        let acks = ingest.accept(1, &[checkpoint(2, 0), checkpoint(3, 9)], 5, &fine);
+        assert!(acks.iter().all(|ack| ack.status == wire::ACK_ACCEPTED));
+        assert_eq!(acks[1].reason(), Ok("/tmp/states/demo-step-8.checkpoint"));
+        assert_eq!(
+            ingest.take_checkpoint(5),
+            Some("/tmp/states/demo-step-4.checkpoint".into())
+        );
+        assert_eq!(ingest.take_checkpoint(8), None);
+        assert!(ingest.take_checkpoint(9).is_some());
+        assert_eq!(ingest.take_checkpoint(9), None);
     }
 
     #[test]

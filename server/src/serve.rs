@@ -1,6 +1,8 @@
 //! The simulation process from first to last: publish the scene, step, write frames, answer, stop cleanly.
 
 use std::{
+    fs,
+    path::{Path, PathBuf},
     sync::atomic::{AtomicBool, Ordering},
     time::{Duration, Instant},
 };
@@ -10,10 +12,10 @@ use cosplat_ipc::{
     schema::{self as wire, FrameHeader},
     server::{CreateError, LoanRefused, PoolPlan, PublishError, ServerPorts},
 };
-use cosplat_sim_core::{StepReport, World, WorldError, pose::Poses};
+use cosplat_sim_core::{CheckpointError, StepReport, World, WorldError, pose::Poses};
 
 use crate::{
-    ingest::Ingest,
+    ingest::{CheckpointFolder, Ingest},
     load::LoadedScene,
     pace::{Pace, Pacer},
     publish::{Output, SceneBuffers},
@@ -38,6 +40,10 @@ pub struct ServeOptions {
     pub lossless: bool,
     /// Frames in the shared pool; chosen by size without.
     pub frame_slots: Option<usize>,
+    /// Folder that clients may have checkpoints written to.
+    pub checkpoints: Option<PathBuf>,
+    /// Checkpoint to begin with.
+    pub restore: Option<PathBuf>,
 }
 
 /// Why serving ended badly.
@@ -55,6 +61,22 @@ pub enum ServeError {
     /// A frame cannot be loaned for a reason that waiting does not cure.
     #[error(transparent)]
     Loan(#[from] LoanRefused),
+    /// A checkpoint cannot be read.
+    #[error("cannot read checkpoint {}: {source}", path.display())]
+    ReadCheckpoint {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A checkpoint cannot be used.
+    #[error("cannot restore {}: {source}", path.display())]
+    Restore {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: CheckpointError,
+    },
     /// The thread pool cannot be made.
     #[error("cannot start {threads} threads: {reason}")]
     Threads {
@@ -126,18 +148,33 @@ pub fn serve(
     let buffers = SceneBuffers::new(&scene);
     let blocks = buffers.blocks(&scene);
     let poses = Poses::new(&scene.scene);
-    let world = pool.install(|| World::new(scene.scene.clone()))?;
+    let mut world = pool.install(|| World::new(scene.scene.clone()))?;
+    if let Some(path) = &options.restore {
+        let bytes = fs::read(path).map_err(|source| ServeError::ReadCheckpoint {
+            path: path.clone(),
+            source,
+        })?;
+        let restored = pool.install(|| world.restore(&bytes));
+        restored.map_err(|source| ServeError::Restore {
+            path: path.clone(),
+            source,
+        })?;
+    }
     let plan = PoolPlan {
         frame_slots: options.frame_slots,
         ..PoolPlan::new(&blocks)
     };
     let mut ports = ServerPorts::create(&options.domain, &options.session, &plan)?;
     ports.publish_scene(&blocks)?;
+    let checkpoints = options.checkpoints.clone().map(|folder| CheckpointFolder {
+        folder,
+        session: options.session.clone(),
+    });
     let mut server = Server {
         output: Output::new(&scene.scene, poses),
         frame_dt: 1.0 / scene.scene.frame_rate,
         pacer: Pacer::new(options.pace, scene.scene.frame_rate, Instant::now()),
-        ingest: Ingest::new(options.paused),
+        ingest: Ingest::new(options.paused, checkpoints),
         summary: ServeSummary {
             gaussians: scene.scene.gaussians.len(),
             particles: scene.scene.particles.position.len(),
@@ -219,6 +256,12 @@ impl Server<'_> {
                 world.check(action)
             })
         });
+        if let Some(path) = self.ingest.take_checkpoint(next_step) {
+            // A client asked for it and waits for the file: failing to write it must not end the simulation.
+            if let Err(error) = write_checkpoint(&path, &self.world.checkpoint()) {
+                tracing::warn!("cannot write checkpoint {}: {error}", path.display());
+            }
+        }
         self.summary.commands_accepted = self.ingest.accepted;
         self.summary.commands_refused = self.ingest.refused;
     }
@@ -324,6 +367,13 @@ impl Server<'_> {
             }
         }
     }
+}
+
+/// Writes a file that is either complete or not there.
+fn write_checkpoint(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let unfinished = path.with_extension("unfinished");
+    fs::write(&unfinished, bytes)?;
+    fs::rename(&unfinished, path)
 }
 
 /// Memory for the next frame: at once, or as soon as readers give some back when nothing may be lost.

@@ -2,6 +2,7 @@
 
 mod attach;
 mod bench;
+mod checkpoint;
 mod commands;
 mod crashes;
 mod demo;

@@ -35,6 +35,8 @@ pub struct Answer {
     pub applied_at_step: u64,
     /// Why it was refused, if it was.
     pub refused: Option<String>,
+    /// File that the server makes when it takes effect, for checkpoints.
+    pub file: Option<String>,
 }
 
 /// A process that gives orders.
@@ -151,9 +153,11 @@ fn collider_names(source: &str) -> Vec<String> {
 }
 
 fn answer(ack: &wire::Ack) -> Answer {
-    let reason = || str_from_padded(&ack.reason).unwrap_or("no reason given");
+    let reason = str_from_padded(&ack.reason).unwrap_or("no reason given");
+    let accepted = ack.status == wire::ACK_ACCEPTED;
     Answer {
         applied_at_step: ack.applied_at_step,
-        refused: (ack.status != wire::ACK_ACCEPTED).then(|| reason().to_owned()),
+        refused: (!accepted).then(|| reason.to_owned()),
+        file: (accepted && !reason.is_empty()).then(|| reason.to_owned()),
     }
 }

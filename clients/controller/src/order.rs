@@ -71,6 +71,8 @@ pub enum Order {
         /// Object name or id.
         object: ObjectRef,
     },
+    /// Write the state to a file on the server's side.
+    Checkpoint,
     /// Stop stepping.
     Pause,
     /// Step again.
@@ -289,6 +291,7 @@ impl Order {
                 object: lookup.object(object)?,
                 ..empty
             },
+            Order::Checkpoint => of_kind(wire::COMMAND_CHECKPOINT),
             Order::Pause => of_kind(wire::COMMAND_PAUSE),
             Order::Resume => of_kind(wire::COMMAND_RESUME),
             Order::Reset => of_kind(wire::COMMAND_RESET),

@@ -32,6 +32,9 @@ pub const COMMAND_PIN: u32 = 11;
 /// Let go what `COMMAND_PIN` holds of `object`.
 pub const COMMAND_RELEASE: u32 = 12;
 
+/// Write a checkpoint of the state before `apply_at_step`; the answer's `reason` is the file's path.
+pub const COMMAND_CHECKPOINT: u32 = 13;
+
 /// Law and parameters of a material; `docs/wire-format.md` lists the laws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("cosplat.v1.MaterialSpec")]
@@ -98,7 +101,7 @@ pub struct Ack {
     pub status: u32,
     /// Zero.
     pub reserved: u32,
-    /// For refusals: a sentence with expected and actual values, UTF-8, zero-padded.
+    /// For refusals a sentence with expected and actual values, for checkpoints the path; UTF-8, zero-padded.
     pub reason: [u8; 168],
 }
 
@@ -149,6 +152,15 @@ impl Ack {
             status: ACK_ACCEPTED,
             reserved: 0,
             reason: [0; 168],
+        }
+    }
+
+    /// The command with this `sequence` takes effect at the start of `step` and makes the file at `path`, which has
+    /// at most 168 bytes.
+    pub fn accepted_with_file(sequence: u64, step: u64, path: &str) -> Self {
+        Self {
+            reason: padded(path),
+            ..Self::accepted(sequence, step)
         }
     }
 
