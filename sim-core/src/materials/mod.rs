@@ -111,11 +111,11 @@ pub struct Coefficients<R> {
 /// Where a substep has led to, before the law has its say.
 #[derive(Clone, Copy, Debug)]
 pub struct Trial<R> {
-    /// Deformation gradient as if the substep had been elastic.
+    /// Deformation gradient as if the substep had been elastic; the fast path keeps it from fluids.
     pub f: Mat3<R>,
     /// The law's one number per particle, as it was before the substep; 0 at rest. See the law's file.
     pub memory: R,
-    /// Velocity gradient `C` [1/s].
+    /// Velocity gradient `C` [1/s]; the fast path gives it to fluids alone.
     pub gradient: Mat3<R>,
     /// Length of the substep [s]; 0 only asks for the stress of a state that the law has already seen.
     pub dt: R,

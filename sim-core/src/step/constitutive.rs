@@ -129,11 +129,16 @@ fn put<V: Lanes>(value: Pair<V>, to: &mut [F32x16; 2]) {
 fn respond<V: Lanes>(law: &PartLaw, of: &Deformed<'_>, answer: &mut Answer) {
     let zero = Pair(V::broadcast(0.0), V::broadcast(0.0));
     let (mut f, mut gradient) = (Mat3([[zero; 3]; 3]), Mat3([[zero; 3]; 3]));
+    let fluid = law.law.is_fluid();
     for i in 0..3 {
         for j in 0..3 {
             let n = 3 * i + j;
-            f.0[i][j] = pair(&of.f[0][n], &of.f[1][n]);
-            gradient.0[i][j] = pair(&of.motion[0].c[n], &of.motion[1].c[n]);
+            // Each law loads what it reads: the rest would wait for memory, or in vain on the stack.
+            if fluid {
+                gradient.0[i][j] = pair(&of.motion[0].c[n], &of.motion[1].c[n]);
+            } else {
+                f.0[i][j] = pair(&of.f[0][n], &of.f[1][n]);
+            }
         }
     }
     let trial = Trial {
@@ -150,7 +155,8 @@ fn respond<V: Lanes>(law: &PartLaw, of: &Deformed<'_>, answer: &mut Answer) {
         V::broadcast(-law.stress_scale),
     );
     for n in 0..9 {
-        let Pair(one, two) = scale.mul_add(t[n], gradient.0[n / 3][n % 3]);
+        let c = pair(&of.motion[0].c[n], &of.motion[1].c[n]);
+        let Pair(one, two) = scale.mul_add(t[n], c);
         one.store(&mut answer.affine[0][n]);
         two.store(&mut answer.affine[1][n]);
     }
