@@ -20,17 +20,12 @@ pub trait Law: Copy {
     fn respond(&self, state: &mut Self::State, c: &Matrix) -> Symmetric;
 }
 
-/// `F <- (I + A + A^2 / 2) F` with `A = dt C`.
+/// `F <- (I + A) F` with `A = dt C`.
 #[inline(always)]
 fn flow(f: &mut Matrix, c: &Matrix, dt: f32) {
-    let mut a = *c;
+    let growth = product(c, f);
     for n in 0..9 {
-        a[n] *= dt;
-    }
-    let af = product(&a, f);
-    let aaf = product(&a, &af);
-    for n in 0..9 {
-        f[n] += 0.5f32.mul_add(aaf[n], af[n]);
+        f[n] = dt.mul_add(growth[n], f[n]);
     }
 }
 
@@ -291,9 +286,14 @@ impl Law for Fluid {
 
     #[inline(always)]
     fn deform(state: &mut f32, c: &Matrix, dt: f32) {
-        // exp(a) - 1 to second order, like the deformation gradient of the other laws.
-        let a = dt * (c[0] + c[4] + c[8]);
-        let growth = (0.5 * a).mul_add(a, a);
+        let mut a = *c;
+        for n in 0..9 {
+            a[n] *= dt;
+        }
+        let minors = cofactor(&a);
+        // det(I + A) - 1
+        let growth =
+            a[0] + a[4] + a[8] + (minors[0] + minors[4] + minors[8]) + determinant(&a, &minors);
         *state = (1.0 + *state).mul_add(growth, *state).clamp(-0.75, 1.0);
     }
 
