@@ -114,21 +114,6 @@ pub fn exp_minus_identity<R: Real>(d: &Sym3<R>) -> Sym3<R> {
     combine(times(p, i), d, &square(d))
 }
 
-/// Smallest `|a|` from which [`exp_minus_one`] leaves the series.
-const SERIES_END: f64 = 0.25;
-
-/// `exp(a) - 1`, exact to round-off also near 0.
-#[inline(always)]
-pub fn exp_minus_one<R: Real>(a: R) -> R {
-    let one = R::splat(1.0);
-    let mut p = one;
-    for k in (2..=exp_terms(R::EPSILON) + 1).rev() {
-        p = p.mul_add(a * R::splat(1.0 / k as f64), one);
-    }
-    let small = a.abs().lt(R::splat(SERIES_END));
-    R::select(small, p * a, a.exp() - one)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -205,23 +190,6 @@ mod tests {
             }
             let (strain, _) = half_log(&x);
             assert!(worst(&strain, &exact) < 1e-14, "{strain:?} {exact:?}");
-        }
-    }
-
-    #[test]
-    fn scalar_exponential_is_exact_on_both_sides_of_the_switch() {
-        for step in -400..=400 {
-            let a = f64::from(step) * 2.5e-3;
-            let exact = a.exp_m1();
-            assert!((exp_minus_one(a) - exact).abs() <= 4e-16 * exact.abs().max(1e-2));
-            let found = f64::from(exp_minus_one(a as f32));
-            let exact = f64::from(a as f32).exp_m1();
-            // Beyond the switch the exponential itself is within two ulp, of a number up to e.
-            let beyond = if a.abs() < 0.24 { 0.0 } else { 1.0 + exact };
-            assert!(
-                (found - exact).abs() <= 2.4e-7 * (exact.abs() + beyond),
-                "{a}"
-            );
         }
     }
 }
