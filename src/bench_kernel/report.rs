@@ -89,6 +89,18 @@ impl Measured {
         Quartiles::of(self.rates.clone())
     }
 
+    /// Particle state that a fused substep reads and writes, per particle [bytes]: position and deformation both,
+    /// mass and the law's number; tiles and node velocities come on top.
+    fn state_bytes(&self, name: &str) -> u32 {
+        let (position, matrix, number) = (2 * 12, 2 * 36, 4);
+        match name {
+            "fluid" => position + 3 * number + if self.case.gaussians { matrix } else { 0 },
+            "fixed_corotated" | "neo_hookean" => position + matrix + 2 * number,
+            _ if self.case.gaussians => position + 2 * matrix + 3 * number,
+            _ => position + matrix + 3 * number,
+        }
+    }
+
     fn ratio(&self) -> Quartiles {
         Quartiles::of_ratios(&self.rates, &self.yardstick)
     }
@@ -107,6 +119,7 @@ pub fn line(name: &str, measured: &Measured, run: &Run) -> Value {
         "gaussians": case.gaussians,
         "rounds": measured.rates.len(),
         "mparticle_substeps_per_s": measured.rate(),
+        "bytes_per_particle_substep": measured.state_bytes(name),
         "phases": {"sort": sort, "particles": particles, "grid": grid},
         "yardstick": Quartiles::of(measured.yardstick.clone()),
         "ratio": measured.ratio(),
