@@ -233,6 +233,13 @@ impl Boundaries {
         }
     }
 
+    /// All colliders of a substep, in the order of the scene.
+    pub fn all(&self, paths: &Paths, substep: &Substep) -> Vec<Placed<'_>> {
+        let ids = 0..self.bodies.len();
+        ids.filter_map(|id| self.place(id, paths, substep))
+            .collect()
+    }
+
     /// What acts on particles in a substep, in the order of the scene.
     pub fn on_particles(&self, paths: &Paths, substep: &Substep) -> Vec<Placed<'_>> {
         let ids = (0..self.bodies.len()).filter(|&id| self.bodies[id].on_particles);
@@ -324,6 +331,11 @@ impl Placed<'_> {
             normal: rotate(self.start.rotation, local.normal),
             ..local
         }
+    }
+
+    /// What happens at its surface.
+    pub fn contact(&self) -> Contact {
+        self.body.contact
     }
 
     /// Velocity of the collider's matter at a world point [units/s].

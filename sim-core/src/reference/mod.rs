@@ -17,7 +17,7 @@ use crate::{
         touch::{ANCHOR, Touch},
     },
     command::Command,
-    mat3::Mat3,
+    mat3::{Mat3, dot},
     materials::{Coefficients, Material, Trial},
     moments::{ParticleArrays, bodies_of, object_moments, total_momentum},
     report::StepReport,
@@ -38,6 +38,8 @@ pub struct ReferenceWorld {
     steps: u64,
     sim_time: f64,
     boundaries: Boundaries,
+    /// The same with the cell as unit of length, for rigid bodies.
+    boundaries_in_cells: Boundaries,
     paths: Paths,
     rules: Rules,
     pins: Pins,
@@ -125,6 +127,7 @@ impl ReferenceWorld {
             steps: 0,
             sim_time: 0.0,
             boundaries: Boundaries::new(scene, 1.0),
+            boundaries_in_cells: Boundaries::new(scene, scene.dx),
             paths: vec![None; scene.colliders.len()],
             rules: Rules::new(scene, 1.0),
             pins: vec![None; scene.objects.len()],
@@ -291,11 +294,13 @@ impl ReferenceWorld {
                 particles.move_and_deform(part, material, dt);
             }
         }
+        let walls = self.boundaries_in_cells.all(&self.paths, &substep);
+        let falling = dot(self.gravity, self.gravity).sqrt() * dt / dx;
         for object in 0..self.scene.objects.len() {
             let parts = self.parts.iter().zip(&self.materials);
             let rigid = parts.filter(|(p, m)| p.object == object && m.law.is_rigid());
             let body: Vec<usize> = rigid.flat_map(|(part, _)| part.particles.clone()).collect();
-            particles.move_as_one(&body, dx, dt);
+            particles.move_as_one(&body, &walls, falling, dx, dt);
         }
         if let Some(touch) = &touch {
             for (part, material) in self.parts.iter().zip(&self.materials) {

@@ -2,11 +2,15 @@
 
 use super::Particles;
 use crate::{
+    colliders::Placed,
     kinematics::advance_deformation,
     mat3::{Mat3, cross},
     materials::{Coefficients, Material, Trial},
     scene::Part,
-    step::rigid::{BodySums, body_motion},
+    step::{
+        rigid::{BodySums, body_motion},
+        rigid_contact::Point,
+    },
 };
 
 impl Particles {
@@ -38,7 +42,15 @@ impl Particles {
     }
 
     /// Moves particles as one rigid body with the linear and angular momentum that they have gathered.
-    pub(super) fn move_as_one(&mut self, body: &[usize], dx: f64, dt: f64) {
+    /// `walls` are the colliders in cells, `falling` is the speed that gravity adds [cells/s].
+    pub(super) fn move_as_one(
+        &mut self,
+        body: &[usize],
+        walls: &[Placed<'_>],
+        falling: f64,
+        dx: f64,
+        dt: f64,
+    ) {
         // In cells, as the law of motion expects it.
         let mut sums = BodySums::default();
         for &p in body.iter().filter(|&&p| self.mass[p] > 0.0) {
@@ -46,7 +58,14 @@ impl Particles {
             let v = self.velocity[p].map(|v| v / dx);
             sums.add(self.mass[p], x, v, &Mat3(self.affine[p]));
         }
-        let Some(motion) = body_motion(&sums, [0.0; 3], dt) else {
+        let alive = body.iter().filter(|&&p| self.mass[p] > 0.0);
+        let points: Vec<Point> = alive
+            .flat_map(|&p| {
+                let x = self.position[p].map(|x| x / dx);
+                walls.iter().filter_map(move |wall| Point::new(x, wall))
+            })
+            .collect();
+        let Some(motion) = body_motion(&sums, [0.0; 3], dt, &points, falling) else {
             return;
         };
         let [x, y, z] = motion.spin;

@@ -5,6 +5,7 @@ pub(crate) mod constitutive;
 pub(crate) mod gather;
 pub(crate) mod particle_pass;
 pub(crate) mod rigid;
+pub(crate) mod rigid_contact;
 pub(crate) mod scatter;
 pub(crate) mod shapes;
 pub(crate) mod sort;

@@ -5,15 +5,18 @@ use rayon::prelude::*;
 use super::{
     block::load_velocities,
     gather::{Gathered, gather},
+    rigid_contact::{Answering, Point, REACH},
     stencil::Stencil,
     touch::BlockTouch,
 };
 use crate::{
-    colliders::touch::Touch,
+    colliders::{Placed, touch::Touch},
     grid::{Grid, Tile},
     mat3::{Mat3, cross},
-    particles::{BLOCK, Block, Fixed, Group, Motion, Particles, Run},
-    simd::{F32x16, Isa, Lanes, Portable},
+    particles::{
+        BLOCK, Block, Fixed, Group, Motion, NO_PARTICLE, Particles, Run, position_in_cells,
+    },
+    simd::{F32x16, Isa, LANES, Lanes, Portable},
 };
 
 #[cfg(target_arch = "x86_64")]
@@ -76,6 +79,8 @@ pub(crate) fn rigid_motions(
     carrier: [f64; 3],
     dt: f64,
     touch: Option<&Touch<'_>>,
+    walls: &[Placed<'_>],
+    falling: f64,
 ) -> Vec<Option<RigidMotion>> {
     let Some(last) = body_of.iter().copied().flatten().max() else {
         return vec![None; body_of.len()];
@@ -110,9 +115,51 @@ pub(crate) fn rigid_motions(
             *total += sum;
         }
     }
-    let motions = totals.iter().map(|total| body_motion(total, carrier, dt));
+    let points = contact_points(body_of, particles, walls, last + 1);
+    let motions = totals
+        .iter()
+        .zip(&points)
+        .map(|(total, points)| body_motion(total, carrier, dt, points, falling));
     let motions: Vec<Option<RigidMotion>> = motions.collect();
     body_of.iter().map(|body| motions[(*body)?]).collect()
+}
+
+/// Particles of every body that are near a collider, in the order of blocks.
+fn contact_points(
+    body_of: &[Option<usize>],
+    particles: &Particles,
+    walls: &[Placed<'_>],
+    bodies: usize,
+) -> Vec<Vec<Point>> {
+    let mut points = vec![vec![]; bodies];
+    if walls.is_empty() {
+        return points;
+    }
+    for block in &particles.blocks {
+        let min = block.index.map(|i| f64::from(BLOCK * i) - 1.5);
+        let max = min.map(|x| x + f64::from(BLOCK) + 2.0);
+        let near = walls.iter().filter(|wall| wall.is_near(min, max, REACH));
+        let near: Vec<&Placed<'_>> = near.collect();
+        if near.is_empty() {
+            continue;
+        }
+        for run in &particles.runs[block.runs.clone()] {
+            let Some(body) = body_of[run.part] else {
+                continue;
+            };
+            for g in run.groups.clone() {
+                for lane in 0..LANES {
+                    if particles.fixed[g].id[lane] == NO_PARTICLE {
+                        continue;
+                    }
+                    let x = [0, 1, 2].map(|a| particles.groups[g].x[a].0[lane]);
+                    let x = position_in_cells(block.index, x);
+                    points[body].extend(near.iter().filter_map(|wall| Point::new(x, wall)));
+                }
+            }
+        }
+    }
+    points
 }
 
 /// Sums of one run about the origin of the grid.
@@ -235,7 +282,13 @@ fn weigh_lanes<V: Lanes>(
 }
 
 /// Rigid motion with the mass, linear and angular momentum of the sums; none for a part without mass.
-pub(crate) fn body_motion(sums: &BodySums, carrier: [f64; 3], dt: f64) -> Option<RigidMotion> {
+pub(crate) fn body_motion(
+    sums: &BodySums,
+    carrier: [f64; 3],
+    dt: f64,
+    points: &[Point],
+    falling: f64,
+) -> Option<RigidMotion> {
     let s = &sums.0;
     let mass = s[0];
     if mass.is_nan() || mass <= 0.0 {
@@ -253,7 +306,22 @@ pub(crate) fn body_motion(sums: &BodySums, carrier: [f64; 3], dt: f64) -> Option
     }));
     let trace = second.0[0][0] + second.0[1][1] + second.0[2][2];
     let inertia = Mat3::diagonal([trace + 0.5 * mass; 3]).sub(&second);
-    let spin_now = solve(&inertia, angular)?;
+    let mut spin_now = solve(&inertia, angular)?;
+    let (mut velocity, mut angular) = (velocity, angular);
+    if !points.is_empty() {
+        let det = inertia.det();
+        let inverse = inertia.cofactor().transpose();
+        let mut body = Answering {
+            mass,
+            inverse_inertia: Mat3(inverse.0.map(|row| row.map(|c| c / det))),
+            com,
+            velocity,
+            spin: spin_now,
+        };
+        body.resolve(points, carrier, dt, falling);
+        (velocity, spin_now) = (body.velocity, body.spin);
+        angular = inertia.mul_vec(spin_now);
+    }
     // Angular momentum stays, the inertia turns: half a step of the spin, then the whole turn with it.
     let half = rotation_minus_identity(spin_now, 0.5 * dt);
     let spin_mid = solve(&turned(&inertia, &half), angular)?;

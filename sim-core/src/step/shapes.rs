@@ -10,7 +10,7 @@ use super::constitutive::PartLaw;
 use crate::{
     mat3::Mat3,
     materials::{limits::max_stretch_squared, svd::svd},
-    particles::{Group, Particles, Run, Shape},
+    particles::{Particles, Run},
     pose::MAX_ASPECT,
     simd::{F32x16, Isa, Lanes, Portable},
 };
@@ -60,7 +60,7 @@ pub(crate) fn limit_shapes(isa: Isa, particles: &mut Particles, laws: &[PartLaw]
         ..
     } = particles;
     let (mut groups, mut shapes) = (groups.as_mut_slice(), shapes.as_mut_slice());
-    let mut work: Vec<(Limit, &mut [Group], &mut [Shape], &[F32x16])> = Vec::new();
+    let mut work = Vec::new();
     for run in runs.iter() {
         let (mine, others) = std::mem::take(&mut groups).split_at_mut(run.groups.len());
         let (mine_too, others_too) = std::mem::take(&mut shapes).split_at_mut(run.shapes.len());

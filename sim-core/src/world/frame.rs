@@ -11,6 +11,7 @@ use super::{
 use crate::{
     colliders::touch::Touch,
     grid::node_pass,
+    mat3::dot,
     materials::Coefficients,
     particles::{Extremes, Flags, Motion, NO_PARTICLE, Particles, Run},
     report::{DtLimit, StepReport, Timings},
@@ -336,6 +337,12 @@ impl World {
             next,
             self.state.gravity,
         );
+        let walls = match body_of.iter().any(Option::is_some) {
+            true => self.boundaries.all(&self.state.paths, &now),
+            false => vec![],
+        };
+        let gravity = self.state.gravity;
+        let falling = dot(gravity, gravity).sqrt() * dt / self.scene.dx;
         let rigid = match stage {
             Stage::Scatter => vec![None; laws.len()],
             Stage::Fused | Stage::Gather => rigid_motions(
@@ -346,6 +353,8 @@ impl World {
                 self.state.carrier,
                 dt,
                 touch.as_ref(),
+                &walls,
+                falling,
             ),
         };
         let pass = Pass {

@@ -55,6 +55,7 @@ struct Loop<L: Law> {
 pub trait Yardstick {
     /// Takes `substeps` of `dt` [s].
     fn advance(&mut self, dt: f64, substeps: u32);
+    #[cfg(test)]
     /// Position [cells] and velocity [cells/s] of a particle.
     fn motion(&self, particle: usize) -> [[f32; 3]; 2];
     /// How many particles there are.
@@ -98,6 +99,7 @@ impl<L: Law> Yardstick for Loop<L> {
         }
     }
 
+    #[cfg(test)]
     fn motion(&self, particle: usize) -> [[f32; 3]; 2] {
         let particle = &self.particles[particle];
         [particle.x, particle.v]

@@ -194,3 +194,76 @@ fn two_materials_share_an_object_and_a_region_can_be_edited() {
         "object 0 has no region 1: it has regions 0..1"
     );
 }
+
+#[test]
+fn a_rigid_cube_lands_rests_and_neither_sinks_nor_jitters() {
+    let mut scene = empty(0.1);
+    scene.gravity = [0.0, 0.0, -9.81];
+    let rigid = elastic(Law::Rigid, 0.0, 0.0);
+    add_box(&mut scene, rigid, [0.01, 0.02, 0.2], 0.05, [6; 3]);
+    let up = [0.0, 0.0, 1.0];
+    add_plane(&mut scene, [0.0, 0.0, 0.013], up, Surface::Separate, 0.4);
+    let mut world = World::new(scene).expect("valid scene");
+    let heights: Vec<f64> = (0..360)
+        .map(|_| world.step(1.0 / 60.0, &[]).objects[0].com[2])
+        .collect();
+    // Its particles stop half their spacing above the floor, where they are in the cube: 0.013 + 0.15.
+    let rest = heights[120];
+    assert!((rest - 0.163).abs() < 0.005, "rests at {rest}");
+    let (low, high) = heights[120..]
+        .iter()
+        .fold((f64::MAX, f64::MIN), |(l, h), &z| (l.min(z), h.max(z)));
+    assert!(high - low < 1e-4, "between {low} and {high}");
+    let weight = 9.81 * world.report().objects[0].mass / 60.0;
+    let force = world.report().objects[0].contact_impulse[2];
+    assert!((force / weight - 1.0).abs() < 0.05, "{force} of {weight}");
+}
+
+#[test]
+fn a_rigid_cube_slides_bounces_and_sticks_as_its_contact_says() {
+    let cube = |friction: f64, restitution: f64, velocity: [f64; 3], height: f64| {
+        let mut scene = empty(0.1);
+        scene.gravity = [0.0, 0.0, -9.81];
+        let rigid = elastic(Law::Rigid, 0.0, 0.0);
+        let bottom = 0.013 + height;
+        add_box(&mut scene, rigid, [0.01, 0.02, bottom], 0.05, [6, 6, 4]);
+        scene.objects[0].linear_velocity = velocity;
+        let up = [0.0, 0.0, 1.0];
+        add_plane(
+            &mut scene,
+            [0.0, 0.0, 0.013],
+            up,
+            Surface::Separate,
+            friction,
+        );
+        scene.colliders[0].restitution = restitution;
+        World::new(scene).expect("valid scene")
+    };
+    // Coulomb: v^2 / (2 mu g) until it stops, less v dt / 2 by which symplectic Euler is ahead of the slowing down.
+    let mut world = cube(0.3, 0.0, [1.5, 0.0, 0.0], 0.0);
+    let start = world.report().objects[0].com[0];
+    for _ in 0..90 {
+        world.step(1.0 / 60.0, &[]);
+    }
+    let way = world.report().objects[0].com[0] - start;
+    let expected = 1.5 * 1.5 / (2.0 * 0.3 * 9.81) - 0.5 * 1.5 / 60.0;
+    assert!((way / expected - 1.0).abs() < 0.01, "{way} of {expected}");
+    assert!(norm(world.report().objects[0].linear_velocity) < 1e-3);
+    // Dropped flat from 0.5 m it comes back to e^2 of that.
+    let mut world = cube(0.0, 0.6, [0.0; 3], 0.5);
+    let rest = world.report().objects[0].com[2] - 0.5;
+    let (mut touched, mut highest) = (false, 0.0_f64);
+    for _ in 0..240 {
+        let state = world.step(1.0 / 240.0, &[]).objects[0];
+        touched |= state.linear_velocity[2] > 0.5;
+        if touched {
+            highest = highest.max(state.com[2] - rest);
+        }
+    }
+    assert!(touched, "never bounced");
+    let expected = 0.36 * 0.5;
+    assert!(
+        (highest / expected - 1.0).abs() < 0.05,
+        "{highest} of {expected}"
+    );
+}
