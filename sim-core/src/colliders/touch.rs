@@ -140,9 +140,8 @@ impl<'a> Touch<'a> {
     }
 
     /// The walls that part a particle at `x` from some of its nodes; `v` is the velocity that it gathered from all of
-    /// them. One that hits a wall with restitution hard is left to [`after`](Self::after); those of rigid objects,
-    /// which do not move `alone`, never are.
-    pub fn ghosts(&self, alone: bool, x: [f64; 3], v: [f64; 3]) -> Vec<Ghost<'a>> {
+    /// them. One that hits a wall with restitution hard is left to [`after`](Self::after).
+    pub fn ghosts(&self, x: [f64; 3], v: [f64; 3]) -> Vec<Ghost<'a>> {
         let mut found = Vec::new();
         for wall in self.bodies.iter().filter(|wall| !wall.body.on_nodes) {
             let near = wall.distance(x);
@@ -151,7 +150,7 @@ impl<'a> Touch<'a> {
             if near.value >= reach {
                 continue;
             }
-            if alone && wall.body.contact.gives_back() {
+            if wall.body.contact.gives_back() {
                 let u = wall.velocity(x);
                 let approach: f64 = (0..3).map(|a| (u[a] - v[a]) * near.normal[a]).sum();
                 if approach > self.resting_speed {

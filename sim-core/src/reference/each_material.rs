@@ -118,7 +118,7 @@ fn every_material_moves_alike_in_both_precisions() {
                 early.position < walk && early.deformation < 9.0 * walk,
                 "{of}"
             );
-            assert!(early.position < late.position, "did not grow: {of}");
+            assert!(early.position <= late.position, "shrank: {of}");
             assert!(late.position < x * walk, "{of}");
             assert!(late.deformation < f * walk, "{of}");
             assert!(late.memory < memory * walk, "{of}");

@@ -282,7 +282,8 @@ impl ReferenceWorld {
             let (mut v, mut c) = grid.gather(stencil, dx);
             let ghosts = touch
                 .as_ref()
-                .map(|touch| touch.ghosts(!rigid[p], particles.position[p], v));
+                .filter(|_| !rigid[p])
+                .map(|touch| touch.ghosts(particles.position[p], v));
             if let Some(ghosts) = ghosts.filter(|ghosts| !ghosts.is_empty()) {
                 (v, c) = grid.gather_seen(stencil, particles.position[p], &ghosts, dx);
             }

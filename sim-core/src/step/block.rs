@@ -216,7 +216,7 @@ fn advance<V: Lanes>(
         let mut gathered = Motion::REST;
         store3(v, &mut gathered.v);
         store9(&c, &mut gathered.c);
-        touch.shield(ids, true, &group.x, velocities, &mut gathered);
+        touch.shield(ids, &group.x, velocities, &mut gathered);
         (v, c) = (load3(&gathered.v), load9(&gathered.c));
     }
     let dt = V::select(live, limits.dt, zero);

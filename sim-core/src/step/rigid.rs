@@ -7,15 +7,12 @@ use super::{
     gather::{Gathered, gather},
     rigid_contact::{Answering, Point, REACH},
     stencil::Stencil,
-    touch::BlockTouch,
 };
 use crate::{
-    colliders::{Placed, touch::Touch},
+    colliders::Placed,
     grid::{Grid, Tile},
     mat3::{Mat3, cross},
-    particles::{
-        BLOCK, Block, Fixed, Group, Motion, NO_PARTICLE, Particles, Run, position_in_cells,
-    },
+    particles::{BLOCK, Block, Fixed, Group, NO_PARTICLE, Particles, Run, position_in_cells},
     simd::{F32x16, Isa, LANES, Lanes, Portable},
 };
 
@@ -78,7 +75,6 @@ pub(crate) fn rigid_motions(
     grid: &Grid,
     carrier: [f64; 3],
     dt: f64,
-    touch: Option<&Touch<'_>>,
     walls: &[Placed<'_>],
     falling: f64,
 ) -> Vec<Option<RigidMotion>> {
@@ -100,11 +96,8 @@ pub(crate) fn rigid_motions(
             }
             let mut velocities = Tile::ZERO;
             load_velocities(nodes_of, &grid.velocities, cells, &mut velocities);
-            let carriers = [carrier; 2];
-            let touch = touch.and_then(|t| BlockTouch::new(t, block, false, carriers, 1.0));
-            let touch = touch.as_ref();
             rigid
-                .map(|(body, run)| (body, weigh(isa, particles, block, run, &velocities, touch)))
+                .map(|(body, run)| (body, weigh(isa, particles, block, run, &velocities)))
                 .collect()
         })
         .collect();
@@ -163,24 +156,17 @@ fn contact_points(
 }
 
 /// Sums of one run about the origin of the grid.
-fn weigh(
-    isa: Isa,
-    particles: &Particles,
-    block: &Block,
-    run: &Run,
-    velocities: &Tile,
-    touch: Option<&BlockTouch<'_>>,
-) -> BodySums {
+fn weigh(isa: Isa, particles: &Particles, block: &Block, run: &Run, velocities: &Tile) -> BodySums {
     let groups = &particles.groups[run.groups.clone()];
     let fixed = &particles.fixed[run.groups.clone()];
     let local = match isa {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: a world is only made with an instruction set that the processor has.
-        Isa::Avx512 => unsafe { weigh_avx512(groups, fixed, velocities, touch) },
+        Isa::Avx512 => unsafe { weigh_avx512(groups, fixed, velocities) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: a world is only made with an instruction set that the processor has.
-        Isa::Avx2 => unsafe { weigh_avx2(groups, fixed, velocities, touch) },
-        _ => weigh_lanes::<Portable>(groups, fixed, velocities, touch),
+        Isa::Avx2 => unsafe { weigh_avx2(groups, fixed, velocities) },
+        _ => weigh_lanes::<Portable>(groups, fixed, velocities),
     };
     let mut s = [0.0; SUMS];
     for (sum, lanes) in s.iter_mut().zip(&local) {
@@ -202,34 +188,19 @@ fn weigh(
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
-unsafe fn weigh_avx512(
-    groups: &[Group],
-    fixed: &[Fixed],
-    tile: &Tile,
-    touch: Option<&BlockTouch<'_>>,
-) -> [F32x16; SUMS] {
-    weigh_lanes::<Avx512>(groups, fixed, tile, touch)
+unsafe fn weigh_avx512(groups: &[Group], fixed: &[Fixed], tile: &Tile) -> [F32x16; SUMS] {
+    weigh_lanes::<Avx512>(groups, fixed, tile)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
-unsafe fn weigh_avx2(
-    groups: &[Group],
-    fixed: &[Fixed],
-    tile: &Tile,
-    touch: Option<&BlockTouch<'_>>,
-) -> [F32x16; SUMS] {
-    weigh_lanes::<Avx2>(groups, fixed, tile, touch)
+unsafe fn weigh_avx2(groups: &[Group], fixed: &[Fixed], tile: &Tile) -> [F32x16; SUMS] {
+    weigh_lanes::<Avx2>(groups, fixed, tile)
 }
 
 /// Sums of the groups of one run, lane by lane, about the block's centre.
 #[inline(always)]
-fn weigh_lanes<V: Lanes>(
-    groups: &[Group],
-    fixed: &[Fixed],
-    tile: &Tile,
-    touch: Option<&BlockTouch<'_>>,
-) -> [F32x16; SUMS] {
+fn weigh_lanes<V: Lanes>(groups: &[Group], fixed: &[Fixed], tile: &Tile) -> [F32x16; SUMS] {
     let mut sums = [V::broadcast(0.0); SUMS];
     for (group, fixed) in groups.iter().zip(fixed) {
         let x = [
@@ -237,23 +208,7 @@ fn weigh_lanes<V: Lanes>(
             V::load(&group.x[1]),
             V::load(&group.x[2]),
         ];
-        let Gathered { mut v, mut c, .. } = gather(tile, &Stencil::new(x));
-        if let Some(touch) = touch {
-            let mut gathered = Motion::REST;
-            for a in 0..3 {
-                v[a].store(&mut gathered.v[a]);
-            }
-            for n in 0..9 {
-                c.0[n / 3][n % 3].store(&mut gathered.c[n]);
-            }
-            touch.shield(&fixed.id, false, &group.x, tile, &mut gathered);
-            for a in 0..3 {
-                v[a] = V::load(&gathered.v[a]);
-            }
-            for n in 0..9 {
-                c.0[n / 3][n % 3] = V::load(&gathered.c[n]);
-            }
-        }
+        let Gathered { v, c, .. } = gather(tile, &Stencil::new(x));
         let m = V::load(&fixed.mass);
         let mx = [m * x[0], m * x[1], m * x[2]];
         let orbital = cross(x, v);

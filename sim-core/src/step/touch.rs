@@ -75,16 +75,9 @@ impl<'a> BlockTouch<'a> {
     }
 
     /// Corrects what sixteen particles gathered, [`Motion::v`] and [`Motion::c`], where a thin wall parts them from some
-    /// of their nodes; those of rigid objects do not move `alone`.
+    /// of their nodes.
     #[inline(never)]
-    pub fn shield(
-        &self,
-        ids: &[u32; LANES],
-        alone: bool,
-        x: &[F32x16; 3],
-        tile: &Tile,
-        gathered: &mut Motion,
-    ) {
+    pub fn shield(&self, ids: &[u32; LANES], x: &[F32x16; 3], tile: &Tile, gathered: &mut Motion) {
         for lane in (0..LANES).filter(|&lane| ids[lane] != NO_PARTICLE) {
             let local = [x[0].0[lane], x[1].0[lane], x[2].0[lane]];
             let at = position_in_cells(self.block, local);
@@ -92,7 +85,7 @@ impl<'a> BlockTouch<'a> {
             if !v.iter().all(|v| v.is_finite()) {
                 continue;
             }
-            let ghosts = self.touch.ghosts(alone, at, v);
+            let ghosts = self.touch.ghosts(at, v);
             if ghosts.is_empty() {
                 continue;
             }

@@ -352,7 +352,6 @@ impl World {
                 &self.workspace.grid,
                 self.state.carrier,
                 dt,
-                touch.as_ref(),
                 &walls,
                 falling,
             ),
