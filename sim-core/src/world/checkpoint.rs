@@ -1,6 +1,6 @@
 //! Checkpoints: the complete state as bytes, and back, bit for bit.
 
-use std::ops::Range;
+use std::{borrow::Cow, ops::Range};
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
@@ -72,8 +72,8 @@ pub enum CheckpointError {
 
 /// What is written.
 #[derive(Serialize, Deserialize)]
-struct Snapshot {
-    state: State,
+struct Snapshot<'a> {
+    state: Cow<'a, State>,
     /// What is displayed of the particles that were taken out, in the order of their removal.
     frozen: Vec<Frozen>,
     /// Whether elastic and visible deformation are published apart.
@@ -107,7 +107,7 @@ impl World {
             }
         });
         let snapshot = Snapshot {
-            state: self.state.clone(),
+            state: Cow::Borrowed(&self.state),
             frozen: frozen.collect(),
             apart: !published.elastic.is_empty(),
         };
@@ -137,6 +137,7 @@ impl World {
             frozen,
             apart,
         } = postcard::from_bytes(payload).map_err(|error| inconsistent(error.to_string()))?;
+        let state = state.into_owned();
         self.check_state(&state, frozen.len())?;
         let mut published = Published::new(&self.scene);
         if apart {
