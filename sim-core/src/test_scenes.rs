@@ -5,7 +5,7 @@ use crate::{
     materials::{Law, Material},
     scene::{
         Aabb, Binding, Collider, ColliderShape, Conditions, Fidelity, Object, Pose, RestParticles,
-        Scene, Surface,
+        Scene, Surface, TriangleMesh,
     },
 };
 
@@ -137,4 +137,26 @@ pub fn add_plane(
         friction,
         ..Collider::fixed("plane", shape, Pose::at(point), surface)
     });
+}
+
+/// A box about the origin; its first two triangles are the top (+y).
+pub fn box_mesh(half: [f64; 3]) -> TriangleMesh {
+    let corner = |i: usize| -> [f64; 3] {
+        std::array::from_fn(|a| if i >> a & 1 == 0 { -half[a] } else { half[a] })
+    };
+    let quads = [
+        [2, 6, 7, 3],
+        [0, 1, 5, 4],
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+    ];
+    TriangleMesh {
+        points: (0..8).map(corner).collect(),
+        triangles: quads
+            .iter()
+            .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]])
+            .collect(),
+    }
 }

@@ -151,30 +151,9 @@ fn is_closed(triangles: &[[u32; 3]]) -> bool {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-
-    /// A box about the origin; its first two triangles are the top (+y).
-    pub fn box_mesh(half: [f64; 3]) -> TriangleMesh {
-        let corner = |i: usize| -> [f64; 3] {
-            std::array::from_fn(|a| if i >> a & 1 == 0 { -half[a] } else { half[a] })
-        };
-        let quads = [
-            [2, 6, 7, 3],
-            [0, 1, 5, 4],
-            [0, 4, 6, 2],
-            [1, 3, 7, 5],
-            [0, 2, 3, 1],
-            [4, 5, 7, 6],
-        ];
-        TriangleMesh {
-            points: (0..8).map(corner).collect(),
-            triangles: quads
-                .iter()
-                .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]])
-                .collect(),
-        }
-    }
+    use crate::test_scenes::box_mesh;
 
     #[test]
     fn a_segment_finds_the_first_crossing_from_either_side() {

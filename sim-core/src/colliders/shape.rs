@@ -192,7 +192,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::{colliders::mesh::tests::box_mesh, scene::TriangleMesh};
+    use crate::{scene::TriangleMesh, test_scenes::box_mesh};
 
     /// Points, their distances and normals, worked out by hand.
     fn check(shape: &Shape, cases: &[([f64; 3], f64, [f64; 3])]) {

@@ -147,8 +147,9 @@ mod tests {
 
     use super::*;
     use crate::{
-        colliders::{Body, Boundaries, Substep, mesh::tests::box_mesh},
+        colliders::{Body, Boundaries, Substep},
         scene::{Collider, ColliderMotion, ColliderShape, Pose, Surface, TimeSpan, TriangleMesh},
+        test_scenes::box_mesh,
     };
 
     const NOW: Substep = Substep {

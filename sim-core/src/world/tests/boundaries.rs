@@ -3,7 +3,10 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::scene::{Collider, ColliderMotion, ColliderShape, Pose, TimeSpan, TriangleMesh};
+use crate::{
+    scene::{Collider, ColliderMotion, ColliderShape, Pose, TimeSpan, TriangleMesh},
+    test_scenes::box_mesh,
+};
 
 const DX: f64 = 0.1;
 const FRAME: f64 = 1.0 / 60.0;
@@ -83,26 +86,11 @@ fn supports() -> Vec<(&'static str, ColliderShape, Pose)> {
 
 /// A closed box with its top at z = 0.
 fn slab(half: f64, thickness: f64) -> TriangleMesh {
-    let corner = |i: usize| {
-        let side = |bit: usize| if i >> bit & 1 == 0 { -half } else { half };
-        let z = if i >> 2 & 1 == 0 { -thickness } else { 0.0 };
-        [side(0), side(1), z]
-    };
-    let quads = [
-        [2, 6, 7, 3],
-        [0, 1, 5, 4],
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-    ];
-    TriangleMesh {
-        points: (0..8).map(corner).collect(),
-        triangles: quads
-            .iter()
-            .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]])
-            .collect(),
+    let mut mesh = box_mesh([half, half, 0.5 * thickness]);
+    for point in &mut mesh.points {
+        point[2] -= 0.5 * thickness;
     }
+    mesh
 }
 
 /// An open square at z = 0.
