@@ -3,6 +3,7 @@
 use super::{
     constitutive::{Answer, Constitutive, Deformed},
     gather::{Gathered, gather},
+    lanes::{cells_in_use, load3, load9, store3, store9},
     particle_pass::{Findings, Pass, Stage, Work},
     rigid::RigidMotion,
     scatter::Accumulator,
@@ -55,36 +56,6 @@ pub(super) fn load_velocities(
             out[..8].copy_from_slice(&part(0)[8..]);
             out[8..24].copy_from_slice(part(1));
             out[24..].copy_from_slice(&part(2)[..8]);
-        }
-    }
-}
-
-#[inline(always)]
-fn load3<V: Lanes>(from: &[F32x16; 3]) -> [V; 3] {
-    [V::load(&from[0]), V::load(&from[1]), V::load(&from[2])]
-}
-
-#[inline(always)]
-fn load9<V: Lanes>(m: &[F32x16; 9]) -> Mat3<V> {
-    Mat3([
-        [V::load(&m[0]), V::load(&m[1]), V::load(&m[2])],
-        [V::load(&m[3]), V::load(&m[4]), V::load(&m[5])],
-        [V::load(&m[6]), V::load(&m[7]), V::load(&m[8])],
-    ])
-}
-
-#[inline(always)]
-fn store3<V: Lanes>(v: [V; 3], to: &mut [F32x16; 3]) {
-    for a in 0..3 {
-        v[a].store(&mut to[a]);
-    }
-}
-
-#[inline(always)]
-fn store9<V: Lanes>(m: &Mat3<V>, to: &mut [F32x16; 9]) {
-    for i in 0..3 {
-        for j in 0..3 {
-            m.0[i][j].store(&mut to[3 * i + j]);
         }
     }
 }
@@ -474,14 +445,7 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
     }
     if SCATTER {
         accumulator.flush(&mut momentum_tile);
-        *work.cells = cells.map(|(low, high)| {
-            let fold = |v: V, f: fn(f32, f32) -> f32| {
-                let mut lanes = F32x16::ZERO;
-                v.store(&mut lanes);
-                lanes.0.into_iter().reduce(f).unwrap_or(0.0) as i32
-            };
-            (fold(low, f32::min), fold(high, f32::max))
-        });
+        *work.cells = cells_in_use(cells);
         momentum_tile.pack::<V>(work.cells, work.tile);
     }
     findings

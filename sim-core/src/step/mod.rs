@@ -3,6 +3,7 @@
 mod block;
 pub(crate) mod constitutive;
 pub(crate) mod gather;
+mod lanes;
 pub(crate) mod particle_pass;
 pub(crate) mod rigid;
 pub(crate) mod rigid_contact;

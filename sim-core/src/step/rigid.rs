@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::{
     block::load_velocities,
     gather::{Gathered, gather},
+    lanes::load3,
     rigid_contact::{Answering, Point, REACH},
     stencil::Stencil,
 };
@@ -129,6 +130,10 @@ fn contact_points(
         return points;
     }
     for block in &particles.blocks {
+        let runs = &particles.runs[block.runs.clone()];
+        if !runs.iter().any(|run| body_of[run.part].is_some()) {
+            continue;
+        }
         let min = block.index.map(|i| f64::from(BLOCK * i) - 1.5);
         let max = min.map(|x| x + f64::from(BLOCK) + 2.0);
         let near = walls.iter().filter(|wall| wall.is_near(min, max, REACH));
@@ -136,7 +141,7 @@ fn contact_points(
         if near.is_empty() {
             continue;
         }
-        for run in &particles.runs[block.runs.clone()] {
+        for run in runs {
             let Some(body) = body_of[run.part] else {
                 continue;
             };
@@ -203,11 +208,7 @@ unsafe fn weigh_avx2(groups: &[Group], fixed: &[Fixed], tile: &Tile) -> [F32x16;
 fn weigh_lanes<V: Lanes>(groups: &[Group], fixed: &[Fixed], tile: &Tile) -> [F32x16; SUMS] {
     let mut sums = [V::broadcast(0.0); SUMS];
     for (group, fixed) in groups.iter().zip(fixed) {
-        let x = [
-            V::load(&group.x[0]),
-            V::load(&group.x[1]),
-            V::load(&group.x[2]),
-        ];
+        let x = load3::<V>(&group.x);
         let Gathered { v, c, .. } = gather(tile, &Stencil::new(x));
         let m = V::load(&fixed.mass);
         let mx = [m * x[0], m * x[1], m * x[2]];

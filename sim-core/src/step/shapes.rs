@@ -6,7 +6,10 @@
 
 use rayon::prelude::*;
 
-use super::constitutive::PartLaw;
+use super::{
+    constitutive::PartLaw,
+    lanes::{load9, store9},
+};
 use crate::{
     mat3::Mat3,
     materials::{limits::max_stretch_squared, svd::svd},
@@ -105,10 +108,7 @@ unsafe fn limit_avx2(limit: Limit, shape: &mut [F32x16; 9], memory: &F32x16) {
 #[inline(always)]
 fn limit_group<V: Lanes>(limit: Limit, shape: &mut [F32x16; 9], memory: &F32x16) {
     let one = V::broadcast(1.0);
-    let mut f = Mat3([[one; 3]; 3]);
-    for n in 0..9 {
-        f.0[n / 3][n % 3] = V::load(&shape[n]);
-    }
+    let f = load9::<V>(shape);
     let j = f.det();
     // The aspect is at most s_max^3 / J.
     let bound = max_stretch_squared(&f);
@@ -154,10 +154,7 @@ fn limit_group<V: Lanes>(limit: Limit, shape: &mut [F32x16; 9], memory: &F32x16)
         true => usable,
         false => usable & !harmless,
     };
-    let out = Mat3::select(change, &limited, &f);
-    for n in 0..9 {
-        out.0[n / 3][n % 3].store(&mut shape[n]);
-    }
+    store9(&Mat3::select(change, &limited, &f), shape);
 }
 
 #[cfg(test)]

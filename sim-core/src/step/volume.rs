@@ -13,7 +13,11 @@
 use rayon::prelude::*;
 
 use super::{
-    block::load_velocities, constitutive::PartLaw, gather::gather, scatter::Accumulator,
+    block::load_velocities,
+    constitutive::PartLaw,
+    gather::gather,
+    lanes::{cells_in_use, load3, load9, store9},
+    scatter::Accumulator,
     stencil::Stencil,
 };
 use crate::{
@@ -150,19 +154,6 @@ unsafe fn take_avx2(laws: &[PartLaw], work: &mut Work<'_>, means: &Tile) {
     take::<Avx2>(laws, work, means);
 }
 
-#[inline(always)]
-fn load<V: Lanes>(group: &Group) -> ([V; 3], Mat3<V>) {
-    let zero = V::broadcast(0.0);
-    let (mut x, mut f) = ([zero; 3], Mat3([[zero; 3]; 3]));
-    for a in 0..3 {
-        x[a] = V::load(&group.x[a]);
-        for b in 0..3 {
-            f.0[a][b] = V::load(&group.f[3 * a + b]);
-        }
-    }
-    (x, f)
-}
-
 /// Scatters `m (J - 1)` of one block.
 #[inline(always)]
 fn give<V: Lanes>(laws: &[PartLaw], work: &Work<'_>, packed: &mut Tile, used: &mut Cells) {
@@ -175,8 +166,8 @@ fn give<V: Lanes>(laws: &[PartLaw], work: &Work<'_>, packed: &mut Tile, used: &m
             continue;
         }
         for g in run.groups.start - work.origin..run.groups.end - work.origin {
-            let (x, f) = load::<V>(&work.groups[g]);
-            let stencil = Stencil::<V>::new(x);
+            let Group { x, f } = &work.groups[g];
+            let stencil = Stencil::<V>::new(load3(x));
             for a in 0..3 {
                 cells[a].0 = cells[a].0.min(stencil.cell[a]);
                 cells[a].1 = cells[a].1.max(stencil.cell[a]);
@@ -184,24 +175,14 @@ fn give<V: Lanes>(laws: &[PartLaw], work: &Work<'_>, packed: &mut Tile, used: &m
             let mass = V::load(&work.fixed[g].mass);
             let excess = match laws[run.part].law.is_fluid() {
                 true => V::load(&work.memory[g]),
-                false => f.det() - V::broadcast(1.0),
+                false => load9::<V>(f).det() - V::broadcast(1.0),
             };
             let nothing = Mat3([[zero; 3]; 3]);
             accumulator.scatter(&mut tile, &stencil, mass, [excess, zero, zero], &nothing);
         }
     }
     accumulator.flush(&mut tile);
-    for a in 0..3 {
-        let (mut low, mut high) = (F32x16::ZERO, F32x16::ZERO);
-        cells[a].0.store(&mut low);
-        cells[a].1.store(&mut high);
-        let (mut least, mut most) = (low.0[0], high.0[0]);
-        for lane in 1..16 {
-            least = least.min(low.0[lane]);
-            most = most.max(high.0[lane]);
-        }
-        used[a] = (least as i32, most as i32);
-    }
+    *used = cells_in_use(cells);
     tile.pack::<V>(used, packed);
 }
 
@@ -215,8 +196,7 @@ fn take<V: Lanes>(laws: &[PartLaw], work: &mut Work<'_>, means: &Tile) {
             continue;
         }
         for g in run.groups.start - work.origin..run.groups.end - work.origin {
-            let (x, f) = load::<V>(&work.groups[g]);
-            let found = gather(means, &Stencil::new(x));
+            let found = gather(means, &Stencil::<V>::new(load3(&work.groups[g].x)));
             let live = zero.lt(V::load(&work.fixed[g].mass));
             if law.law.is_fluid() {
                 let memory = V::load(&work.memory[g]);
@@ -227,15 +207,17 @@ fn take<V: Lanes>(laws: &[PartLaw], work: &mut Work<'_>, means: &Tile) {
                 V::select(denser, corrected, memory).store(&mut work.memory[g]);
                 continue;
             }
+            let f = load9::<V>(&work.groups[g].f);
             let mean = found.v[0] + one;
             let j = f.det();
             let usable = live & zero.lt(j) & zero.lt(mean);
             let ratio = V::select(usable, mean / j, one);
             let factor = (ratio.ln() * V::splat(1.0 / 3.0)).exp();
+            let mut scaled = f;
             for n in 0..9 {
-                let value = V::select(usable, f.0[n / 3][n % 3] * factor, f.0[n / 3][n % 3]);
-                value.store(&mut work.groups[g].f[n]);
+                scaled.0[n / 3][n % 3] = f.0[n / 3][n % 3] * factor;
             }
+            store9(&Mat3::select(usable, &scaled, &f), &mut work.groups[g].f);
         }
     }
 }
