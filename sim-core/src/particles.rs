@@ -135,6 +135,8 @@ pub(crate) struct Run {
 /// A block of 4x4x4 cells that holds particles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Block {
+    /// Grid field: particles of different fields never share a node.
+    pub field: u32,
     /// Block index: its first node is 4 times this.
     pub index: [i32; 3],
     /// Its runs, ordered by part.

@@ -1,10 +1,12 @@
 //! `Scene`: everything that stays constant while a world is stepped.
 
 mod boundaries;
+mod contact;
 
 use std::ops::Range;
 
 pub use boundaries::*;
+pub use contact::*;
 
 use crate::{assets::Gaussians, materials::Material};
 
@@ -30,6 +32,8 @@ pub struct Scene {
     pub domain: Aabb,
     /// Objects; an object's id is its index.
     pub objects: Vec<Object>,
+    /// How they meet.
+    pub contact: Contact,
     /// Rigid boundaries.
     pub colliders: Vec<Collider>,
     /// Boxes whose grid nodes are held or moved.
@@ -64,6 +68,8 @@ pub struct Object {
     pub material: Material,
     /// Runs of its particles that are made of something else; in order, at the end of `particles`.
     pub regions: Vec<MaterialRegion>,
+    /// How its surface answers to other objects.
+    pub surface: ContactSurface,
     /// Whether it is simulated.
     pub fidelity: Fidelity,
     /// Its particles in [`Scene::particles`]; empty for static objects.

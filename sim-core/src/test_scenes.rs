@@ -4,8 +4,8 @@ use crate::{
     assets::Gaussians,
     materials::{Law, Material},
     scene::{
-        Aabb, Binding, Collider, ColliderShape, Conditions, Fidelity, Object, Pose, RestParticles,
-        Scene, Surface, TriangleMesh,
+        Aabb, Binding, Collider, ColliderShape, Conditions, Contact, ContactSurface, Fidelity,
+        Object, Pose, RestParticles, Scene, Surface, TriangleMesh,
     },
 };
 
@@ -23,6 +23,7 @@ pub fn empty(dx: f64) -> Scene {
             max: [100.0; 3],
         },
         objects: vec![],
+        contact: Contact::default(),
         colliders: vec![],
         pinned_regions: vec![],
         conditions: Conditions::default(),
@@ -109,6 +110,7 @@ pub fn add_box(
         regions: vec![],
         name: format!("box{}", scene.objects.len()),
         material,
+        surface: ContactSurface::default(),
         fidelity: Fidelity::Mpm,
         particles: start..scene.particles.position.len(),
         gaussians: 0..0,

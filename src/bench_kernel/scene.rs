@@ -5,8 +5,8 @@ use cosplat_sim_core::{
     assets::Gaussians,
     materials::{Law, Material},
     scene::{
-        Aabb, BINDING_NEIGHBORS, Binding, Collider, ColliderShape, Conditions, Fidelity, Object,
-        Pose, RestParticles, Surface,
+        Aabb, BINDING_NEIGHBORS, Binding, Collider, ColliderShape, Conditions, Contact,
+        ContactSurface, Fidelity, Object, Pose, RestParticles, Surface,
     },
 };
 
@@ -152,6 +152,7 @@ pub fn scene(material: Material, layout: &Layout, with_gaussians: bool) -> Scene
             name: "block".into(),
             material,
             regions: vec![],
+            surface: ContactSurface::default(),
             fidelity: Fidelity::Mpm,
             particles: 0..count,
             gaussians: 0..visible,
@@ -159,6 +160,7 @@ pub fn scene(material: Material, layout: &Layout, with_gaussians: bool) -> Scene
             linear_velocity: VELOCITY,
             velocity_gradient: [[0.0, -SPIN, 0.0], [SPIN, 0.0, 0.0], [0.0; 3]],
         }],
+        contact: Contact::default(),
         colliders: vec![Collider::fixed(
             "floor",
             ColliderShape::HalfSpace {

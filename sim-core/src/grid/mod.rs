@@ -4,6 +4,8 @@ pub(crate) mod boundary;
 mod node_pass;
 mod topology;
 
+use std::ops::Range;
+
 pub(crate) use node_pass::{node_means, node_pass};
 pub(crate) use topology::OFFSETS;
 
@@ -72,6 +74,8 @@ impl Tile {
 /// A 4x4x4 block of grid nodes that particles reach.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct NodeBlock {
+    /// Grid field.
+    pub field: u32,
     /// Block index: its first node is 4 times this.
     pub index: [i32; 3],
     /// Particle blocks around it, offsets -1..=1 per axis, z fastest, or [`NONE`].
@@ -85,6 +89,15 @@ pub(crate) struct NodeBlock {
 #[repr(C, align(64))]
 pub(crate) struct Velocities(pub [F32x16; 16]);
 
+/// A place where node blocks of two or more fields lie over each other.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Shared {
+    /// Block index.
+    pub index: [i32; 3],
+    /// The node blocks, in [`Grid::sharers`], by ascending field.
+    pub nodes: Range<usize>,
+}
+
 /// The grid that belongs to one sorted arrangement of particles.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Grid {
@@ -94,8 +107,12 @@ pub(crate) struct Grid {
     pub cells: Vec<Cells>,
     /// Per particle block the node blocks around it, like [`NodeBlock::tiles`].
     pub nodes_of: Vec<[u32; 27]>,
-    /// All node blocks in lexicographic order.
+    /// All node blocks, ordered by field and index.
     pub nodes: Vec<NodeBlock>,
+    /// Places that fields share, ordered by index.
+    pub shared: Vec<Shared>,
+    /// Positions in `nodes`, place after place.
+    pub sharers: Vec<u32>,
     /// Like `nodes`.
     pub velocities: Vec<Velocities>,
 }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Grid, NO_CELLS, NONE, NodeBlock, Tile, Velocities, boundary::covers_block};
+use super::{Grid, NO_CELLS, NONE, NodeBlock, Shared, Tile, Velocities, boundary::covers_block};
 use crate::{colliders::NodeConditions, particles::Block, simd::F32x16};
 
 /// Neighbour offsets, z fastest.
@@ -16,17 +16,20 @@ pub(crate) const OFFSETS: [[i32; 3]; 27] = {
     offsets
 };
 
-/// Positions in `sorted` of the blocks at the 27 offsets from `index`, or [`NONE`].
-fn neighbours<T>(sorted: &[T], index: [i32; 3], key: impl Fn(&T) -> [i32; 3]) -> [u32; 27] {
+/// Field and block index.
+type Place = (u32, [i32; 3]);
+
+/// Positions in `sorted` of the blocks at the 27 offsets from a place in its field, or [`NONE`].
+fn neighbours<T>(sorted: &[T], (field, index): Place, key: impl Fn(&T) -> Place) -> [u32; 27] {
     let mut found = [NONE; 27];
     for column in 0..9 {
         // The three blocks of a column along z follow one another: one search finds them all.
         let start = shifted(index, OFFSETS[3 * column]);
-        let first = sorted.partition_point(|item| key(item) < start);
+        let first = sorted.partition_point(|item| key(item) < (field, start));
         for (at, item) in (first..).zip(&sorted[first..]).take(3) {
-            let [x, y, z] = key(item);
+            let (its_field, [x, y, z]) = key(item);
             let k = z - start[2];
-            if [x, y] == start[..2] && k < 3 {
+            if its_field == field && [x, y] == start[..2] && k < 3 {
                 found[3 * column + k as usize] = at as u32;
             }
         }
@@ -41,28 +44,52 @@ fn shifted(index: [i32; 3], offset: [i32; 3]) -> [i32; 3] {
 impl Grid {
     /// Rebuilds the grid for newly sorted particle blocks; `fixed` is what always acts in one place.
     pub fn rebuild(&mut self, blocks: &[Block], fixed: &NodeConditions<'_>) {
-        let mut indices: Vec<[i32; 3]> = Vec::with_capacity(27 * blocks.len());
+        let mut places: Vec<Place> = Vec::with_capacity(27 * blocks.len());
         for block in blocks {
-            indices.extend(OFFSETS.map(|offset| shifted(block.index, offset)));
+            places.extend(OFFSETS.map(|offset| (block.field, shifted(block.index, offset))));
         }
-        indices.par_sort_unstable();
-        indices.dedup();
-        self.nodes = indices
+        places.par_sort_unstable();
+        places.dedup();
+        self.nodes = places
             .par_iter()
-            .map(|&index| NodeBlock {
+            .map(|&(field, index)| NodeBlock {
+                field,
                 index,
-                tiles: neighbours(blocks, index, |block| block.index),
+                tiles: neighbours(blocks, (field, index), |block| (block.field, block.index)),
                 constrained: covers_block(fixed, index),
             })
             .collect();
         self.nodes_of = blocks
             .par_iter()
-            .map(|block| neighbours(&indices, block.index, |&index| index))
+            .map(|block| neighbours(&places, (block.field, block.index), |&place| place))
             .collect();
         self.tiles.resize(blocks.len(), Tile::ZERO);
         self.cells.clear();
         self.cells.resize(blocks.len(), NO_CELLS);
         self.velocities
             .resize(self.nodes.len(), Velocities([F32x16::ZERO; 16]));
+        self.find_shared();
+    }
+
+    /// Lists the places where fields meet.
+    fn find_shared(&mut self) {
+        self.shared.clear();
+        self.sharers.clear();
+        let nodes = &self.nodes;
+        if nodes.first().map(|n| n.field) == nodes.last().map(|n| n.field) {
+            return;
+        }
+        let mut order: Vec<u32> = (0..nodes.len() as u32).collect();
+        order.par_sort_unstable_by_key(|&n| (nodes[n as usize].index, nodes[n as usize].field));
+        for here in order.chunk_by(|&a, &b| nodes[a as usize].index == nodes[b as usize].index) {
+            if here.len() > 1 {
+                let start = self.sharers.len();
+                self.sharers.extend_from_slice(here);
+                self.shared.push(Shared {
+                    index: nodes[here[0] as usize].index,
+                    nodes: start..self.sharers.len(),
+                });
+            }
+        }
     }
 }

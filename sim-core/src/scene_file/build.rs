@@ -5,11 +5,11 @@ use std::error::Error;
 use glam::{DQuat, DVec3};
 
 use super::{
-    boundaries, checks,
+    boundaries, checks, contact,
     edit::{append, bounds, subset, transform},
     error::{At, Finding, SceneErrors},
     placement::Rigid,
-    regions,
+    probes, regions,
     report::{AssetReport, BuildReport},
     sampling::{self, Body, Rest},
     select::{Placed, longest_side},
@@ -20,7 +20,7 @@ use crate::{
         Gaussians, Paint, ReadReport,
         generate::{self, Style},
     },
-    scene::{Aabb, Fidelity, Object, Probe, ProbeKind, Scene, TriangleMesh},
+    scene::{Aabb, Fidelity, Object, Scene, TriangleMesh},
 };
 
 /// Reads the asset file that a scene file names.
@@ -84,6 +84,7 @@ pub fn build_with_meshes(
     let mut scene = builder.assemble(dx);
     let errors = &mut builder.errors;
     scene.colliders = boundaries::build_colliders(file, load_mesh, errors);
+    scene.contact = contact::build(&file.contact, &scene.objects, errors);
     scene.conditions = boundaries::build_conditions(&file.conditions, &scene, errors);
     SceneErrors::check(std::mem::take(&mut builder.errors))?;
     let mut report = builder.report;
@@ -356,19 +357,8 @@ impl<'f> Builder<'f> {
                 self.errors.push(Finding::new(&part.spec.at, message));
             }
         }
-        for probe in &self.file.probes {
-            let (ProbeKindSpec::Extent { object } | ProbeKindSpec::MaterialPoint { object, .. }) =
-                &probe.kind
-            else {
-                continue;
-            };
-            if !self.parts.iter().any(|p| p.name == *object) {
-                let names: Vec<&str> = self.parts.iter().map(|p| p.name.as_str()).collect();
-                let hint = super::error::suggest(object, names);
-                let message = format!("object `{object}` does not exist: {hint}");
-                self.errors.push(Finding::new(&probe.at, message));
-            }
-        }
+        let names: Vec<&str> = self.parts.iter().map(|p| p.name.as_str()).collect();
+        probes::check(&self.file.probes, &names, &mut self.errors);
     }
 
     /// Warns about Gaussians of an asset that no object shows, and about those that two selections share.
@@ -474,6 +464,7 @@ impl<'f> Builder<'f> {
                 max: [0.0; 3],
             },
             objects: Vec::new(),
+            contact: Default::default(),
             colliders: Vec::new(),
             pinned_regions: file.pinned_regions.clone(),
             conditions: Default::default(),
@@ -504,7 +495,7 @@ impl<'f> Builder<'f> {
         scene.probes = file
             .probes
             .iter()
-            .map(|p| probe(p, &scene.objects))
+            .map(|p| probes::probe(p, &scene.objects))
             .collect();
         scene.domain = file.domain.unwrap_or_else(|| default_domain(&scene));
         scene
@@ -543,6 +534,7 @@ fn push(scene: &mut Scene, part: &Part, sampled: &sampling::Sampled, body_from_a
         name: part.name.clone(),
         material: spec.material.clone(),
         regions: Vec::new(),
+        surface: spec.surface,
         fidelity: spec.fidelity,
         particles: first_particle..scene.particles.position.len(),
         gaussians: first_gaussian..scene.gaussians.len(),
@@ -553,27 +545,6 @@ fn push(scene: &mut Scene, part: &Part, sampled: &sampling::Sampled, body_from_a
         linear_velocity: spec.linear_velocity,
         velocity_gradient: std::array::from_fn(|i| std::array::from_fn(|j| gradient(i, j))),
     });
-}
-
-/// A probe with object numbers; names were checked before.
-fn probe(spec: &ProbeSpec, objects: &[Object]) -> Probe {
-    let number = |name: &str| objects.iter().position(|o| o.name == name).unwrap_or(0);
-    let kind = match &spec.kind {
-        ProbeKindSpec::Extent { object } => ProbeKind::Extent {
-            object: number(object),
-        },
-        ProbeKindSpec::Point { position } => ProbeKind::Point {
-            position: *position,
-        },
-        ProbeKindSpec::MaterialPoint { object, position } => ProbeKind::MaterialPoint {
-            object: number(object),
-            position: *position,
-        },
-    };
-    Probe {
-        name: spec.name.clone(),
-        kind,
-    }
 }
 
 /// The box of everything simulated, grown by ten times its diagonal to every side: room to fall and fly.

@@ -5,6 +5,7 @@
 mod boundaries;
 mod build;
 mod checks;
+mod contact;
 mod drop;
 mod edit;
 mod error;
@@ -13,6 +14,7 @@ mod materials;
 mod objects;
 mod parse;
 mod placement;
+mod probes;
 mod reader;
 mod regions;
 mod report;
@@ -24,6 +26,7 @@ mod spec;
 pub(crate) use edit::{append, bounds_of};
 
 pub use build::{Load, LoadMesh, build, build_with_meshes};
+pub use contact::ContactSpec;
 pub use drop::{DropOptions, drop_scene, guess_up};
 pub use error::{At, Finding, SceneErrors};
 pub use report::{AssetReport, BuildReport};

@@ -6,6 +6,7 @@ use toml::de::DeTable;
 
 use super::{
     boundaries::aabb,
+    contact,
     error::{Finding, suggest},
     limits as l, materials,
     parse::{asset_source, min_opacity},
@@ -170,6 +171,7 @@ fn object(
         placement: placement::read(table),
         material: material.unwrap_or_else(|| Some(static_material()))?,
         regions: regions::read(table, known, warnings),
+        surface: contact::surface(table),
         fidelity,
         particles: particles.unwrap_or(filled),
         linear_velocity: linear_velocity.unwrap_or_default(),

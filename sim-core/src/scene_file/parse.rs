@@ -3,7 +3,7 @@
 use toml::de::DeTable;
 
 use super::{
-    boundaries,
+    boundaries, contact,
     error::{At, Finding, SceneErrors, suggest},
     limits as l,
     objects::{self, Names},
@@ -87,6 +87,7 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         .filter_map(|e| boundaries::pinned_region(e.table()?))
         .collect();
     let conditions = boundaries::conditions(table, policy, &object_names);
+    let contact = contact::read(table, &object_names);
     let mut probe_names = Names::default();
     let probes = table.tables("probes");
     let probes = probes
@@ -105,6 +106,7 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         domain,
         assets,
         objects,
+        contact,
         colliders,
         pinned_regions,
         conditions,

@@ -2,12 +2,15 @@
 
 pub use super::regions::{RegionSelect, RegionSpec};
 
-use super::error::{At, Finding};
+use super::{
+    contact::ContactSpec,
+    error::{At, Finding},
+};
 use crate::{
     materials::Material,
     scene::{
-        Aabb, Collider, DomainPolicy, Fidelity, PinnedRegion, PrescribedMotion, Region,
-        RegionImpulse, SequentialRelease,
+        Aabb, Collider, ContactSurface, DomainPolicy, Fidelity, PinnedRegion, PrescribedMotion,
+        Region, RegionImpulse, SequentialRelease,
     },
 };
 
@@ -36,6 +39,8 @@ pub struct SceneFile {
     pub assets: Vec<AssetSpec>,
     /// Objects.
     pub objects: Vec<ObjectSpec>,
+    /// How they meet.
+    pub contact: ContactSpec,
     /// Rigid boundaries.
     pub colliders: Vec<ColliderSpec>,
     /// Boxes whose grid nodes are held or moved.
@@ -159,6 +164,8 @@ pub struct ObjectSpec {
     pub material: Material,
     /// Parts of it with another material.
     pub regions: Vec<RegionSpec>,
+    /// How its surface answers to other objects.
+    pub surface: ContactSurface,
     /// Whether it is simulated.
     pub fidelity: Fidelity,
     /// Where its particles come from.

@@ -31,8 +31,12 @@ struct Departures {
     starts: [u32; 28],
 }
 
+/// Grid field and block index.
+type Target = (u32, [i32; 3]);
+
 /// The particles that one new block receives, in their order, and how many of each part.
 struct Intake {
+    field: u32,
     index: [i32; 3],
     travellers: Vec<Traveller>,
     /// Part and particle count.
@@ -56,7 +60,7 @@ fn cell_of(x: [f32; 3]) -> (u8, u8) {
     (cell as u8, offset as u8)
 }
 
-/// Sorts particles by block, part and cell; among those the order stays as it was. Reads `old`, fills `new`.
+/// Sorts particles by field, block, part and cell; among those the order stays as it was. Reads `old`, fills `new`.
 /// `shaped` tells the parts whose visible deformation is carried apart: one that was not so far begins with `F`.
 pub(crate) fn sort(old: &Particles, shaped: &[bool], new: &mut Particles) {
     let departures: Vec<Departures> = old
@@ -67,13 +71,13 @@ pub(crate) fn sort(old: &Particles, shaped: &[bool], new: &mut Particles) {
         .collect();
     // Who sends particles where: target, source block, offset. Sorted, each target finds its sources in the
     // order of the old blocks.
-    let mut flows: Vec<([i32; 3], u32, u8)> = Vec::new();
+    let mut flows: Vec<(Target, u32, u8)> = Vec::new();
     for (at, (block, departures)) in (0..).zip(old.blocks.iter().zip(&departures)) {
         let starts = &departures.starts;
         for code in (0..27).filter(|&code| starts[code] < starts[code + 1]) {
             let offset = OFFSETS[code];
             let target = std::array::from_fn(|a| block.index[a] + offset[a]);
-            flows.push((target, at, code as u8));
+            flows.push(((block.field, target), at, code as u8));
         }
     }
     flows.par_sort_unstable();
@@ -124,7 +128,7 @@ fn depart(old: &Particles, block: &Block) -> Departures {
 }
 
 /// Collects the particles of one new block and sorts them by part and cell.
-fn take_in(departures: &[Departures], flows: &[([i32; 3], u32, u8)]) -> Intake {
+fn take_in(departures: &[Departures], flows: &[(Target, u32, u8)]) -> Intake {
     let mut found = Vec::new();
     for &(_, at, code) in flows {
         let Departures { travellers, starts } = &departures[at as usize];
@@ -162,8 +166,10 @@ fn take_in(departures: &[Departures], flows: &[([i32; 3], u32, u8)]) -> Intake {
         travellers[*place as usize] = *traveller;
         *place += 1;
     }
+    let (field, index) = flows[0].0;
     Intake {
-        index: flows[0].0,
+        field,
+        index,
         travellers,
         parts,
     }
@@ -189,6 +195,7 @@ fn lay_out(intakes: &[Intake], shaped: &[bool], new: &mut Particles) {
             (groups, shapes) = (end, last_shape);
         }
         new.blocks.push(Block {
+            field: intake.field,
             index: intake.index,
             runs: first_run..new.runs.len(),
             groups: first_group..groups,
@@ -335,13 +342,20 @@ pub(crate) struct Newcomer {
     pub mass: f32,
 }
 
-/// Places undeformed particles, ordered by block, part and id; a [`sort`] must follow for the order of cells.
-pub(crate) fn place(newcomers: &[Newcomer]) -> Particles {
+/// Places undeformed particles, ordered by field, block, part and id; a [`sort`] must follow for the order of cells.
+/// `fields` are those of the parts.
+pub(crate) fn place(newcomers: &[Newcomer], fields: &[u32]) -> Particles {
     let block_of = |x: f64| ((x + 0.5).floor() as i32).div_euclid(BLOCK);
-    let mut order: Vec<([i32; 3], u32, u32)> = newcomers
+    let mut order: Vec<(Target, u32, u32)> = newcomers
         .iter()
         .enumerate()
-        .map(|(at, n)| (n.x.map(block_of), n.part, at as u32))
+        .map(|(at, n)| {
+            (
+                (fields[n.part as usize], n.x.map(block_of)),
+                n.part,
+                at as u32,
+            )
+        })
         .collect();
     order.par_sort_unstable();
     let mut particles = Particles::default();
@@ -351,7 +365,7 @@ pub(crate) fn place(newcomers: &[Newcomer]) -> Particles {
             let start = particles.groups.len();
             for chunk in in_run.chunks(LANES) {
                 let (mut group, mut motion, mut fixed) = (Group::REST, Motion::REST, Fixed::EMPTY);
-                for (lane, &(block, _, at)) in chunk.iter().enumerate() {
+                for (lane, &((_, block), _, at)) in chunk.iter().enumerate() {
                     let n = &newcomers[at as usize];
                     for a in 0..3 {
                         let centre = f64::from(BLOCK * block[a]) + 1.5;
@@ -375,8 +389,10 @@ pub(crate) fn place(newcomers: &[Newcomer]) -> Particles {
                 extremes: Extremes::NONE,
             });
         }
+        let (field, index) = in_block[0].0;
         particles.blocks.push(Block {
-            index: in_block[0].0,
+            field,
+            index,
             runs: first_run..particles.runs.len(),
             groups: first_group..particles.groups.len(),
             shapes: 0..0,

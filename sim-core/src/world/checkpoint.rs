@@ -230,6 +230,8 @@ impl World {
                 &scene.colliders,
                 &scene.pinned_regions,
                 &scene.conditions,
+                &scene.contact,
+                scene.objects.iter().map(|o| o.surface).collect::<Vec<_>>(),
             )
         );
         hash.update(rest.as_bytes());
@@ -262,7 +264,8 @@ impl World {
         }
         let live = seen.iter().filter(|&&seen| seen).count() - state.removed.len();
         count("live particles", state.live, live)?;
-        check_arrangement(&state.particles, &state.shaped)
+        let fields: Vec<u32> = (0..parts).map(|part| self.field_of(part)).collect();
+        check_arrangement(&state.particles, &state.shaped, &fields)
     }
 }
 
@@ -278,7 +281,11 @@ fn count(what: &str, found: usize, expected: usize) -> Result<(), CheckpointErro
 }
 
 /// Blocks, runs, groups and shapes must follow each other without a gap.
-fn check_arrangement(particles: &Particles, shaped: &[bool]) -> Result<(), CheckpointError> {
+fn check_arrangement(
+    particles: &Particles,
+    shaped: &[bool],
+    fields: &[u32],
+) -> Result<(), CheckpointError> {
     let groups = particles.groups.len();
     count("velocity groups", particles.motion.len(), groups)?;
     count("mass groups", particles.fixed.len(), groups)?;
@@ -291,7 +298,7 @@ fn check_arrangement(particles: &Particles, shaped: &[bool]) -> Result<(), Check
             && block.groups.start == group_end
             && block.shapes.start == shape_end
             && block.runs.end <= particles.runs.len()
-            && last.is_none_or(|last| last < block.index);
+            && last.is_none_or(|last| last < (block.field, block.index));
         if !follows {
             return Err(inconsistent(format!(
                 "block {:?} is out of order",
@@ -304,7 +311,8 @@ fn check_arrangement(particles: &Particles, shaped: &[bool]) -> Result<(), Check
                 && run.groups.end > run.groups.start
                 && run.shapes.start == shape_end
                 && (shapes == 0 || shapes == run.groups.len())
-                && run.part < shaped.len();
+                && run.part < shaped.len()
+                && fields[run.part] == block.field;
             if !fits {
                 return Err(inconsistent(format!(
                     "a run of part {} is out of order",
@@ -317,7 +325,7 @@ fn check_arrangement(particles: &Particles, shaped: &[bool]) -> Result<(), Check
         if block.groups.end != group_end || block.shapes.end != shape_end {
             return Err(inconsistent(format!("block {:?} has a gap", block.index)));
         }
-        last = Some(block.index);
+        last = Some((block.field, block.index));
     }
     count("runs in blocks", run_end, particles.runs.len())?;
     count("groups in blocks", group_end, groups)?;

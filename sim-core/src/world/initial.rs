@@ -5,7 +5,7 @@ use crate::{
     materials::Law,
     particles::{Extremes, position_in_cells},
     report::StepReport,
-    scene::{DomainPolicy, Fidelity, Object, Scene},
+    scene::{ContactMethod, DomainPolicy, Fidelity, Object, Scene},
     simd::LANES,
     step::sort::{Newcomer, place},
 };
@@ -15,6 +15,7 @@ impl World {
     pub(super) fn reset(&mut self) {
         let scene = &self.scene;
         let newcomers = self.newcomers();
+        let fields: Vec<u32> = (0..self.parts.len()).map(|p| self.field_of(p)).collect();
         self.state = State {
             steps: self.state.steps,
             sim_time: 0.0,
@@ -24,7 +25,7 @@ impl World {
                 .map(|p| self.is_shaped(p, self.parts[p].material.law))
                 .collect(),
             live: newcomers.len(),
-            particles: place(&newcomers),
+            particles: place(&newcomers, &fields),
             drift: f64::INFINITY,
             extremes: vec![Extremes::NONE; self.parts.len()],
             carrier: [0.0; 3],
@@ -64,6 +65,16 @@ impl World {
             volumes.iter().map(|v| v * part.material.density)
         });
         heaviest.fold(f64::MIN_POSITIVE, f64::max)
+    }
+
+    /// Grid field of the particles of a part: objects that do not share one do not meet on the grid.
+    pub(super) fn field_of(&self, part: usize) -> u32 {
+        match self.scene.contact.method {
+            ContactMethod::SingleField => 0,
+            ContactMethod::MultiField | ContactMethod::ComSphere | ContactMethod::TwoScale => {
+                self.parts[part].object as u32
+            }
+        }
     }
 
     /// Whether the visible deformation of a part under this law must be carried apart from the elastic one.

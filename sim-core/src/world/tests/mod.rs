@@ -2,6 +2,7 @@
 
 mod boundaries;
 mod damping;
+mod fields;
 mod laws;
 mod materials;
 mod rigid;

@@ -1,0 +1,131 @@
+//! How objects meet each other: the method, and friction and restitution per pair.
+
+use super::Scene;
+
+/// What happens where two objects meet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ContactMethod {
+    /// Standard MPM: all objects share one grid, which glues them within its reach.
+    #[default]
+    SingleField,
+    /// Every object has a grid of its own; where two meet, nodes exchange momentum along the gradient of mass.
+    MultiField,
+    /// The paper's equations (2) to (6): objects are spheres about their centres of mass.
+    ComSphere,
+    /// Objects collide as bodies where they are rigid and over patches of nodes where they deform.
+    TwoScale,
+}
+
+impl ContactMethod {
+    /// Names in scene files.
+    pub const NAMES: [(&'static str, Self); 4] = [
+        ("single_field", Self::SingleField),
+        ("multi_field", Self::MultiField),
+        ("com_sphere", Self::ComSphere),
+        ("two_scale", Self::TwoScale),
+    ];
+}
+
+/// How the surface of an object answers to others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactSurface {
+    /// Restitution `e`, 0..=1; where absent, what the deformation of the objects leaves, and 0 between rigid ones.
+    pub restitution: Option<f64>,
+    /// Friction coefficient `mu_f`, >= 0.
+    pub friction: f64,
+}
+
+impl Default for ContactSurface {
+    fn default() -> Self {
+        Self {
+            restitution: None,
+            friction: 0.4,
+        }
+    }
+}
+
+impl ContactSurface {
+    /// Of two surfaces that meet: the geometric mean of frictions, the larger restitution.
+    pub fn between(&self, other: &Self) -> Self {
+        Self {
+            restitution: match (self.restitution, other.restitution) {
+                (Some(a), Some(b)) => Some(a.max(b)),
+                (one, None) | (None, one) => one,
+            },
+            friction: (self.friction * other.friction).sqrt(),
+        }
+    }
+}
+
+/// Surface of two particular objects that meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairRule {
+    /// Object ids, in any order.
+    pub objects: [usize; 2],
+    /// In place of what their own surfaces make.
+    pub surface: ContactSurface,
+}
+
+/// How the objects of a scene meet.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Contact {
+    /// The method.
+    pub method: ContactMethod,
+    /// Pairs with rules of their own; the last one counts.
+    pub pairs: Vec<PairRule>,
+}
+
+impl Scene {
+    /// Surface where objects `a` and `b` meet, in either order.
+    ///
+    /// # Panics
+    /// When `a` or `b` is not an object id and no rule names the pair, like slice indexing.
+    pub fn surface_between(&self, a: usize, b: usize) -> ContactSurface {
+        let rules = &self.contact.pairs;
+        let rule = rules
+            .iter()
+            .rfind(|rule| rule.objects == [a, b] || rule.objects == [b, a]);
+        rule.map_or_else(
+            || self.objects[a].surface.between(&self.objects[b].surface),
+            |rule| rule.surface,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        materials::Law,
+        test_scenes::{add_box, elastic, empty},
+    };
+
+    #[test]
+    fn a_pair_has_one_surface_in_either_order_and_a_rule_comes_first() {
+        let mut scene = empty(0.1);
+        for friction in [0.1, 0.4, 0.9] {
+            let material = elastic(Law::NeoHookean, 1e5, 0.3);
+            let id = add_box(&mut scene, material, [0.0; 3], 0.05, [1; 3]);
+            scene.objects[id].surface.friction = friction;
+        }
+        scene.objects[0].surface.restitution = Some(0.3);
+        scene.objects[1].surface.restitution = Some(0.7);
+        let rule = ContactSurface {
+            restitution: None,
+            friction: 0.25,
+        };
+        scene.contact.pairs.push(PairRule {
+            objects: [2, 1],
+            surface: rule,
+        });
+        let made = ContactSurface {
+            restitution: Some(0.7),
+            friction: (0.1_f64 * 0.4).sqrt(),
+        };
+        assert_eq!(scene.surface_between(0, 1), made);
+        assert_eq!(scene.surface_between(1, 0), made);
+        assert_eq!(scene.surface_between(0, 2).restitution, Some(0.3));
+        assert_eq!(scene.surface_between(1, 2), rule);
+        assert_eq!(scene.surface_between(2, 1), rule);
+    }
+}

@@ -1,0 +1,153 @@
+//! Text to [`Contact`]: the method, friction and restitution of objects and pairs.
+
+use super::{
+    error::{At, Finding, suggest},
+    limits as l,
+    objects::Names,
+    reader::Table,
+};
+use crate::scene::{Contact, ContactMethod, ContactSurface, Object, PairRule};
+
+/// How objects meet; objects by name, because splitting makes objects.
+#[derive(Clone, Debug, Default)]
+pub struct ContactSpec {
+    /// The method.
+    pub method: ContactMethod,
+    /// Pairs with rules of their own, and where they stand.
+    pub pairs: Vec<(At, [String; 2], ContactSurface)>,
+}
+
+/// Reads `contact` and `[[contact_pairs]]`.
+pub(super) fn read(table: &Table, names: &Names) -> ContactSpec {
+    let method = table
+        .get("contact")
+        .and_then(|e| e.choice(&ContactMethod::NAMES));
+    let pairs = table.tables("contact_pairs");
+    let pairs = pairs.iter().filter_map(|e| pair(e.table()?, names));
+    ContactSpec {
+        method: method.unwrap_or_default(),
+        pairs: pairs.collect(),
+    }
+}
+
+fn pair(table: Table, names: &Names) -> Option<(At, [String; 2], ContactSurface)> {
+    let at = table.at.clone();
+    let surface = surface(&table);
+    let objects = table.required("objects").and_then(|entry| {
+        let given: Vec<_> = entry.array()?.iter().map(|e| e.text()).collect();
+        let &[Some(a), Some(b)] = given.as_slice() else {
+            entry.error(format!("names {} objects, expected 2", given.len()));
+            return None;
+        };
+        for name in [a, b].into_iter().filter(|name| !names.makes(name)) {
+            let hint = suggest(name, names.all());
+            entry.error(format!("object `{name}` does not exist: {hint}"));
+        }
+        if a == b {
+            entry.error(format!("names `{a}` twice, expected two objects"));
+        }
+        Some([a.to_owned(), b.to_owned()])
+    });
+    table.finish();
+    Some((at, objects?, surface))
+}
+
+/// The keys `restitution` and `friction`.
+pub(super) fn surface(table: &Table) -> ContactSurface {
+    let number = |key, bounds| table.get(key).and_then(|e| e.number(bounds));
+    let default = ContactSurface::default();
+    ContactSurface {
+        restitution: number("restitution", l::RESTITUTION),
+        friction: number("friction", l::FRICTION).unwrap_or(default.friction),
+    }
+}
+
+/// With object ids in place of names.
+pub(super) fn build(spec: &ContactSpec, objects: &[Object], errors: &mut Vec<Finding>) -> Contact {
+    let mut pairs = Vec::with_capacity(spec.pairs.len());
+    for (at, names, surface) in &spec.pairs {
+        let id = |name: &String| objects.iter().position(|o| o.name == *name);
+        for name in names.iter().filter(|name| id(name).is_none()) {
+            let hint = suggest(name, objects.iter().map(|o| o.name.as_str()));
+            errors.push(Finding::new(
+                at,
+                format!("object `{name}` does not exist: {hint}"),
+            ));
+        }
+        if let [Some(a), Some(b)] = [&names[0], &names[1]].map(id) {
+            pairs.push(PairRule {
+                objects: [a, b],
+                surface: *surface,
+            });
+        }
+    }
+    Contact {
+        method: spec.method,
+        pairs,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{SceneFile, build};
+    use crate::scene::{ContactMethod, ContactSurface};
+
+    const OBJECTS: &str = "version = 1\ndx = 0.1\n\
+        [[objects]]\nname = \"a\"\nshape = { kind = \"box\", size = [0.4, 0.4, 0.4] }\nmaterial = \"jelly\"\n\
+        friction = 0.9\n\
+        [[objects]]\nname = \"b\"\nclone = \"a\"\ntranslation = [1, 0, 0]\nrestitution = 0.5\n";
+
+    fn scene(more: &str, before: &str) -> Result<crate::scene::Scene, String> {
+        let file =
+            SceneFile::parse(&format!("{before}{OBJECTS}{more}")).map_err(|e| e.to_string())?;
+        let load = &mut |_: &str| Err("there is no asset".into());
+        let (scene, _) = build(&file, load).map_err(|e| e.to_string())?;
+        Ok(scene)
+    }
+
+    #[test]
+    fn method_surfaces_and_pairs_are_read() {
+        let pair = "[[contact_pairs]]\nobjects = [\"b\", \"a\"]\nfriction = 0.2\n";
+        let scene = scene(pair, "contact = \"multi_field\"\n").expect("valid");
+        assert_eq!(scene.contact.method, ContactMethod::MultiField);
+        assert_eq!(scene.objects[0].surface.friction, 0.9);
+        let clone = &scene.objects[1].surface;
+        assert_eq!((clone.friction, clone.restitution), (0.9, Some(0.5)));
+        let rule = ContactSurface {
+            restitution: None,
+            friction: 0.2,
+        };
+        assert_eq!(scene.surface_between(0, 1), rule);
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        for (text, before, expected) in [
+            ("", "contact = \"glue\"\n", "two_scale"),
+            (
+                "[[contact_pairs]]\nobjects = [\"a\"]\n",
+                "",
+                "names 1 objects, expected 2",
+            ),
+            ("[[contact_pairs]]\nobjects = [\"a\", \"a\"]\n", "", "twice"),
+            (
+                "[[contact_pairs]]\nobjects = [\"a\", \"c\"]\n",
+                "",
+                "object `c` does not exist",
+            ),
+            (
+                "[[contact_pairs]]\nobjects = [\"a\", \"a_7\"]\n",
+                "",
+                "object `a_7` does not exist",
+            ),
+            (
+                "[[contact_pairs]]\nobjects = [\"a\", \"b\"]\nfriction = -1\n",
+                "",
+                "friction",
+            ),
+        ] {
+            let error = scene(text, before).expect_err(expected);
+            assert!(error.contains(expected), "{error}\nlacks: {expected}");
+        }
+    }
+}
