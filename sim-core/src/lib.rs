@@ -8,6 +8,7 @@ pub mod assets;
 pub mod binding;
 mod colliders;
 pub mod command;
+mod contact;
 pub mod diagram;
 pub mod fill;
 mod grid;

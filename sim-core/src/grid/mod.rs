@@ -7,7 +7,7 @@ mod topology;
 use std::ops::Range;
 
 pub(crate) use node_pass::{node_means, node_pass};
-pub(crate) use topology::OFFSETS;
+pub(crate) use topology::{OFFSETS, neighbours_of};
 
 use crate::simd::{F32x16, Lanes};
 

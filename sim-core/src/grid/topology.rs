@@ -93,3 +93,11 @@ impl Grid {
         }
     }
 }
+
+/// Positions in [`Grid::nodes`] of the node blocks of the same field around one, or [`NONE`].
+pub(crate) fn neighbours_of(grid: &Grid, block: usize) -> [u32; 27] {
+    let here = &grid.nodes[block];
+    neighbours(&grid.nodes, (here.field, here.index), |node| {
+        (node.field, node.index)
+    })
+}

@@ -10,7 +10,6 @@ use super::{
 };
 use crate::{
     colliders::touch::Touch,
-    grid::node_pass,
     mat3::dot,
     materials::Coefficients,
     particles::{Extremes, Flags, Motion, NO_PARTICLE, Particles, Run},
@@ -418,29 +417,6 @@ impl World {
                 }
             })
             .collect()
-    }
-
-    /// Runs the grid pass; returns the largest velocity component [cells/s].
-    fn nodes(&mut self, frame: &mut Frame, dt: f64) -> f64 {
-        let start = Instant::now();
-        self.state.carrier = self.carrier_after(dt);
-        let keep = self.scene.conditions.damping_factor(dt) as f32;
-        let substep = self.substep(frame, dt);
-        let boundaries = self.boundaries.on_nodes(&self.state.paths, &substep);
-        let moving = self.boundaries.moving_on_nodes(&self.state.paths, &substep);
-        let grid = &mut self.workspace.grid;
-        let carrier = self.state.carrier;
-        let fastest = node_pass(self.isa, grid, &boundaries, &moving, carrier, keep);
-        let carrier = self
-            .state
-            .carrier
-            .iter()
-            .fold(0.0, |m: f64, u| m.max(u.abs()));
-        // What meets a moving boundary leaves it at most this much faster than either.
-        self.state.grid_speed =
-            f64::from(fastest.relative) + carrier + 2.0 * f64::from(fastest.boundary);
-        frame.timings.grid += start.elapsed().as_secs_f64();
-        self.speed_with_boundaries(&substep)
     }
 
     /// Makes the carrier velocity the mean of all particles, so that what single precision rounds is small, and

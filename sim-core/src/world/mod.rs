@@ -8,6 +8,7 @@ mod error;
 mod frame;
 mod hash;
 mod initial;
+mod nodes;
 mod outside;
 mod published;
 mod time_step;

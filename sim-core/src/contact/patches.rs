@@ -1,0 +1,177 @@
+//! Patches: connected nodes of one pair, and the normals that their nodes agree on.
+
+use super::sites::{Site, Sites, coordinates, unit};
+use crate::mat3::dot;
+
+/// Length of the mean normal of a patch from which on the patch counts as flat: its nodes within some 25 degrees.
+const FLAT: f64 = 0.9;
+/// Rounds of averaging over neighbours where a patch is not flat.
+const ROUNDS: usize = 3;
+
+/// Gives every node the normal of its patch, or, where the patch is curved, of its surroundings.
+pub(super) fn smooth_normals(sites: &mut Sites) {
+    let edges = edges(&sites.sites);
+    let patches = Patches::new(sites.nodes.len(), &edges);
+    let weighted: Vec<[f64; 3]> = sites
+        .nodes
+        .iter()
+        .map(|node| node.normal.map(|n| node.weight() * n))
+        .collect();
+    let mut sums = vec![[0.0; 4]; sites.nodes.len()];
+    for (n, node) in sites.nodes.iter().enumerate() {
+        let sum = &mut sums[patches.of[n]];
+        for a in 0..3 {
+            sum[a] += weighted[n][a];
+        }
+        sum[3] += node.weight();
+    }
+    let flat = |sum: &[f64; 4]| {
+        let [x, y, z, weight] = *sum;
+        dot([x, y, z], [x, y, z]).sqrt() >= FLAT * weight
+    };
+    let mut local = vec![];
+    if (0..sites.nodes.len()).any(|n| !flat(&sums[patches.of[n]])) {
+        local = weighted;
+        for _ in 0..ROUNDS {
+            let before = local.clone();
+            for &[n, m] in &edges {
+                for a in 0..3 {
+                    local[n][a] += before[m][a];
+                    local[m][a] += before[n][a];
+                }
+            }
+        }
+    }
+    for (n, node) in sites.nodes.iter_mut().enumerate() {
+        let sum = &sums[patches.of[n]];
+        node.normal = if flat(sum) {
+            unit([sum[0], sum[1], sum[2]])
+        } else {
+            unit(local[n])
+        };
+    }
+}
+
+/// Pairs of neighbours along the axes, of the same fields.
+fn edges(sites: &[Site]) -> Vec<[usize; 2]> {
+    let mut order: Vec<usize> = (0..sites.len()).collect();
+    order.sort_unstable_by_key(|&n| (sites[n].fields, sites[n].index));
+    let site_at = |site: &Site, axis: usize| {
+        let mut index = site.index;
+        index[axis] += 1;
+        let key = (site.fields, index);
+        let place = order.binary_search_by_key(&key, |&n| (sites[n].fields, sites[n].index));
+        place.ok().map(|place| &sites[order[place]])
+    };
+    let mut edges = vec![];
+    for site in sites {
+        for (axis, stride) in [16, 4, 1].into_iter().enumerate() {
+            let next = site_at(site, axis);
+            for at in (0..64).filter(|at| site.mask >> at & 1 == 1) {
+                let (other, to) = if coordinates(at)[axis] < 3 {
+                    (Some(site), at + stride)
+                } else {
+                    (next, at - 3 * stride)
+                };
+                if let Some(other) = other.filter(|other| other.mask >> to & 1 == 1) {
+                    edges.push([site.node(at), other.node(to)]);
+                }
+            }
+        }
+    }
+    edges
+}
+
+/// Connected components.
+struct Patches {
+    /// Per node the first node of its patch.
+    of: Vec<usize>,
+}
+
+impl Patches {
+    fn new(count: usize, edges: &[[usize; 2]]) -> Self {
+        let mut of: Vec<usize> = (0..count).collect();
+        let root = |of: &mut Vec<usize>, mut n: usize| {
+            while of[n] != n {
+                of[n] = of[of[n]];
+                n = of[n];
+            }
+            n
+        };
+        for &[n, m] in edges {
+            let (n, m) = (root(&mut of, n), root(&mut of, m));
+            of[n.max(m)] = n.min(m);
+        }
+        for n in 0..count {
+            of[n] = root(&mut of, n);
+        }
+        Self { of }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::sites::Node;
+
+    fn site(index: [i32; 3], mask: u64, first: usize) -> Site {
+        Site {
+            shared: 0,
+            fields: [0, 1],
+            index,
+            blocks: [0, 1],
+            mask,
+            first,
+        }
+    }
+
+    fn node(at: usize, normal: [f64; 3]) -> Node {
+        Node {
+            at,
+            mass: [2.0; 2],
+            normal: unit(normal),
+            gap: 0.0,
+        }
+    }
+
+    #[test]
+    fn a_flat_patch_over_two_blocks_has_one_normal_and_another_patch_its_own() {
+        // Nodes 60..64 of one block end at its upper face along x; 12..16 of the next begin there.
+        let mut sites = Sites {
+            sites: vec![
+                site([0, 0, 0], 0b1 << 60 | 0b1 << 1, 0),
+                site([1, 0, 0], 0b1 << 12, 2),
+            ],
+            nodes: vec![
+                node(1, [1.0, 0.0, 0.0]),
+                node(60, [0.0, 0.3, 1.0]),
+                node(12, [0.0, -0.3, 1.0]),
+            ],
+        };
+        smooth_normals(&mut sites);
+        assert_eq!(sites.nodes[0].normal, [1.0, 0.0, 0.0]);
+        for n in [1, 2] {
+            let [x, y, z] = sites.nodes[n].normal;
+            assert!(x == 0.0 && y.abs() < 1e-15 && (z - 1.0).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_curved_patch_keeps_the_directions_of_its_parts() {
+        let nodes: Vec<Node> = (0..4)
+            .map(|at| {
+                let angle = f64::from(at) * 0.8;
+                node(at as usize, [angle.cos(), angle.sin(), 0.0])
+            })
+            .collect();
+        let mut sites = Sites {
+            sites: vec![site([0; 3], 0b1111, 0)],
+            nodes: nodes.clone(),
+        };
+        smooth_normals(&mut sites);
+        // By hand: rounds of averaging make the weights 4, 5, 3, 1 at the ends, 0.83 off the first direction.
+        let at_end = dot(sites.nodes[0].normal, nodes[0].normal);
+        assert!((at_end.acos() - 0.83).abs() < 0.01, "{at_end}");
+        assert!(dot(sites.nodes[0].normal, sites.nodes[3].normal) < 0.75);
+    }
+}
