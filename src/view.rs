@@ -137,7 +137,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// `640x480`.
-fn size(text: &str) -> Result<(u32, u32), String> {
+pub fn size(text: &str) -> Result<(u32, u32), String> {
     let parse = |part: &str| {
         part.parse::<u32>()
             .ok()

@@ -1,7 +1,9 @@
 //! `cosplat demo`: the main job in one go, as four processes.
 
 mod children;
+mod compare;
 mod outcome;
+mod paper;
 mod scene;
 
 use std::{
@@ -19,41 +21,62 @@ use cosplat_ipc::{
 
 use self::{
     children::Process,
+    compare::Comparison,
     outcome::{Controlled, Outcome, Recorded, Served, Viewed},
+    paper::PaperScene,
 };
 use crate::{progress, signals};
 
 /// Simulate, record, render and push a scene, each in a process of its own.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Splat to drop onto a floor and push (.ply or .splat); without it, two vases on a table.
+    /// Splat to drop onto a floor and push (.ply or .splat); without it, two vases on a table. With a --scene that
+    /// shows a capture, the file of that capture.
     #[arg(long, value_name = "FILE")]
     splat: Option<PathBuf>,
+    /// A scene of the paper, or one on a real capture.
+    #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(paper::names()))]
+    scene: Option<String>,
+    /// Instead of the four processes: the scene under several contact methods side by side, in one video and one
+    /// sheet of pictures. `own` is the method that the scene names.
+    #[arg(
+        long,
+        value_name = "METHODS",
+        requires = "scene",
+        num_args = 0..=1,
+        require_equals = true,
+        value_delimiter = ',',
+        default_missing_value = "single_field,own"
+    )]
+    compare: Option<Vec<String>>,
     /// Up axis of the splat: +x -x +y -y +z -z.
     #[arg(
         long,
         value_name = "AXIS",
         allow_hyphen_values = true,
-        requires = "splat"
+        requires = "splat",
+        conflicts_with = "scene"
     )]
     up: Option<String>,
     /// Folder for the scene, recording, picture and video.
     #[arg(long, value_name = "DIR", default_value = "cosplat-demo")]
     out: PathBuf,
-    /// Simulated seconds.
-    #[arg(long, value_name = "S", default_value_t = 4.0)]
-    duration: f64,
+    /// Simulated seconds [default: 4, or what the --scene needs].
+    #[arg(long, value_name = "S")]
+    duration: Option<f64>,
     /// Simulate as fast as possible instead of in real time.
     #[arg(long)]
     free: bool,
     /// Size of picture and video.
-    #[arg(long, value_name = "WxH", default_value = "640x480")]
-    size: String,
+    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = crate::view::size)]
+    size: (u32, u32),
     /// Print one JSON object as the last line.
     #[arg(long)]
     json: bool,
 }
 
+/// Simulated seconds where nothing else is said.
+const DURATION: f64 = 4.0;
 /// How long the processes may take to find each other, loading and filling included.
 const ATTACH_TIMEOUT: Duration = Duration::from_secs(120);
 /// How long the clients may take to finish their files after the last frame.
@@ -65,19 +88,42 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    let known = args.scene.as_deref().map(paper::find).transpose()?;
+    let usual = known.map_or(DURATION, |scene| scene.duration);
+    let duration = args.duration.unwrap_or(usual);
     anyhow::ensure!(
-        args.duration.is_finite() && args.duration > 0.0,
-        "--duration is {}, expected a finite number of seconds > 0",
-        args.duration
+        duration.is_finite() && duration > 0.0,
+        "--duration is {duration}, expected a finite number of seconds > 0"
     );
     let stop = signals::stop_flag()?;
     let files = Files::create(&args.out)?;
-    scene::write(&files, args.splat.as_deref(), args.up.as_deref())?;
+    if let (Some(scene), Some(methods)) = (known, &args.compare) {
+        let compared = Comparison {
+            scene,
+            text: scene.text(args.splat.as_deref())?,
+            methods,
+            duration,
+            size: args.size,
+            folder: &files.folder,
+        }
+        .run(&stop)?;
+        match args.json {
+            true => println!("{}", serde_json::to_string(&compared)?),
+            false => println!("{}", compared.sentence()),
+        }
+        return Ok(());
+    }
+    match known {
+        Some(scene) => scene::write_known(&files, &scene.text(args.splat.as_deref())?)?,
+        None => scene::write(&files, args.splat.as_deref(), args.up.as_deref())?,
+    }
     let outcome = Demo {
         domain: Domain::from_env().context("cannot use the session folder")?,
         session: format!("demo-{}", std::process::id()),
         files: &files,
         args,
+        known,
+        duration,
         stop: &stop,
     }
     .run()?;
@@ -124,6 +170,8 @@ struct Demo<'a> {
     session: String,
     files: &'a Files,
     args: &'a Args,
+    known: Option<&'static PaperScene>,
+    duration: f64,
     stop: &'a AtomicBool,
 }
 
@@ -133,7 +181,9 @@ impl Demo<'_> {
         let client = self.attach(&mut server)?;
         let mut status = client.status()?;
         let mut recorder = self.start("recorder", &self.recorder_arguments()?)?;
-        let mut renderer = self.start("renderer", &self.renderer_arguments()?)?;
+        let arguments = self.renderer_arguments()?;
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        let mut renderer = self.start("renderer", &arguments)?;
         self.wait_for_readers(
             &mut status,
             2,
@@ -185,7 +235,7 @@ impl Demo<'_> {
     }
 
     fn start_server(&self) -> anyhow::Result<Process> {
-        let duration = self.args.duration.to_string();
+        let duration = self.duration.to_string();
         let pace = if self.args.free { "free" } else { "realtime" };
         let scene = text(&self.files.scene)?;
         self.start(
@@ -218,13 +268,14 @@ impl Demo<'_> {
         ])
     }
 
-    fn renderer_arguments(&self) -> anyhow::Result<[&str; 12]> {
-        Ok([
+    fn renderer_arguments(&self) -> anyhow::Result<Vec<String>> {
+        let (width, height) = self.args.size;
+        let mut arguments: Vec<String> = [
             "view",
             "--session",
             &self.session,
             "--size",
-            &self.args.size,
+            &format!("{width}x{height}"),
             "--mp4",
             text(&self.files.video)?,
             "--png",
@@ -232,7 +283,11 @@ impl Demo<'_> {
             "--every",
             "10",
             "--json",
-        ])
+        ]
+        .map(str::to_owned)
+        .to_vec();
+        arguments.extend(self.known.iter().flat_map(|scene| scene.view_arguments()));
+        Ok(arguments)
     }
 
     /// Waits until the server answers, while it loads and fills the scene.
@@ -279,7 +334,7 @@ impl Demo<'_> {
         processes: &mut [&mut Process],
     ) -> anyhow::Result<()> {
         let milliseconds = |seconds: f64| (seconds * 1e3).round() as u64;
-        let bar = progress::bar("simulated ms", milliseconds(self.args.duration));
+        let bar = progress::bar("simulated ms", milliseconds(self.duration));
         let (mut step, mut moved) = (0, Instant::now());
         while self.look(processes)? {
             let Some(newest) = status.next(LOOK)? else {

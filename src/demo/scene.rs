@@ -16,6 +16,8 @@ use super::Files;
 const TWO_VASES: &str = include_str!("../../scenes/two_vases.toml");
 /// The pushes of that scene.
 const TWO_VASES_PUSH: &str = include_str!("../../scenes/two_vases_push.toml");
+/// A script that only starts the simulation.
+const START: &str = "[[order]]\naction = \"resume\"\n";
 /// Speed that a push gives to what was dropped [m/s].
 const PUSH_SPEED: f64 = 0.7;
 
@@ -25,6 +27,15 @@ pub fn write(files: &Files, splat: Option<&Path>, up: Option<&str>) -> anyhow::R
         None => (TWO_VASES.to_owned(), TWO_VASES_PUSH.to_owned()),
         Some(path) => dropped(path, up, &files.scene)?,
     };
+    write_both(files, &scene, &script)
+}
+
+/// Writes a scene in which everything happens by itself, and the script that starts it.
+pub fn write_known(files: &Files, scene: &str) -> anyhow::Result<()> {
+    write_both(files, scene, START)
+}
+
+fn write_both(files: &Files, scene: &str, script: &str) -> anyhow::Result<()> {
     for (path, text) in [(&files.scene, scene), (&files.script, script)] {
         std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
     }
@@ -65,7 +76,7 @@ fn axis(text: &str) -> anyhow::Result<Axis> {
 
 /// Pushes the whole of every moving object, first one way, then back.
 fn pushes(scene: &Scene) -> String {
-    let mut script = "[[order]]\naction = \"resume\"\n".to_owned();
+    let mut script = START.to_owned();
     for (id, object) in scene.objects.iter().enumerate() {
         if object.fidelity == Fidelity::Static {
             continue;

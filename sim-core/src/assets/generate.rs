@@ -212,6 +212,13 @@ pub const VASE_SLENDER: Vessel = Vessel {
     wall: 0.012,
 };
 
+/// A vase with thick walls, 0.24 m tall: for matter that crumbles, which needs several cells across.
+pub const VASE_THICK: Vessel = Vessel {
+    height: 0.24,
+    radii: [0.056, 0.085, 0.090, 0.066, 0.050, 0.062],
+    wall: 0.026,
+};
+
 impl Vessel {
     /// Outer radius at height `y` and its slope: Catmull-Rom spline through the radii.
     fn outer(&self, y: f64) -> (f64, f64) {
@@ -281,7 +288,7 @@ impl Vessel {
 }
 
 /// Names that [`builtin`] knows.
-pub const BUILTINS: [&str; 4] = ["vase", "vase_slender", "table", "ground"];
+pub const BUILTINS: [&str; 5] = ["vase", "vase_slender", "vase_thick", "table", "ground"];
 
 /// A generated asset by name, in metres, y up, standing on (or, for table and ground, ending at) y = 0.
 ///
@@ -304,6 +311,7 @@ pub fn builtin(name: &str) -> Result<Gaussians, AssetError> {
     Ok(match name {
         "vase" => vase(VASE, [0.16, 0.36, 0.62], [0.93, 0.90, 0.80], 1),
         "vase_slender" => vase(VASE_SLENDER, [0.74, 0.33, 0.20], [0.13, 0.20, 0.22], 2),
+        "vase_thick" => vase(VASE_THICK, [0.88, 0.92, 0.97], [0.55, 0.68, 0.84], 5),
         "table" => surface_slab(
             [0.8, 0.55],
             0.03,
@@ -421,7 +429,7 @@ mod tests {
 
     #[test]
     fn vases_are_open_shells_of_the_stated_wall() {
-        for vessel in [VASE, VASE_SLENDER] {
+        for vessel in [VASE, VASE_SLENDER, VASE_THICK] {
             let profile = vessel.profile();
             let top = profile.iter().map(|p| p[1]).fold(0.0, f64::max);
             assert!((top - vessel.height).abs() < 1e-12);
@@ -464,7 +472,7 @@ mod tests {
         }
         let error = builtin("vas").expect_err("not a name").to_string();
         assert!(
-            error.contains("vase, vase_slender, table, ground"),
+            error.contains("vase, vase_slender, vase_thick, table, ground"),
             "{error}"
         );
     }
