@@ -107,10 +107,10 @@ fn material_from_wire(spec: &wire::MaterialSpec) -> Result<Material, WireError> 
 }
 
 /// The object's row in the `objects` stream.
-pub fn object_to_wire(id: usize, object: &Object, state: &ObjectState) -> wire::ObjectState {
+pub fn object_to_wire(id: usize, state: &ObjectState) -> wire::ObjectState {
     wire::ObjectState {
         id: id as u32,
-        fidelity: object.fidelity as u32,
+        fidelity: state.level as u32,
         mass: state.mass,
         com: state.com,
         rotation: state.rotation,

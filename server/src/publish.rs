@@ -75,13 +75,9 @@ impl Output {
 
     /// All objects of the last step.
     pub fn objects(&self, world: &World) -> Vec<wire::ObjectState> {
-        let states = &world.report().objects;
-        let objects = &world.scene().objects;
-        objects
-            .iter()
-            .zip(states)
-            .enumerate()
-            .map(|(id, (object, state))| object_to_wire(id, object, state))
+        let states = world.report().objects.iter().enumerate();
+        states
+            .map(|(id, state)| object_to_wire(id, state))
             .collect()
     }
 

@@ -277,7 +277,7 @@ impl Sums {
             radius: (5.0 / 3.0 * trace / mass).max(0.0).sqrt(),
             kinetic_energy: 0.5 * self.twice_kinetic,
             elastic_energy: self.elastic,
-            contact_impulse: [0.0; 3],
+            ..ObjectState::default()
         }
     }
 }

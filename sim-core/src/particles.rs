@@ -1,5 +1,7 @@
 //! Particle state of the fast solver: groups of 16, sorted by block, object and cell.
 
+mod fields;
+
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};

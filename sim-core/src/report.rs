@@ -21,8 +21,10 @@ pub struct StepReport {
     pub rollbacks: u32,
     /// Particle-substeps executed.
     pub particle_updates: u64,
-    /// Particle-substeps of modelling every particle with MPM.
+    /// Particle-substeps of modelling every particle with MPM; the substeps of those at rest where none was taken.
     pub particle_updates_full: u64,
+    /// Kinetic energy that objects lost in this frame because they are modelled with less [J].
+    pub fidelity_loss: f64,
     /// Particles that left the domain in this frame (indices into the scene's particles).
     pub left_domain: Vec<u32>,
     /// Whether the frame was undone because those particles would have left the domain: time did not advance.
@@ -80,9 +82,25 @@ pub enum DtLimit {
     Deformation = 3,
 }
 
+/// How an object is modelled at present.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+#[repr(u32)]
+pub enum Level {
+    /// Visible only.
+    #[default]
+    Static = 1,
+    /// Material points.
+    Mpm = 2,
+    /// At rest, until something comes near.
+    Asleep = 3,
+}
+
 /// Moments of one object (paper equation 2, with inertia and spin).
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct ObjectState {
+    /// How it is modelled.
+    pub level: Level,
     /// Mass [kg]; 0 for static objects.
     pub mass: f64,
     /// Centre of mass [m].

@@ -26,6 +26,8 @@ pub struct Scene {
     pub frame_rate: f64,
     /// Fraction of the stability limit that `dt` uses, 0 < cfl <= 1.
     pub cfl: f64,
+    /// What automatic fidelity may change of an object's path and shape, relative to its radius, > 0.
+    pub tolerance: f64,
     /// Seed of everything sampled.
     pub seed: u64,
     /// Box that particles must stay in [m]; [`Conditions::domain_policy`] says what happens at its faces.
@@ -155,6 +157,23 @@ pub enum Fidelity {
     Static = 1,
     /// Material points.
     Mpm = 2,
+    /// As little as [`Scene::tolerance`] allows.
+    Auto = 3,
+}
+
+impl Fidelity {
+    /// Names in scene files.
+    pub const NAMES: [(&'static str, Self); 3] = [
+        ("static", Self::Static),
+        ("mpm", Self::Mpm),
+        ("auto", Self::Auto),
+    ];
+
+    /// Name in scene files.
+    pub fn name(self) -> &'static str {
+        let entry = Self::NAMES.iter().find(|(_, fidelity)| *fidelity == self);
+        entry.map_or("", |(name, _)| name)
+    }
 }
 
 /// Particles at rest, structure of arrays.

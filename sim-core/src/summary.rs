@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::{
     materials::limits::{DeformationBounds, critical_dt},
-    scene::{Aabb, Fidelity, Object, Scene},
+    scene::{Aabb, Object, Scene},
     scene_file::bounds_of,
 };
 
@@ -156,10 +156,7 @@ fn object_summary(scene: &Scene, object: &Object) -> ObjectSummary {
     let gaussian_box = bounds_of(centers.iter().map(|p| p.map(f64::from)));
     ObjectSummary {
         name: object.name.clone(),
-        fidelity: match object.fidelity {
-            Fidelity::Static => "static",
-            Fidelity::Mpm => "mpm",
-        },
+        fidelity: object.fidelity.name(),
         gaussians: object.gaussians.len(),
         gaussian_box: gaussian_box.map(Extent::from),
         body: body_summary(scene, object),

@@ -17,6 +17,7 @@ pub fn empty(dx: f64) -> Scene {
         dx,
         frame_rate: 60.0,
         cfl: 0.5,
+        tolerance: 0.01,
         seed: 0,
         domain: Aabb {
             min: [-100.0; 3],

@@ -143,6 +143,7 @@ pub fn scene(material: Material, layout: &Layout, with_gaussians: bool) -> Scene
         dx: DX,
         frame_rate: 60.0,
         cfl: 0.5,
+        tolerance: 0.01,
         seed,
         domain: Aabb {
             min: [-100.0; 3],

@@ -269,6 +269,31 @@ impl Boundaries {
         }
     }
 
+    /// Whether something of them begins, ends, or moves near a box [units] during a substep.
+    pub fn disturb(&self, paths: &Paths, substep: &Substep, min: [f64; 3], max: [f64; 3]) -> bool {
+        let (first, last) = (substep.time - substep.dt, substep.time + substep.dt);
+        let changes = |span: &TimeSpan| {
+            *span != TimeSpan::ALWAYS
+                && [span.start, span.end]
+                    .iter()
+                    .any(|t| (first..=last).contains(t))
+        };
+        let moves = |placed: &Placed<'_>| {
+            let reach = farthest(placed.start.translation, min, max);
+            let speed = placed.speed(0.0, reach);
+            speed > 0.0 && placed.is_near(min, max, speed * substep.dt)
+        };
+        let drifts = |region: &PinnedRegion| {
+            region.velocity != [0.0; 3]
+                && self
+                    .held(region, substep)
+                    .is_some_and(|held| held.touches(min, max))
+        };
+        self.bodies.iter().any(|body| changes(&body.span))
+            || self.regions.iter().any(|r| changes(&r.span) || drifts(r))
+            || self.all(paths, substep).iter().any(moves)
+    }
+
     /// What acts on nodes and moves, or comes and goes.
     pub fn moving_on_nodes(&self, paths: &Paths, substep: &Substep) -> NodeConditions<'_> {
         let ids = (0..self.bodies.len())

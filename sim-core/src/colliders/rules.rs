@@ -207,6 +207,14 @@ impl Rules {
             || pins.iter().flatten().any(|p| p.contains(id))
     }
 
+    /// Whether any rule of the scene concerns a particle after `time` [s].
+    pub fn concern_after(&self, time: f64, id: u32) -> bool {
+        let later = |span: &TimeSpan, members: &Members| span.end > time && members.contains(id);
+        self.prescribed.iter().any(|r| later(&r.span, &r.members))
+            || self.releases.iter().any(|r| later(&r.span, &r.members))
+            || self.impulses.iter().any(|r| later(&r.span, &r.members))
+    }
+
     /// Whether there is no rule at all.
     pub fn are_empty(&self, pins: &Pins) -> bool {
         self.prescribed.is_empty()

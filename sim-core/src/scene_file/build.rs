@@ -186,10 +186,10 @@ impl<'f> Builder<'f> {
     fn add(&mut self, spec: &'f ObjectSpec, assets: &[PlacedAsset]) {
         let rest = match (spec.fidelity, &spec.geometry) {
             (Fidelity::Static, _) => None,
-            (Fidelity::Mpm, Geometry::Shape { shape, .. }) => {
+            (_, Geometry::Shape { shape, .. }) => {
                 Some(Rest::Shape(shape.scaled(self.shape_factor(spec, shape))))
             }
-            (Fidelity::Mpm, Geometry::Asset { .. }) => Some(match spec.particles {
+            (_, Geometry::Asset { .. }) => Some(match spec.particles {
                 ParticleMode::Filled { closed_below } => Rest::Filled { closed_below },
                 ParticleMode::PerGaussian => Rest::PerGaussian,
             }),
@@ -406,7 +406,7 @@ impl<'f> Builder<'f> {
 
     /// Grid cell size [m].
     fn dx(&mut self) -> Result<f64, SceneErrors> {
-        let simulated = |part: &&Part| part.spec.fidelity == Fidelity::Mpm;
+        let simulated = |part: &&Part| part.spec.fidelity != Fidelity::Static;
         let sides = self.parts.iter().filter(simulated);
         let smallest = sides
             .map(|p| longest_side(&self.bodies[p.body].1.bounds))
@@ -458,6 +458,7 @@ impl<'f> Builder<'f> {
             dx,
             frame_rate: file.frame_rate,
             cfl: file.cfl,
+            tolerance: file.tolerance,
             seed: file.seed,
             domain: Aabb {
                 min: [0.0; 3],

@@ -153,7 +153,7 @@ fn thin(scene: &Scene, object: &Object) -> Option<String> {
 /// Pairs of objects that share space, as the later object's index and the warning.
 fn overlaps(scene: &Scene) -> Vec<(usize, String)> {
     let simulated: Vec<usize> = (0..scene.objects.len())
-        .filter(|&i| scene.objects[i].fidelity == Fidelity::Mpm)
+        .filter(|&i| scene.objects[i].fidelity != Fidelity::Static)
         .collect();
     let boxes: Vec<Option<Aabb>> = scene
         .objects

@@ -18,6 +18,7 @@ pub(super) const LENGTH: Bounds = bounds(1e-5, 1e4, "m");
 pub(super) const SCALE: Bounds = bounds(1e-6, 1e6, "m per unit");
 pub(super) const ANGLE: Bounds = bounds(-3600.0, 3600.0, "degrees");
 pub(super) const DIRECTION: Bounds = bounds(-1e6, 1e6, "");
+pub(super) const TOLERANCE: Bounds = bounds(1e-6, 0.5, "of the radius");
 pub(super) const FRICTION: Bounds = bounds(0.0, 100.0, "");
 pub(super) const RESTITUTION: Bounds = bounds(0.0, 1.0, "");
 pub(super) const TIME: Bounds = bounds(0.0, 1e9, "s");

@@ -126,7 +126,7 @@ fn object(
     let name = names.take(table, "object");
     let fidelity = table
         .get("fidelity")
-        .and_then(|e| e.choice(&[("static", Fidelity::Static), ("mpm", Fidelity::Mpm)]));
+        .and_then(|e| e.choice(&Fidelity::NAMES));
     let fidelity = fidelity.unwrap_or(Fidelity::Mpm);
     let geometry = geometry(table, assets);
     let geometry_at = match table.get("select") {
@@ -136,8 +136,8 @@ fn object(
             .map_or(table.at.clone(), |(_, e)| e.at),
     };
     let entry = match fidelity {
-        Fidelity::Mpm => table.required("material"),
         Fidelity::Static => table.get("material"),
+        _ => table.required("material"),
     };
     let material = entry.map(|e| materials::from_entry(&e, known, warnings));
     let closed_below = table.get("closed_below").and_then(|e| e.boolean());

@@ -68,6 +68,7 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
     }
     let frame_rate = number("frame_rate", l::FRAME_RATE, 60.0);
     let cfl = number("cfl", l::CFL, 0.5);
+    let tolerance = number("tolerance", l::TOLERANCE, 0.01);
     let seed = table
         .get("seed")
         .and_then(|e| e.integer(0, i64::MAX as u64));
@@ -102,6 +103,7 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         particles_per_cell,
         frame_rate,
         cfl,
+        tolerance,
         seed: seed.unwrap_or(0),
         domain,
         assets,

@@ -31,6 +31,8 @@ pub struct SceneFile {
     pub frame_rate: f64,
     /// Fraction of the stability limit, 0 < cfl <= 1.
     pub cfl: f64,
+    /// See [`Scene::tolerance`](crate::scene::Scene::tolerance).
+    pub tolerance: f64,
     /// Seed of everything sampled.
     pub seed: u64,
     /// Domain; derived from the objects when absent.

@@ -5,9 +5,9 @@ use std::{borrow::Cow, ops::Range};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-use super::{State, Workspace, World, frame::Frame, published::Published};
+use super::{State, Workspace, World, fidelity::Standing, frame::Frame, published::Published};
 use crate::{
-    particles::{NO_PARTICLE, Particles},
+    particles::{Block, NO_PARTICLE, Particles},
     report::StepReport,
     simd::LANES,
 };
@@ -155,6 +155,9 @@ impl World {
             published.freeze(id);
         }
         published.update(&state.particles, state.carrier, self.scene.dx);
+        for sleeping in state.standing.iter().filter_map(Standing::sleeping) {
+            published.update(sleeping, [0.0; 3], self.scene.dx);
+        }
         self.state = state;
         self.published = published;
         self.workspace = Workspace::default();
@@ -246,6 +249,7 @@ impl World {
             ("shape marks", state.shaped.len(), parts),
             ("extremes", state.extremes.len(), parts),
             ("momenta", state.momentum.len(), self.scene.objects.len()),
+            ("standings", state.standing.len(), self.scene.objects.len()),
             ("pins", state.pins.len(), self.scene.objects.len()),
             ("colliders", state.paths.len(), self.scene.colliders.len()),
             ("frozen particles", frozen, state.removed.len()),
@@ -254,7 +258,9 @@ impl World {
         }
         let mut seen = vec![false; self.scene.particles.position.len()];
         let taken = state.removed.iter().copied();
-        let here = state.particles.fixed.iter().flat_map(|fixed| fixed.id);
+        let sleeping = state.standing.iter().filter_map(Standing::sleeping);
+        let all = std::iter::once(&state.particles).chain(sleeping);
+        let here = all.flat_map(|p| p.fixed.iter().flat_map(|fixed| fixed.id));
         for id in taken.chain(here.filter(|&id| id != NO_PARTICLE)) {
             match seen.get_mut(id as usize) {
                 Some(seen) if !*seen => *seen = true,
@@ -265,6 +271,20 @@ impl World {
         let live = seen.iter().filter(|&&seen| seen).count() - state.removed.len();
         count("live particles", state.live, live)?;
         let fields: Vec<u32> = (0..parts).map(|part| self.field_of(part)).collect();
+        for (object, standing) in state.standing.iter().enumerate() {
+            let Some(sleeping) = standing.sleeping() else {
+                continue;
+            };
+            check_arrangement(sleeping, &state.shaped, &fields)?;
+            let own = |block: &Block| block.field == object as u32;
+            let parts = self.parts.iter().filter(|part| part.object == object);
+            let is_whole = sleeping.blocks.iter().all(own)
+                && !state.particles.blocks.iter().any(own)
+                && standing.remembered_parts() == parts.count();
+            if !is_whole {
+                return Err(inconsistent(format!("object {object} sleeps in part")));
+            }
+        }
         check_arrangement(&state.particles, &state.shaped, &fields)
     }
 }

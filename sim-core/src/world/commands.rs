@@ -339,6 +339,16 @@ impl World {
 
     fn enact(&mut self, effect: Effect<'_>) {
         match effect {
+            Effect::Push { object, .. }
+            | Effect::Velocity { object, .. }
+            | Effect::Material { object, .. }
+            | Effect::Pin { object, .. }
+            | Effect::Release { object } => self.wake(object),
+            Effect::Gravity(_) => self.wake_all(),
+            // What a collider comes near is woken when the frame begins; a reset forgets all sleep.
+            Effect::Path { .. } | Effect::Reset => {}
+        }
+        match effect {
             Effect::Push {
                 object,
                 change,

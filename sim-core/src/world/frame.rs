@@ -53,6 +53,8 @@ pub(super) struct Frame {
     substeps: u32,
     rollbacks: u32,
     updates: u64,
+    /// Kinetic energy that objects lost by being modelled with less [J].
+    pub fidelity_loss: f64,
     last_dt: f64,
     smallest: Limit,
     quarantined: Vec<u32>,
@@ -79,6 +81,7 @@ impl Frame {
             substeps: 0,
             rollbacks: 0,
             updates: 0,
+            fidelity_loss: 0.0,
             last_dt: 0.0,
             smallest: Limit::FRAME,
             quarantined: vec![],
@@ -127,7 +130,7 @@ impl Frame {
             substeps: self.substeps,
             rollbacks: self.rollbacks,
             particle_updates: self.updates,
-            particle_updates_full: self.updates,
+            fidelity_loss: self.fidelity_loss,
             left_domain: self.left_domain.clone(),
             stopped: self.stopped,
             quarantined: self.quarantined.clone(),
@@ -379,7 +382,7 @@ impl World {
             &mut self.workspace.grid,
         );
         if stage != Stage::Scatter {
-            frame.updates += self.state.live as u64;
+            frame.updates += self.state.awake() as u64;
         }
         frame.timings.particles += start.elapsed().as_secs_f64();
         findings
@@ -424,7 +427,11 @@ impl World {
     fn recentre(&mut self) {
         let mut momentum = [0.0; 3];
         let mut mass = 0.0;
-        for (object, p) in self.report.objects.iter().zip(&self.state.momentum) {
+        let objects = self.report.objects.iter().zip(&self.state.momentum);
+        for (_, (object, p)) in objects
+            .enumerate()
+            .filter(|(id, _)| !self.state.sleeps(*id))
+        {
             mass += object.mass;
             for a in 0..3 {
                 momentum[a] += p[a];

@@ -46,6 +46,9 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
         ]));
         hash.update(bytes_of(&material.law.parameters()));
     }
+    for standing in &state.standing {
+        standing.add_to(&mut hash);
+    }
     for path in &state.paths {
         let pose = path.map(|path| path.to);
         hash.update(&[u8::from(pose.is_some())]);

@@ -1,6 +1,6 @@
 //! The scene at time 0 as particles in blocks.
 
-use super::{State, Workspace, World, error::MAX_CELLS, published::Published};
+use super::{State, Workspace, World, error::MAX_CELLS, fidelity::Standing, published::Published};
 use crate::{
     materials::Law,
     particles::{Extremes, position_in_cells},
@@ -33,6 +33,7 @@ impl World {
             removed: vec![],
             paths: vec![None; scene.colliders.len()],
             pins: vec![None; scene.objects.len()],
+            standing: vec![Standing::default(); scene.objects.len()],
             momentum: vec![[0.0; 3]; scene.objects.len()],
         };
         self.workspace = Workspace::default();

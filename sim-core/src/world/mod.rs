@@ -5,6 +5,7 @@ mod checkpoint;
 mod commands;
 mod edit;
 mod error;
+mod fidelity;
 mod frame;
 mod hash;
 mod initial;
@@ -36,6 +37,7 @@ use crate::{
     scene::{Part, Pose, Scene},
     simd::Isa,
 };
+use fidelity::Standing;
 use frame::Frame;
 use published::Published;
 
@@ -88,6 +90,8 @@ struct State {
     paths: Paths,
     /// What commands hold, per object.
     pins: Pins,
+    /// How every object is modelled.
+    standing: Vec<Standing>,
     /// Momentum of every object after the latest frame and the commands since [kg m/s].
     momentum: Vec<[f64; 3]>,
 }
@@ -165,6 +169,9 @@ impl World {
         // The one place where the outside acts on the state.
         self.apply(commands);
         frame.timings.commands = start.elapsed().as_secs_f64();
+
+        // Model no more than the scene needs.
+        self.settle_fidelity(&mut frame);
 
         // Bound dt, sort if due, then P2G, grid, G2P and guard per substep.
         let before = self.before_stop();
@@ -259,7 +266,11 @@ impl World {
         let before = &self.report.objects;
         for id in 0..self.scene.objects.len() {
             let bodies = bodies_of(id, &self.parts, &self.state.materials);
-            let mut state = object_moments(&arrays, &bodies, self.scene.dx);
+            let mut state = match before.get(id) {
+                Some(old) if self.state.sleeps(id) => *old,
+                _ => object_moments(&arrays, &bodies, self.scene.dx),
+            };
+            state.level = self.level(id);
             // What left with particles that were taken out is no contact.
             let kept = match before.get(id) {
                 Some(old) if old.mass > 0.0 => Some(state.mass / old.mass),
@@ -279,6 +290,9 @@ impl World {
             report.elastic_energy += state.elastic_energy;
             report.objects.push(state);
         }
+        report.particle_updates_full = self
+            .updates_of_full_mpm(frame.length, report.substeps)
+            .max(report.particle_updates);
         (report.linear_momentum, report.angular_momentum) = total_momentum(&report.objects);
         report.state_hash = hash::state_hash(&self.published, &self.state);
         report

@@ -162,11 +162,15 @@ impl Published {
             });
     }
 
+    /// Stops a particle where it is.
+    pub fn halt(&mut self, id: u32) {
+        self.velocity[id as usize] = [0.0; 3];
+        self.affine[id as usize] = [0.0; 9];
+    }
+
     /// Freezes a particle that was taken out: it stays where it is, without motion or mass.
     pub fn freeze(&mut self, id: u32) {
-        let at = id as usize;
-        self.velocity[at] = [0.0; 3];
-        self.affine[at] = [0.0; 9];
-        self.volume[at] = 0.0;
+        self.halt(id);
+        self.volume[id as usize] = 0.0;
     }
 }

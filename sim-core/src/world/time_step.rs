@@ -82,12 +82,29 @@ impl World {
         (self.scene.cfl * at_rest / 64.0).min(frame_dt / 65_536.0)
     }
 
-    /// Whether a part has particles that move.
-    pub(super) fn is_simulated(&self, part: usize) -> bool {
+    /// Particle-substeps of a frame in which every particle is stepped, as often as was needed or, where more were
+    /// asleep, as often as matter at rest needs.
+    pub(super) fn updates_of_full_mpm(&self, length: f64, substeps: u32) -> u64 {
+        let parts = 0..self.parts.len();
+        let at_rest = parts
+            .filter(|&id| self.has_particles(id))
+            .map(|id| self.critical_dt(id, &DeformationBounds::REST))
+            .fold(f64::INFINITY, f64::min);
+        let needed = (length / (self.scene.cfl * at_rest)).ceil() as u64;
+        self.state.live as u64 * needed.max(u64::from(substeps))
+    }
+
+    /// Whether a part has particles that are not for show alone.
+    fn has_particles(&self, part: usize) -> bool {
         let Part {
             object, particles, ..
         } = &self.parts[part];
         self.scene.objects[*object].fidelity != Fidelity::Static && !particles.is_empty()
+    }
+
+    /// Whether a part has particles that move.
+    pub(super) fn is_simulated(&self, part: usize) -> bool {
+        self.has_particles(part) && !self.state.sleeps(self.parts[part].object)
     }
 
     fn critical_dt(&self, part: usize, bounds: &DeformationBounds) -> f64 {

@@ -8,6 +8,7 @@ mod materials;
 mod rigid;
 mod robustness;
 mod rules;
+mod sleep;
 mod stories;
 
 use super::*;

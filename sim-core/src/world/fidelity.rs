@@ -1,0 +1,353 @@
+//! Fidelity: objects that nothing moves are put to sleep, with all that rests on them, and woken by what comes near.
+//!
+//! One tolerance decides, relative to the radius of an object: what it has not moved by within [`REST`] seconds counts
+//! as no motion. A sleeping object keeps its particles as they are and costs nothing per substep.
+
+use bytemuck::bytes_of;
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::Xxh3;
+
+use super::{Frame, State, World};
+use crate::{
+    colliders::Substep,
+    mat3::dot,
+    particles::{BLOCK, Block, Extremes, Motion, NO_PARTICLE, Particles},
+    report::{Level, ObjectState},
+    scene::{ContactMethod, Fidelity},
+    simd::F32x16,
+};
+
+/// How long an object must have been still before it sleeps [s].
+const REST: f64 = 0.5;
+/// Particles that are watched per object at most.
+const SAMPLES: usize = 64;
+/// Reach of matter through the grid: the stencils of two particles, and the drift of one of them [cells].
+const REACH: f64 = 4.0;
+
+/// How an object is modelled at present, and since when it has been still.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Standing {
+    /// Where it sleeps.
+    asleep: Option<Box<Asleep>>,
+    /// Where its samples were when it last moved [m].
+    anchor: Vec<[f32; 3]>,
+    /// For how long it has been still [s].
+    still: f64,
+}
+
+/// A sleeping object.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Asleep {
+    particles: Particles,
+    /// Of its parts, in their order.
+    extremes: Vec<Extremes>,
+}
+
+impl Standing {
+    /// Adds what no particle shows to a hash.
+    pub fn add_to(&self, hash: &mut Xxh3) {
+        hash.update(&[u8::from(self.asleep.is_some())]);
+        hash.update(bytes_of(&self.still));
+        hash.update(bytemuck::cast_slice(&self.anchor));
+    }
+
+    /// Parts of which it holds what a sleeping object must remember.
+    pub fn remembered_parts(&self) -> usize {
+        self.asleep
+            .as_ref()
+            .map_or(0, |asleep| asleep.extremes.len())
+    }
+
+    /// Its sleeping particles, if it sleeps.
+    pub fn sleeping(&self) -> Option<&Particles> {
+        self.asleep.as_ref().map(|asleep| &asleep.particles)
+    }
+}
+
+impl State {
+    /// Whether an object sleeps.
+    pub(super) fn sleeps(&self, object: usize) -> bool {
+        self.standing[object].asleep.is_some()
+    }
+
+    /// Particles that are stepped.
+    pub(super) fn awake(&self) -> usize {
+        let asleep = self.standing.iter().filter_map(Standing::sleeping);
+        self.live - asleep.map(count).sum::<usize>()
+    }
+}
+
+fn count(particles: &Particles) -> usize {
+    let ids = particles.fixed.iter().flat_map(|fixed| fixed.id);
+    ids.filter(|&id| id != NO_PARTICLE).count()
+}
+
+/// Smallest and largest block index, or `None` without blocks.
+fn extent(blocks: &[Block]) -> Option<[[i32; 3]; 2]> {
+    let first = blocks.first()?.index;
+    let mut extent = [first; 2];
+    for block in blocks {
+        for a in 0..3 {
+            extent[0][a] = extent[0][a].min(block.index[a]);
+            extent[1][a] = extent[1][a].max(block.index[a]);
+        }
+    }
+    Some(extent)
+}
+
+/// Whether some blocks of two sorted lists are at most `reach` blocks apart along every axis.
+fn are_near(one: &[Block], other: &[Block], reach: i32) -> bool {
+    let (Some(a), Some(b)) = (extent(one), extent(other)) else {
+        return false;
+    };
+    let apart = |n: usize| a[0][n] > b[1][n] + reach || b[0][n] > a[1][n] + reach;
+    if (0..3).any(apart) {
+        return false;
+    }
+    let (few, many) = match one.len() <= other.len() {
+        true => (one, other),
+        false => (other, one),
+    };
+    few.iter().any(|block| {
+        let [x, y, z] = block.index;
+        (-reach..=reach).any(|i| {
+            (-reach..=reach).any(|j| {
+                let column = [x + i, y + j, z - reach];
+                let at = many.partition_point(|b| b.index < column);
+                many.get(at).is_some_and(|found| {
+                    let [fx, fy, fz] = found.index;
+                    [fx, fy] == [x + i, y + j] && fz <= z + reach
+                })
+            })
+        })
+    })
+}
+
+impl World {
+    /// Whether an object may be modelled with less than all of its particles.
+    fn is_automatic(&self, object: usize) -> bool {
+        let apart = matches!(
+            self.scene.contact.method,
+            ContactMethod::MultiField | ContactMethod::TwoScale
+        );
+        apart && self.scene.objects[object].fidelity == Fidelity::Auto
+    }
+
+    /// How an object is modelled.
+    pub(super) fn level(&self, object: usize) -> Level {
+        match self.scene.objects[object].fidelity {
+            Fidelity::Static => Level::Static,
+            _ if self.state.sleeps(object) => Level::Asleep,
+            Fidelity::Mpm | Fidelity::Auto => Level::Mpm,
+        }
+    }
+
+    /// Wakes what is about to be touched, then lets islands of still objects fall asleep.
+    pub(super) fn settle_fidelity(&mut self, frame: &mut Frame) {
+        let objects = 0..self.scene.objects.len();
+        if !objects.clone().any(|id| self.is_automatic(id)) {
+            return;
+        }
+        self.wake_disturbed(frame.length);
+        for object in objects.clone() {
+            if self.is_automatic(object) && !self.state.sleeps(object) {
+                self.watch(object, frame.length);
+            }
+        }
+        let awake: Vec<usize> = objects
+            .filter(|&id| !self.blocks_of(id).is_empty())
+            .collect();
+        let awake: Vec<usize> = awake
+            .into_iter()
+            .filter(|&id| !self.state.sleeps(id))
+            .collect();
+        for island in self.islands(&awake, frame.length) {
+            if island.iter().all(|&object| self.may_sleep(object)) {
+                for object in island {
+                    self.put_to_sleep(object, frame);
+                }
+            }
+        }
+    }
+
+    /// Blocks of an object, awake or not, as of the last sort.
+    fn blocks_of(&self, object: usize) -> &[Block] {
+        if let Some(particles) = self.state.standing[object].sleeping() {
+            return &particles.blocks;
+        }
+        let blocks = &self.state.particles.blocks;
+        let field = object as u32;
+        let first = blocks.partition_point(|b| b.field < field);
+        let end = blocks.partition_point(|b| b.field <= field);
+        &blocks[first..end]
+    }
+
+    /// Blocks that an object may cross within two frames, and reach beyond.
+    fn reach_of(&self, object: usize, frame: f64) -> i32 {
+        let state = &self.report.objects[object];
+        let speed = |v: [f64; 3]| dot(v, v).sqrt();
+        let fastest =
+            speed(state.linear_velocity) + 2.0 * state.radius * speed(state.angular_velocity);
+        let cells = 2.0 * frame * fastest / self.scene.dx;
+        ((cells.min(1e6) + REACH) / f64::from(BLOCK)).ceil() as i32
+    }
+
+    /// Wakes every sleeping object that one that is awake comes near to, or that a boundary disturbs.
+    fn wake_disturbed(&mut self, frame: f64) {
+        let objects = 0..self.scene.objects.len();
+        let now = Substep {
+            time: self.state.sim_time,
+            dt: frame,
+            frame_start: self.state.sim_time,
+            frame_length: frame,
+        };
+        let mut sleeping: Vec<usize> = objects
+            .clone()
+            .filter(|&id| self.state.sleeps(id))
+            .collect();
+        let mut rousers: Vec<usize> = objects.filter(|&id| !self.state.sleeps(id)).collect();
+        let disturbed = |world: &Self, object: usize| {
+            let Some([min, max]) = extent(world.blocks_of(object)) else {
+                return false;
+            };
+            let min = min.map(|i| f64::from(BLOCK * i) - REACH);
+            let max = max.map(|i| f64::from(BLOCK * (i + 1)) + REACH);
+            world.boundaries.disturb(&world.state.paths, &now, min, max)
+        };
+        let (roused, still): (Vec<usize>, Vec<usize>) = sleeping
+            .iter()
+            .partition(|&&object| disturbed(self, object));
+        sleeping = still;
+        for object in roused {
+            self.wake(object);
+            rousers.push(object);
+        }
+        // Whoever wakes may wake others.
+        while let Some(rouser) = rousers.pop() {
+            let reach = self.reach_of(rouser, frame);
+            let blocks = self.blocks_of(rouser);
+            let near = |&&object: &&usize| are_near(self.blocks_of(object), blocks, reach);
+            let (roused, still): (Vec<usize>, Vec<usize>) =
+                sleeping.iter().partition(|object| near(object));
+            sleeping = still;
+            for object in roused {
+                self.wake(object);
+                rousers.push(object);
+            }
+        }
+    }
+
+    /// Takes note of whether an object is still.
+    fn watch(&mut self, object: usize, frame: f64) {
+        let range = self.scene.objects[object].particles.clone();
+        let stride = range.len().div_ceil(SAMPLES).max(1);
+        let position = &self.published.position;
+        let here = || range.clone().step_by(stride).map(|p| position[p]);
+        let limit = self.scene.tolerance * self.report.objects[object].radius;
+        let moved = |(x, anchor): ([f32; 3], &[f32; 3])| {
+            let way: [f64; 3] = std::array::from_fn(|a| f64::from(x[a]) - f64::from(anchor[a]));
+            dot(way, way) > limit * limit
+        };
+        let standing = &mut self.state.standing[object];
+        let is_new = standing.anchor.is_empty();
+        if is_new || here().zip(&standing.anchor).any(moved) {
+            standing.anchor = here().collect();
+            standing.still = 0.0;
+        } else {
+            standing.still += frame;
+        }
+    }
+
+    /// Whether nothing speaks against an object's sleep but its neighbours.
+    fn may_sleep(&self, object: usize) -> bool {
+        let time = self.state.sim_time;
+        let mut particles = self.scene.objects[object].particles.clone();
+        self.is_automatic(object)
+            && self.state.standing[object].still >= REST
+            && self.state.pins[object].is_none()
+            && !particles.any(|p| self.rules.concern_after(time, p as u32))
+    }
+
+    /// Groups of objects of which each is near another.
+    fn islands(&self, objects: &[usize], frame: f64) -> Vec<Vec<usize>> {
+        let mut rest = objects.to_vec();
+        let mut islands = Vec::new();
+        while let Some(first) = rest.pop() {
+            let mut island = vec![first];
+            let mut next = 0;
+            while next < island.len() {
+                let blocks = self.blocks_of(island[next]);
+                let reach = self.reach_of(island[next], frame);
+                let (near, far): (Vec<usize>, Vec<usize>) = rest
+                    .iter()
+                    .partition(|&&other| are_near(self.blocks_of(other), blocks, reach));
+                island.extend(near);
+                rest = far;
+                next += 1;
+            }
+            islands.push(island);
+        }
+        islands
+    }
+
+    fn put_to_sleep(&mut self, object: usize, frame: &mut Frame) {
+        let mut particles = self.state.particles.take_field(object as u32);
+        particles.motion.fill(Motion::REST);
+        for fixed in &particles.fixed {
+            for &id in fixed.id.iter().filter(|&&id| id != NO_PARTICLE) {
+                self.published.halt(id);
+            }
+        }
+        let parts = self.parts.iter().zip(&self.state.extremes);
+        let mine = parts.filter(|(part, _)| part.object == object);
+        let extremes = mine.map(|(_, extremes)| *extremes).collect();
+        self.state.standing[object].asleep = Some(Box::new(Asleep {
+            particles,
+            extremes,
+        }));
+        self.state.momentum[object] = [0.0; 3];
+        let state = &mut self.report.objects[object];
+        frame.fidelity_loss += state.kinetic_energy;
+        *state = ObjectState {
+            linear_velocity: [0.0; 3],
+            angular_momentum: [0.0; 3],
+            angular_velocity: [0.0; 3],
+            kinetic_energy: 0.0,
+            contact_impulse: [0.0; 3],
+            ..*state
+        };
+        self.state.drift = f64::INFINITY;
+    }
+
+    /// Wakes an object, if it sleeps.
+    pub(super) fn wake(&mut self, object: usize) {
+        let standing = &mut self.state.standing[object];
+        (standing.still, standing.anchor) = (0.0, vec![]);
+        let Some(asleep) = standing.asleep.take() else {
+            return;
+        };
+        let Asleep {
+            mut particles,
+            extremes,
+        } = *asleep;
+        for motion in &mut particles.motion {
+            for a in 0..3 {
+                motion.v[a] = F32x16::splat(-self.state.carrier[a] as f32);
+            }
+        }
+        self.state.particles.put_field(particles);
+        let parts = self.parts.iter().zip(&mut self.state.extremes);
+        let mine = parts.filter(|(part, _)| part.object == object);
+        for ((_, to), from) in mine.zip(extremes) {
+            *to = from;
+        }
+        self.state.drift = f64::INFINITY;
+    }
+
+    /// Wakes all.
+    pub(super) fn wake_all(&mut self) {
+        for object in 0..self.scene.objects.len() {
+            self.wake(object);
+        }
+    }
+}
