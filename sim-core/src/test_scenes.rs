@@ -142,6 +142,12 @@ pub fn add_plane(
     });
 }
 
+/// Adds a collider at the origin.
+pub fn add_collider(scene: &mut Scene, shape: ColliderShape, surface: Surface) {
+    let collider = Collider::fixed("collider", shape, Pose::IDENTITY, surface);
+    scene.colliders.push(collider);
+}
+
 /// A box about the origin; its first two triangles are the top (+y).
 pub fn box_mesh(half: [f64; 3]) -> TriangleMesh {
     let corner = |i: usize| -> [f64; 3] {

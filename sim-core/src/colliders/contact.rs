@@ -1,6 +1,9 @@
 //! Velocity conditions at surfaces: sticky, slip, separate, with Coulomb friction and restitution.
 
-use super::Placed;
+use super::{
+    Placed,
+    approach::{Nearest, Reaction},
+};
 use crate::{mat3::dot, scene::Surface};
 
 /// Rounds of projection before a node that several colliders squeeze moves with the last of them.
@@ -21,18 +24,36 @@ fn tangential(v: [f64; 3], normal: [f64; 3], v_n: f64) -> [f64; 3] {
 }
 
 impl Contact {
-    /// Whether the normal velocity `v_n` needs no change, up to `slack`.
-    fn allows(&self, v_n: f64, slack: f64) -> bool {
+    /// Whether the normal velocity `v_n` needs no change, up to `slack`, when `closing` towards the surface is allowed.
+    fn allows(&self, v_n: f64, closing: f64, slack: f64) -> bool {
         match self.surface {
             Surface::Sticky => false,
-            Surface::Slip => v_n.abs() <= slack,
-            Surface::Separate => v_n >= -slack,
+            Surface::Slip => v_n <= slack && v_n >= -closing - slack,
+            Surface::Separate => v_n >= -closing - slack,
         }
     }
 
     /// Whether it has restitution.
     pub fn gives_back(&self) -> bool {
         self.restitution > 0.0 && self.surface != Surface::Sticky
+    }
+
+    /// Relative velocity after contact at a node whose matter may still come closer at the speed `closing`.
+    pub fn resolve_at(&self, v: [f64; 3], normal: [f64; 3], closing: f64) -> [f64; 3] {
+        let v_n = dot(v, normal);
+        if self.surface == Surface::Sticky {
+            let kept = v_n.clamp(-closing, 0.0);
+            return normal.map(|n| kept * n);
+        }
+        if self.allows(v_n, closing, 0.0) {
+            return v;
+        }
+        if v_n > 0.0 {
+            return tangential(v, normal, v_n);
+        }
+        let moved = std::array::from_fn(|a| v[a] + closing * normal[a]);
+        let after = self.resolve(moved, normal);
+        std::array::from_fn(|a| after[a] - closing * normal[a])
     }
 
     /// Relative velocity after contact. Coulomb: what presses changes the normal velocity by `(1 + e) |v_n|`,
@@ -42,7 +63,7 @@ impl Contact {
             return [0.0; 3];
         }
         let v_n = dot(v, normal);
-        if self.allows(v_n, 0.0) {
+        if self.allows(v_n, 0.0, 0.0) {
             return v;
         }
         let v_t = tangential(v, normal, v_n);
@@ -71,25 +92,27 @@ fn plus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + b[i])
 }
 
-/// Velocity that a node at `x` inside some of the bodies may have; nodes within `on_face` of a surface are free.
+/// Velocity that a node at `x` may have near some of the bodies during `dt`; `nearest` is matter near each of them,
+/// `cell` the cell size.
 pub(crate) fn constrain(
     bodies: &[Placed<'_>],
+    nearest: &[Nearest],
     x: [f64; 3],
     mut v: [f64; 3],
-    on_face: f64,
+    dt: f64,
+    cell: f64,
 ) -> [f64; 3] {
     let mut touched = 0;
-    for body in bodies {
-        let found = body.distance(x);
-        if found.value >= -on_face {
+    for (body, nearest) in bodies.iter().zip(nearest) {
+        let Some(reaction) = body.reaction(x, nearest, cell) else {
             continue;
-        }
+        };
         let u = body.velocity(x);
-        let contact = &body.body.contact;
-        if contact.surface == Surface::Sticky {
-            return u;
-        }
-        v = plus(u, contact.resolve(minus(v, u), found.normal));
+        let closing = reaction.room / dt;
+        let allowed = reaction
+            .contact
+            .resolve_at(minus(v, u), reaction.normal, closing);
+        v = plus(u, allowed);
         touched += 1;
     }
     if touched < 2 {
@@ -99,16 +122,24 @@ pub(crate) fn constrain(
     let mut last = v;
     for _ in 0..ROUNDS {
         let mut obeyed = true;
-        for body in bodies {
-            let found = body.distance(x);
-            if found.value >= -on_face {
+        for (body, nearest) in bodies.iter().zip(nearest) {
+            let Some(Reaction {
+                contact,
+                normal,
+                room,
+            }) = body.reaction(x, nearest, cell)
+            else {
                 continue;
-            }
+            };
             let u = body.velocity(x);
             let relative = minus(v, u);
-            let v_n = dot(relative, found.normal);
-            if !body.body.contact.allows(v_n, slack) {
-                v = plus(u, tangential(relative, found.normal, v_n));
+            if contact.surface == Surface::Sticky {
+                return plus(u, contact.resolve_at(relative, normal, room / dt));
+            }
+            let v_n = dot(relative, normal);
+            if !contact.allows(v_n, room / dt, slack) {
+                let kept = v_n.clamp(-room / dt, 0.0);
+                v = plus(u, tangential(relative, normal, v_n - kept));
                 obeyed = false;
             }
             last = u;

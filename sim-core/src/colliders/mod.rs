@@ -2,6 +2,7 @@
 //!
 //! Lengths are in units of the solver (cells, or metres in the reference), times in seconds, all in `f64`.
 
+pub(crate) mod approach;
 pub(crate) mod contact;
 mod mesh;
 pub(crate) mod pose;
@@ -10,6 +11,7 @@ mod shape;
 pub(crate) mod sweep;
 pub(crate) mod touch;
 
+use approach::Nearest;
 use contact::Contact;
 use pose::{conjugate, pose_at, product, rotate, rotation_vector};
 use serde::{Deserialize, Serialize};
@@ -30,6 +32,9 @@ pub(crate) const ON_FACE: f64 = 1e-6;
 /// Thickness below which nodes inside cannot tell the two sides apart [cells]: the stencil's width and one.
 /// Thinner colliders act on particles.
 const THIN: f64 = 4.0;
+
+/// How far in front of a collider it may act on nodes [cells]: the stencil's reach and a particle's radius.
+const NODES_REACH: f64 = 2.0;
 
 /// A moment of simulated time: what a substep needs to know to place a collider.
 #[derive(Clone, Copy, Debug)]
@@ -101,6 +106,8 @@ pub(crate) struct Body {
 /// A collider during one substep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placed<'a> {
+    /// Place among all bodies.
+    pub id: usize,
     pub body: &'a Body,
     /// Pose at the start of the substep, in units.
     pub start: Pose,
@@ -181,6 +188,7 @@ impl Boundaries {
         let start = self.pose(id, paths, substep, substep.time);
         let start = start.in_units(self.unit);
         let mut placed = Placed {
+            id,
             body,
             start,
             end: start,
@@ -363,6 +371,11 @@ impl Placed<'_> {
         self.body.contact
     }
 
+    /// Whether it acts on matter that moves away from it.
+    pub fn holds(&self) -> bool {
+        self.body.contact.surface != Surface::Separate
+    }
+
     /// Velocity of the collider's matter at a world point [units/s].
     pub fn velocity(&self, x: [f64; 3]) -> [f64; 3] {
         if self.angular == [0.0; 3] {
@@ -415,12 +428,17 @@ impl NodeConditions<'_> {
             || self
                 .bodies
                 .iter()
-                .any(|body| body.is_near(first, last, -ON_FACE))
+                .any(|body| body.is_near(first, last, NODES_REACH))
+    }
+
+    /// Colliders, in the order of the scene.
+    pub fn bodies(&self) -> &[Placed<'_>] {
+        &self.bodies
     }
 
     /// Those that may act on a box of nodes.
     pub fn near(&self, first: [f64; 3], last: [f64; 3]) -> Self {
-        let near = |body: &&Placed<'_>| body.is_near(first, last, -ON_FACE);
+        let near = |body: &&Placed<'_>| body.is_near(first, last, NODES_REACH);
         Self {
             bodies: self.bodies.iter().filter(near).copied().collect(),
             regions: self
@@ -432,6 +450,12 @@ impl NodeConditions<'_> {
         }
     }
 
+    /// Keeps only some of the colliders.
+    pub fn retain_bodies(&mut self, keep: impl FnMut(&Placed<'_>) -> bool) {
+        let mut keep = keep;
+        self.bodies.retain(|body| keep(body));
+    }
+
     /// Whether nothing acts.
     pub fn is_empty(&self) -> bool {
         self.bodies.is_empty() && self.regions.is_empty()
@@ -441,8 +465,8 @@ impl NodeConditions<'_> {
     pub fn speed(&self, first: [f64; 3], last: [f64; 3]) -> f64 {
         let bodies = self.bodies.iter().filter_map(|body| {
             let reach = farthest(body.start.translation, first, last);
-            let speed = body.speed(0.0, reach);
-            (speed > 0.0 && body.is_near(first, last, 0.0)).then_some(speed)
+            let speed = body.speed(NODES_REACH, reach);
+            (speed > 0.0 && body.is_near(first, last, NODES_REACH)).then_some(speed)
         });
         let regions = self
             .regions
@@ -451,13 +475,20 @@ impl NodeConditions<'_> {
         bodies.chain(regions).fold(0.0, f64::max)
     }
 
-    /// Velocity that a node at `x` may have when forces alone would give it `v`: every collider in order with
-    /// its friction, then projections until all are obeyed at once.
-    pub fn constrain(&self, x: [f64; 3], v: [f64; 3], cell: f64) -> [f64; 3] {
+    /// Velocity that a node at `x` may have in a substep of `dt` when forces alone would give it `v`: every collider in
+    /// order with its friction, then projections until all are obeyed at once. `nearest` is per collider.
+    pub fn constrain(
+        &self,
+        x: [f64; 3],
+        v: [f64; 3],
+        nearest: &[Nearest],
+        dt: f64,
+        cell: f64,
+    ) -> [f64; 3] {
         if let Some(held) = self.regions.iter().rev().find(|held| held.holds(x)) {
             return held.velocity;
         }
-        contact::constrain(&self.bodies, x, v, ON_FACE * cell)
+        contact::constrain(&self.bodies, nearest, x, v, dt, cell)
     }
 }
 

@@ -12,7 +12,10 @@ use sites::{Sites, read};
 use solve::Surroundings;
 
 use crate::{
-    colliders::NodeConditions, grid::Grid, mat3::dot, particles::Particles, scene::ContactMethod,
+    grid::{Grid, approach::Acting},
+    mat3::dot,
+    particles::Particles,
+    scene::ContactMethod,
 };
 
 /// Nodes lighter than this share of the heaviest particle meet nobody.
@@ -31,13 +34,9 @@ pub(crate) struct Meeting<'a> {
     /// Friction coefficient of two fields, the lower first.
     pub friction: &'a (dyn Fn([u32; 2]) -> f64 + Sync),
     /// Everything that acts on nodes.
-    pub boundaries: &'a NodeConditions<'a>,
-    /// What of that moves, or comes and goes.
-    pub moving: &'a NodeConditions<'a>,
+    pub acting: Acting<'a>,
     /// Velocity that those of nodes are relative to [cells/s].
     pub carrier: [f64; 3],
-    /// Substep [s].
-    pub dt: f64,
 }
 
 /// Lets the objects of a grid meet; returns the largest velocity component given [cells/s].
@@ -70,10 +69,8 @@ pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>) -> f32 {
         .map(|site| (meeting.friction)(site.fields))
         .collect();
     let around = Surroundings {
-        boundaries: meeting.boundaries,
-        moving: meeting.moving,
+        acting: meeting.acting,
         carrier: meeting.carrier,
-        dt: meeting.dt,
     };
     let solved = solve::solve(grid, &sites, &friction, &around);
     let mut largest = 0_u32;

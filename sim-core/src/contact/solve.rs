@@ -7,10 +7,9 @@ use super::{
     sites::{Node, Site, Sites, read},
 };
 use crate::{
-    colliders::NodeConditions,
     grid::{
         Grid, Velocities,
-        boundary::{covers_block, near_block},
+        approach::{Acting, Allowed},
     },
     mat3::dot,
 };
@@ -46,14 +45,10 @@ pub(super) struct Solved {
 
 /// What acts besides contact.
 pub(super) struct Surroundings<'a> {
-    /// All colliders and regions.
-    pub boundaries: &'a NodeConditions<'a>,
-    /// Those that move, or come and go.
-    pub moving: &'a NodeConditions<'a>,
+    /// Colliders and regions.
+    pub acting: Acting<'a>,
     /// Velocity that those of nodes are relative to [cells/s].
     pub carrier: [f64; 3],
-    /// Substep [s].
-    pub dt: f64,
 }
 
 /// Solves all places; the grid stays as it is. `friction` is per site.
@@ -97,7 +92,7 @@ fn solve_place(
         nodes.any(|node| {
             let [(a, _), (b, _)] = site.blocks.map(|n| read(&grid.velocities[n], node.at));
             let u: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
-            dot(u, node.normal) > allowed(node, around.dt)
+            dot(u, node.normal) > allowed(node, around.acting.dt)
         })
     });
     if !presses {
@@ -114,25 +109,30 @@ fn solve_place(
             }
         }
     }
-    let index = sites[0].index;
-    let conditions = (covers_block(around.moving, index)
-        || blocks.iter().any(|(n, _)| grid.nodes[*n].constrained))
-    .then(|| near_block(around.boundaries, index))
-    .filter(|conditions| !conditions.is_empty());
-    let sweeps = match sites.len() > 1 || conditions.is_some() {
+    let conditions: Vec<Option<Allowed<'_>>> = blocks
+        .iter()
+        .map(|(n, _)| around.acting.on(&grid.nodes[*n]))
+        .collect();
+    let sweeps = match sites.len() > 1 || conditions.iter().any(Option::is_some) {
         true => SWEEPS,
         false => 1,
     };
     for _ in 0..sweeps {
         let mut touched = 0_u64;
         for ((site, friction), exchanged) in sites.iter().zip(friction).zip(&mut exchanged) {
-            touched |= press(site, nodes, *friction, around.dt, &mut blocks, exchanged);
+            touched |= press(
+                site,
+                nodes,
+                *friction,
+                around.acting.dt,
+                &mut blocks,
+                exchanged,
+            );
         }
-        if let Some(conditions) = &conditions {
-            for at in (0..64).filter(|at| touched >> at & 1 == 1) {
-                let x = sites[0].position(at);
-                for (_, block) in &mut blocks {
-                    constrain(block, at, x, conditions, around.carrier);
+        for ((_, block), conditions) in blocks.iter_mut().zip(&conditions) {
+            if let Some(conditions) = conditions {
+                for at in (0..64).filter(|at| touched >> at & 1 == 1) {
+                    constrain(block, at, conditions, around.carrier);
                 }
             }
         }
@@ -203,15 +203,9 @@ fn push(block: &mut Velocities, at: usize, impulse: [f64; 3], per_mass: f64) {
 }
 
 /// Gives a node a velocity that boundaries allow.
-fn constrain(
-    block: &mut Velocities,
-    at: usize,
-    x: [f64; 3],
-    conditions: &NodeConditions<'_>,
-    carrier: [f64; 3],
-) {
+fn constrain(block: &mut Velocities, at: usize, conditions: &Allowed<'_>, carrier: [f64; 3]) {
     let (v, _) = read(block, at);
-    let v = conditions.constrain(x, std::array::from_fn(|a| v[a] + carrier[a]), 1.0);
+    let v = conditions.constrain(at, std::array::from_fn(|a| v[a] + carrier[a]));
     let node = &mut block.0[at / 4].0[4 * (at % 4)..][..3];
     for a in 0..3 {
         node[a] = (v[a] - carrier[a]) as f32;

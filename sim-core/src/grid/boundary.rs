@@ -27,7 +27,7 @@ pub(crate) fn near_block<'a>(
 mod tests {
     use super::*;
     use crate::{
-        colliders::{Boundaries, Substep},
+        colliders::{Boundaries, Substep, approach::Nearest},
         mat3::dot,
         scene::{Scene, Surface},
         test_scenes::{add_plane, empty},
@@ -51,13 +51,28 @@ mod tests {
         boundaries.on_nodes(&vec![], &substep)
     }
 
+    /// Matter that touches all planes through the origin with these normals.
+    fn touching(normals: &[[f64; 3]]) -> Vec<Nearest> {
+        let of = |normal: &[f64; 3]| Nearest {
+            gap: 0.0,
+            normal: normal.map(|n| n as f32),
+        };
+        normals.iter().map(of).collect()
+    }
+
     #[test]
-    fn a_node_on_the_plane_or_above_is_free() {
-        let floor = planes(Surface::Separate, &[[0.0, 0.0, 1.0]]);
+    fn a_node_stops_what_touches_and_leaves_the_rest_alone() {
+        let up = [0.0, 0.0, 1.0];
+        let floor = planes(Surface::Separate, &[up]);
         let floor = now(&floor);
-        assert_eq!(floor.constrain([0.0; 3], [0.0, 0.0, -1.0], 1.0)[2], -1.0);
-        let v = floor.constrain([0.0, 0.0, -1.0], [0.3, 0.4, -2.0], 1.0);
-        assert_eq!(v, [0.0; 3]);
+        let at = |z: f64, nearest: &[Nearest]| {
+            floor.constrain([0.0, 0.0, z], [0.3, 0.4, -2.0], nearest, 1e-3, 1.0)
+        };
+        for z in [-1.0, 0.0, 0.2] {
+            assert_eq!(at(z, &touching(&[up])), [0.0; 3]);
+            assert_eq!(at(z, &[Nearest::NONE]), [0.3, 0.4, -2.0]);
+        }
+        assert_eq!(at(1.0, &touching(&[up])), [0.3, 0.4, -2.0]);
     }
 
     #[test]
@@ -65,7 +80,8 @@ mod tests {
         let (s, c) = 0.3_f64.sin_cos();
         let normals = [[s, 0.0, c], [-s, 0.0, c], [0.0, 1.0, 0.0]];
         let boundary = planes(Surface::Separate, &normals);
-        let v = now(&boundary).constrain([0.0, -1.0, -9.0], [1.0, -2.0, -3.0], 1.0);
+        let (x, v) = ([0.0, -1.0, -9.0], [1.0, -2.0, -3.0]);
+        let v = now(&boundary).constrain(x, v, &touching(&normals), 1e-3, 1.0);
         for normal in normals {
             assert!(dot(v, normal) >= -1e-5, "{v:?} into {normal:?}");
         }
@@ -76,6 +92,6 @@ mod tests {
         let floor = planes(Surface::Separate, &[[0.0, 0.0, 1.0]]);
         let floor = now(&floor);
         assert!(covers_block(&floor, [5, 5, -1]));
-        assert!(!covers_block(&floor, [5, 5, 0]));
+        assert!(!covers_block(&floor, [5, 5, 1]));
     }
 }

@@ -4,11 +4,10 @@ use rayon::prelude::*;
 
 use super::{
     Cells, FRONT, Grid, NONE, NodeBlock, Tile, Velocities,
-    boundary::{corners, covers_block, near_block},
+    approach::{Acting, Allowed},
     topology::OFFSETS,
 };
 use crate::{
-    colliders::NodeConditions,
     particles::BLOCK,
     simd::{F32x16, Isa, Lanes, Portable},
 };
@@ -32,14 +31,13 @@ pub(crate) struct Fastest {
 }
 
 /// Turns tiles into node velocities. They are relative to the velocity `carrier` [cells/s], which holds all that
-/// gravity adds. `moving` are those of `boundaries` that move, or come and go.
+/// gravity adds.
 ///
 /// `keep` is what damping leaves of a velocity, 0..=1; the carrier's share of it is the caller's.
 pub(crate) fn node_pass(
     isa: Isa,
     grid: &mut Grid,
-    boundaries: &NodeConditions<'_>,
-    moving: &NodeConditions<'_>,
+    acting: &Acting<'_>,
     carrier: [f64; 3],
     keep: f32,
 ) -> Fastest {
@@ -59,13 +57,9 @@ pub(crate) fn node_pass(
         .map(|(block, out)| {
             let largest = sum_block(isa, block, tiles, keep, out);
             let mut given = 0;
-            if block.constrained || covers_block(moving, block.index) {
-                let near = near_block(boundaries, block.index);
-                if !near.is_empty() {
-                    let [first, last] = corners(block.index);
-                    given = (near.speed(first, last) as f32).to_bits();
-                    constrain(block, &near, carrier, out);
-                }
+            if let Some(allowed) = acting.on(block) {
+                given = (allowed.speed() as f32).to_bits();
+                constrain(&allowed, carrier, out);
             }
             [largest, given]
         })
@@ -266,21 +260,13 @@ fn node_block<V: Lanes>(
 }
 
 /// Applies colliders and held regions to the nodes of a block, one by one.
-fn constrain(
-    block: &NodeBlock,
-    boundaries: &NodeConditions<'_>,
-    carrier: [f64; 3],
-    out: &mut Velocities,
-) {
-    for (row, nodes) in out.0.iter_mut().enumerate() {
-        for (k, node) in nodes.0.chunks_exact_mut(4).enumerate() {
-            let local = [row / 4, row % 4, k];
-            let x = std::array::from_fn(|a| f64::from(BLOCK * block.index[a] + local[a] as i32));
-            let v = std::array::from_fn(|a| f64::from(node[a]) + carrier[a]);
-            let v = boundaries.constrain(x, v, 1.0);
-            for a in 0..3 {
-                node[a] = (v[a] - carrier[a]) as f32;
-            }
+fn constrain(allowed: &Allowed<'_>, carrier: [f64; 3], out: &mut Velocities) {
+    for at in 0..64 {
+        let node = &mut out.0[at / 4].0[4 * (at % 4)..][..3];
+        let v = std::array::from_fn(|a| f64::from(node[a]) + carrier[a]);
+        let v = allowed.constrain(at, v);
+        for a in 0..3 {
+            node[a] = (v[a] - carrier[a]) as f32;
         }
     }
 }

@@ -28,6 +28,13 @@ pub(super) struct Grid {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stencil([Neighbor; 27]);
 
+impl Stencil {
+    /// Places of its nodes in [`Grid::nodes`].
+    pub fn slots(&self) -> impl Iterator<Item = usize> {
+        self.0.iter().map(|neighbor| neighbor.slot)
+    }
+}
+
 /// One node of a stencil.
 #[derive(Clone, Copy, Debug, Default)]
 struct Neighbor {

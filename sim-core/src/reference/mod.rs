@@ -12,6 +12,7 @@ mod time_step;
 use crate::{
     colliders::{
         Boundaries, Paths, Substep,
+        approach::Nearest,
         rules::{Pins, Rules},
         sweep::Way,
         touch::{ANCHOR, Touch},
@@ -264,12 +265,24 @@ impl ReferenceWorld {
 
         // Grid: momentum to velocity, gravity, boundaries.
         let boundaries = self.boundaries.on_nodes(&self.paths, &substep);
-        for (index, node) in &mut grid.nodes {
+        let mut nearest = vec![vec![Nearest::NONE; boundaries.bodies().len()]; grid.nodes.len()];
+        for (p, stencil) in stencils.iter().enumerate() {
+            let Some(stencil) = stencil else { continue };
+            for (b, body) in boundaries.bodies().iter().enumerate() {
+                let (x, volume) = (particles.position[p], particles.volume[p]);
+                if let Some(found) = body.nearest(x, volume, dx) {
+                    stencil
+                        .slots()
+                        .for_each(|slot| nearest[slot][b].take(&found));
+                }
+            }
+        }
+        for ((index, node), nearest) in grid.nodes.iter_mut().zip(&nearest) {
             let x = index.map(|i| f64::from(i) * dx);
             let velocity = std::array::from_fn(|i| {
                 keep * (node.momentum[i] / node.mass + dt * self.gravity[i])
             });
-            node.velocity = boundaries.constrain(x, velocity, dx);
+            node.velocity = boundaries.constrain(x, velocity, nearest, dt, dx);
         }
 
         let mut rigid = vec![false; particles.mass.len()];

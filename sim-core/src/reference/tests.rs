@@ -256,10 +256,11 @@ fn a_block_slides_down_a_frictional_slope_as_coulomb_says() {
         add_box(
             &mut scene,
             elastic(Law::FixedCorotated, 1e6, 0.3),
-            [0.02, 0.01, 0.03],
+            [0.02, 0.01, 0.01],
             0.05,
             [6, 6, 4],
         );
+        // It stands on it: what falls hard enough to bounce is held, and rubs, longer than its weight asks.
         add_plane(
             &mut scene,
             [0.0, 0.0, 0.01],

@@ -5,7 +5,10 @@ use std::time::Instant;
 use super::{World, frame::Frame};
 use crate::{
     contact::{Meeting, meet},
-    grid::node_pass,
+    grid::{
+        approach::{Acting, approaches},
+        node_pass,
+    },
     scene::Scene,
 };
 
@@ -21,7 +24,13 @@ impl World {
         let cells_per_mass = self.cells_per_mass();
         let grid = &mut self.workspace.grid;
         let carrier = self.state.carrier;
-        let mut fastest = node_pass(self.isa, grid, &boundaries, &moving, carrier, keep);
+        let acting = Acting {
+            boundaries: &boundaries,
+            moving: &moving,
+            approaches: &approaches(&self.state.particles, &cells_per_mass, &boundaries),
+            dt,
+        };
+        let mut fastest = node_pass(self.isa, grid, &acting, carrier, keep);
         let scene = &self.scene;
         let meeting = Meeting {
             method: scene.contact.method,
@@ -29,10 +38,8 @@ impl World {
             cells_per_mass: &cells_per_mass,
             fullness: &fullness(scene),
             friction: &|[a, b]| scene.surface_between(a as usize, b as usize).friction,
-            boundaries: &boundaries,
-            moving: &moving,
+            acting,
             carrier,
-            dt,
         };
         fastest.relative = fastest.relative.max(meet(grid, &meeting));
         let carrier = self

@@ -5,6 +5,7 @@ mod damping;
 mod fields;
 mod laws;
 mod materials;
+mod resting;
 mod rigid;
 mod robustness;
 mod rules;

@@ -1,0 +1,183 @@
+//! How near matter has come to a collider, and how much farther a grid node may carry it.
+//!
+//! A node inside a collider that stopped all that moves inwards would stop matter up to a cell and a half too early, or,
+//! where the surface runs through nodes, let it sink in, so that heights of rest would depend on the place of the grid.
+//! Instead a node lets matter go on until the outermost of the particles that reach it touches the surface: until it
+//! is as far from it as half the spacing of particles. Nodes up to [`BAND`] in front of the surface stop what touches,
+//! those farther out only what is too deep ([`STEEPNESS`]).
+
+use super::{ON_FACE, Placed, contact::Contact};
+use crate::{mat3::dot, scene::Surface};
+
+/// How far in front of the surface nodes stop matter that touches it [cells]. With it the last node that stops is
+/// between 0.5 cells below and 0.5 above the centres of the particles that touch (8 per cell).
+const BAND: f64 = 0.25;
+/// Depth of matter per distance of a node in front of the band, from which on that node stops it too: matter that
+/// flows, and resists no deformation, could otherwise sink between the nodes that stop and those that do not.
+const STEEPNESS: f64 = 0.1;
+/// Particles farther away than this cannot touch within a substep, however fast both sides move [cells].
+pub(crate) const RANGE: f64 = 1.0;
+/// Largest radius of a particle [cells].
+pub(crate) const RADIUS_MAX: f64 = 0.5;
+/// Gap up to which nodes in front of a surface that holds on to matter do so [cells].
+const TOUCHING: f64 = 0.1;
+/// Smallest cosine between the normals at particle and node: matter on the top of a box does not touch its side.
+const FACING: f64 = 0.7;
+
+/// The nearest to a collider of the particles that reach a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Nearest {
+    /// Its distance, less half the spacing of particles; negative when it is too deep [units].
+    pub gap: f32,
+    /// Normal of the collider there.
+    pub normal: [f32; 3],
+}
+
+impl Nearest {
+    /// No particle in range.
+    pub const NONE: Self = Self {
+        gap: f32::INFINITY,
+        normal: [0.0; 3],
+    };
+
+    /// Keeps the nearer one, the earlier of two that are equally near.
+    pub fn take(&mut self, other: &Self) {
+        if other.gap < self.gap {
+            *self = *other;
+        }
+    }
+}
+
+/// What a collider does at a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Reaction {
+    pub contact: Contact,
+    pub normal: [f64; 3],
+    /// How much farther matter may go against the normal [units].
+    pub room: f64,
+}
+
+impl Placed<'_> {
+    /// A particle of this rest volume at `x` as nodes see it, when it is in range; `cell` is the cell size.
+    pub fn nearest(&self, x: [f64; 3], volume: f64, cell: f64) -> Option<Nearest> {
+        let found = self.distance(x);
+        if found.value >= (RANGE + RADIUS_MAX) * cell {
+            return None;
+        }
+        let gap = found.value - (0.5 * volume.cbrt()).min(RADIUS_MAX * cell);
+        (gap < RANGE * cell).then(|| Nearest {
+            gap: gap as f32,
+            normal: found.normal.map(|n| n as f32),
+        })
+    }
+
+    /// What happens at a node at `x` that `nearest` reaches; none when nothing does.
+    pub(super) fn reaction(&self, x: [f64; 3], nearest: &Nearest, cell: f64) -> Option<Reaction> {
+        let found = self.distance(x);
+        let mut reaction = Reaction {
+            contact: self.body.contact,
+            normal: found.normal,
+            room: f64::INFINITY,
+        };
+        let gap = f64::from(nearest.gap);
+        let normal = nearest.normal.map(f64::from);
+        let faces = dot(normal, found.normal) > FACING;
+        if found.value < -ON_FACE * cell {
+            if gap < RANGE * cell {
+                reaction.room = gap.max(0.0);
+                if !faces {
+                    reaction.normal = normal;
+                }
+            } else if self.body.contact.surface == Surface::Separate {
+                return None;
+            }
+            return Some(reaction);
+        }
+        let beyond = (found.value - BAND * cell).max(0.0);
+        reaction.room = (gap + STEEPNESS * beyond).max(0.0);
+        if beyond > 0.0 || gap > TOUCHING * cell {
+            reaction.contact.surface = Surface::Separate;
+        }
+        (faces && reaction.room < RANGE * cell).then_some(reaction)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        colliders::{Boundaries, Substep},
+        scene::ColliderShape,
+        test_scenes::{add_collider, empty},
+    };
+
+    /// What a collider at the origin, with the cell as unit, does at a node at `x`.
+    fn at(
+        shape: ColliderShape,
+        surface: Surface,
+        x: [f64; 3],
+        particle: [f64; 3],
+    ) -> Option<Reaction> {
+        let mut scene = empty(1.0);
+        add_collider(&mut scene, shape, surface);
+        let boundaries = Boundaries::new(&scene, 1.0);
+        let now = Substep {
+            time: 0.0,
+            dt: 1e-3,
+            frame_start: 0.0,
+            frame_length: 1.0,
+        };
+        let conditions = boundaries.on_nodes(&vec![], &now);
+        let body = &conditions.bodies()[0];
+        let nearest = body.nearest(particle, 0.125, 1.0).unwrap_or(Nearest::NONE);
+        body.reaction(x, &nearest, 1.0)
+    }
+
+    fn floor() -> ColliderShape {
+        let normal = [0.0, 0.0, 1.0];
+        ColliderShape::HalfSpace { normal }
+    }
+
+    #[test]
+    fn matter_may_go_on_until_it_touches() {
+        let room = |x: f64, particle: f64| {
+            let (x, particle) = ([0.0, 0.0, x], [0.3, 0.2, particle]);
+            at(floor(), Surface::Separate, x, particle).map(|reaction| reaction.room)
+        };
+        // Eight per cell: half their spacing is a quarter of a cell.
+        assert_eq!(room(-0.5, 0.75), Some(0.5));
+        assert_eq!(room(0.2, 0.75), Some(0.5));
+        assert_eq!(room(-0.5, 0.25), Some(0.0));
+        assert_eq!(room(-0.5, 1.5), None);
+        // Nodes farther out stop what is too deep.
+        let outside = room(0.75, 0.25).expect("it touches");
+        assert!((outside - 0.05).abs() < 1e-7, "{outside}");
+        assert_eq!(room(0.75, 0.15), Some(0.0));
+    }
+
+    #[test]
+    fn what_lies_on_a_box_does_not_touch_its_side() {
+        let cube = || ColliderShape::Box {
+            half_extents: [3.0; 3],
+        };
+        let top = [2.9, 0.0, 3.25];
+        let beside = at(cube(), Surface::Separate, [3.1, 0.0, 2.2], top);
+        assert_eq!(beside, None);
+        let inside = at(cube(), Surface::Separate, [2.9, 0.0, 2.2], top);
+        assert_eq!(inside.expect("inside").normal, [0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn a_surface_that_holds_does_so_inside_and_where_it_is_touched() {
+        let of = |surface, x: f64, particle: f64| {
+            let reaction = at(floor(), surface, [0.0, 0.0, x], [0.0, 0.0, particle]);
+            reaction.map(|reaction| reaction.contact.surface)
+        };
+        for surface in [Surface::Sticky, Surface::Slip] {
+            assert_eq!(of(surface, -0.2, 9.0), Some(surface));
+            assert_eq!(of(surface, 0.2, 0.3), Some(surface));
+            assert_eq!(of(surface, 0.2, 0.7), Some(Surface::Separate));
+            assert_eq!(of(surface, 0.2, 9.0), None);
+        }
+    }
+}
