@@ -33,7 +33,7 @@ mod world;
 
 pub use command::{Action, Command, CommandError};
 pub use reference::ReferenceWorld;
-pub use report::{DtLimit, ObjectState, StepReport};
+pub use report::{ContactEpisode, DtLimit, ObjectState, StepReport};
 pub use scene::Scene;
 pub use simd::Isa;
 pub use world::{CheckpointError, World, WorldError};

@@ -43,6 +43,12 @@ pub struct StepReport {
     pub angular_momentum: [f64; 3],
     /// One entry per object of the scene.
     pub objects: Vec<ObjectState>,
+    /// Nodes that two objects shared, summed over substeps: the work of contact on the grid.
+    pub contact_nodes: u64,
+    /// Particles that were looked at for the gaps between objects, summed over substeps.
+    pub contact_particles: u64,
+    /// Contacts between deformable objects that ended in this frame, or turned out to last, in the order it happened.
+    pub contacts: Vec<ContactEpisode>,
     /// Wall time per phase.
     pub timings: Timings,
     /// Hash of the complete state; equal for equal scene and command log.
@@ -60,6 +66,8 @@ pub struct Timings {
     pub particles: f64,
     /// Grid pass: tile sums, velocity update, boundaries.
     pub grid: f64,
+    /// Contact between objects on the grid.
+    pub contact: f64,
     /// Moments, energies, hash.
     pub moments: f64,
     /// Whole frame.
@@ -94,6 +102,35 @@ pub enum Level {
     Mpm = 2,
     /// At rest, until something comes near.
     Asleep = 3,
+}
+
+/// Contact of two deformable objects from first touch to parting. Speeds are those of their rigid motions at the
+/// place of contact, along its mean normal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct ContactEpisode {
+    /// Object ids, the lower first.
+    pub objects: [usize; 2],
+    /// Impulse that the second received [N s].
+    pub impulse: [f64; 3],
+    /// Speed of approach at first touch [m/s].
+    pub speed_before: f64,
+    /// Speed of parting [m/s]; 0 when they stay together.
+    pub speed_after: f64,
+    /// Whether they stay together: reported once, when that is clear.
+    pub lasting: bool,
+    /// Restitution `e` that the scene asks for, 0..=1; where absent, what deformation leaves.
+    pub restitution_requested: Option<f64>,
+    /// What deformation left of the speed, before it was corrected; absent when they stay together, and when their
+    /// rigid motions did not approach: vibration made them touch.
+    pub restitution_natural: Option<f64>,
+    /// `speed_after / speed_before`; absent like `restitution_natural`.
+    pub restitution_achieved: Option<f64>,
+    /// Kinetic energy that lowering the restitution took [J].
+    pub energy_taken: f64,
+    /// From first touch to the report [s].
+    pub duration: f64,
+    /// Simulated time of the report [s].
+    pub time: f64,
 }
 
 /// Moments of one object (paper equation 2, with inertia and spin).

@@ -18,22 +18,22 @@ const REACH: f64 = 1.5;
 /// Particles are taken for balls of their volume at rest, but none larger than this [cells].
 const LARGEST_RADIUS: f64 = 0.5;
 
-/// Measures the gaps of the nodes for which `wanted` says so.
+/// Measures the gaps of the nodes for which `wanted` says so; returns how many particles it looked at.
 pub(super) fn measure_gaps(
     sites: &mut Sites,
     wanted: &[bool],
     particles: &Particles,
     grid: &Grid,
     cells_per_mass: &[f64],
-) {
+) -> u64 {
     let Sites { sites, nodes } = sites;
-    let found: Vec<Vec<f64>> = sites
+    let found: Vec<(Vec<f64>, u64)> = sites
         .par_iter()
         .map(|site| {
             let nodes = &nodes[site.range()];
             let wanted = &wanted[site.range()];
             if !wanted.contains(&true) {
-                return vec![];
+                return (vec![], 0);
             }
             let view = View {
                 particles,
@@ -42,15 +42,18 @@ pub(super) fn measure_gaps(
                 nodes,
                 wanted,
             };
-            let [a, b] = [0, 1].map(|side| view.outermost(site, side));
-            a.iter().zip(&b).map(|(a, b)| -(a + b)).collect()
+            let [(a, n), (b, m)] = [0, 1].map(|side| view.outermost(site, side));
+            (a.iter().zip(&b).map(|(a, b)| -(a + b)).collect(), n + m)
         })
         .collect();
-    for (site, gaps) in sites.iter().zip(found) {
+    let mut particles = 0;
+    for (site, (gaps, looked_at)) in sites.iter().zip(found) {
+        particles += looked_at;
         for (node, gap) in nodes[site.range()].iter_mut().zip(gaps) {
             node.gap = gap;
         }
     }
+    particles
 }
 
 struct View<'a> {
@@ -62,8 +65,10 @@ struct View<'a> {
 }
 
 impl View<'_> {
-    /// How far particles of one side reach beyond each node along its normal, seen from that side [cells].
-    fn outermost(&self, site: &Site, side: usize) -> Vec<f64> {
+    /// How far particles of one side reach beyond each node along its normal, seen from that side [cells], and how
+    /// many it looked at.
+    fn outermost(&self, site: &Site, side: usize) -> (Vec<f64>, u64) {
+        let mut looked_at = 0;
         let mut found = vec![f64::NEG_INFINITY; self.nodes.len()];
         let mut slot = [usize::MAX; NODES];
         let (mut first, mut last) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
@@ -85,6 +90,7 @@ impl View<'_> {
             let block = &self.particles.blocks[tile as usize];
             // From the block's centre to the first node of the site.
             let shift = OFFSETS[n].map(|o| (BLOCK * o) as f32 + 1.5);
+            looked_at += (block.groups.len() * LANES) as u64;
             for run in &self.particles.runs[block.runs.clone()] {
                 let volume = self.cells_per_mass[run.part];
                 // Neighbours mostly have the same mass.
@@ -112,7 +118,7 @@ impl View<'_> {
                 }
             }
         }
-        found
+        (found, looked_at)
     }
 
     /// Takes in one particle at `x` relative to the first node of the block.

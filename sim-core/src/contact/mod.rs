@@ -1,13 +1,18 @@
 //! Contact between objects that deform: impulses between their velocity fields at the nodes that they share.
 //!
-//! Order: shared nodes and normals (`sites`), normals of patches (`patches`), gaps (`gap`), impulses (`solve`).
+//! Order: shared nodes and normals (`sites`), normals of patches (`patches`), gaps (`gap`), impulses (`solve`), what
+//! they add up to from first touch to parting (`episodes`, `motion`).
 
+mod episodes;
 mod gap;
 mod impulse;
+mod motion;
 mod patches;
 mod sites;
 mod solve;
 
+use episodes::by_pair;
+pub(crate) use episodes::{Closed, Episodes, Wish};
 use sites::{Sites, read};
 use solve::Surroundings;
 
@@ -33,36 +38,54 @@ pub(crate) struct Meeting<'a> {
     pub fullness: &'a [f64],
     /// Friction coefficient of two fields, the lower first.
     pub friction: &'a (dyn Fn([u32; 2]) -> f64 + Sync),
+    /// Restitution that is asked of two fields, the lower first.
+    pub wish: &'a dyn Fn([u32; 2]) -> Wish,
+    /// Size of gravity [cells/s^2].
+    pub gravity: f64,
+    /// Simulated time [s].
+    pub time: f64,
     /// Everything that acts on nodes.
     pub acting: Acting<'a>,
     /// Velocity that those of nodes are relative to [cells/s].
     pub carrier: [f64; 3],
 }
 
-/// Lets the objects of a grid meet; returns the largest velocity component given [cells/s].
-pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>) -> f32 {
+/// What contact looked at.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Work {
+    /// Nodes that two objects shared.
+    pub nodes: u64,
+    /// Particles, for gaps.
+    pub particles: u64,
+}
+
+impl Work {
+    /// Adds more.
+    pub fn add(&mut self, more: &Self) {
+        self.nodes += more.nodes;
+        self.particles += more.particles;
+    }
+}
+
+/// What came of a meeting.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Met {
+    /// Largest velocity component that some node was given [cells/s]; NaN when one is.
+    pub largest: f32,
+    /// What it took.
+    pub work: Work,
+}
+
+/// Lets the objects of a grid meet.
+pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>, episodes: &mut Episodes) -> Met {
     let on_nodes = matches!(
         meeting.method,
         ContactMethod::MultiField | ContactMethod::TwoScale
     );
-    if !on_nodes || grid.shared.is_empty() {
-        return 0.0;
+    if !on_nodes {
+        return Met::default();
     }
-    let mut sites = Sites::find(grid, meeting.fullness);
-    if sites.sites.is_empty() {
-        return 0.0;
-    }
-    if meeting.method == ContactMethod::TwoScale {
-        patches::smooth_normals(&mut sites);
-        let wanted = approaching(grid, &sites);
-        gap::measure_gaps(
-            &mut sites,
-            &wanted,
-            meeting.particles,
-            grid,
-            meeting.cells_per_mass,
-        );
-    }
+    let (sites, work) = touching(grid, meeting);
     let friction: Vec<f64> = sites
         .sites
         .iter()
@@ -73,19 +96,46 @@ pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>) -> f32 {
         carrier: meeting.carrier,
     };
     let solved = solve::solve(grid, &sites, &friction, &around);
+    let exchanged = by_pair(&sites.sites, &solved);
+    episodes.take_in(grid, &exchanged, meeting.carrier, meeting.acting.dt);
     let mut largest = 0_u32;
-    for place in solved {
-        for (n, block) in place.blocks {
-            for v in block.0.iter().flat_map(|row| row.0.chunks_exact(4)) {
-                for v in &v[..3] {
-                    // As integers, so that NaN is the largest of all.
-                    largest = largest.max(v.abs().to_bits());
-                }
+    for (n, block) in solved.into_iter().flat_map(|place| place.blocks) {
+        for node in block.0.iter().flat_map(|row| row.0.chunks_exact(4)) {
+            for v in &node[..3] {
+                // As integers, so that NaN is the largest of all.
+                largest = largest.max(v.abs().to_bits());
             }
-            grid.velocities[n] = block;
         }
+        grid.velocities[n] = block;
     }
-    f32::from_bits(largest)
+    // Twice what gravity adds in a substep: bodies at rest on each other do not bounce.
+    let resting = 2.0 * meeting.gravity * meeting.acting.dt;
+    let given = episodes.part(grid, meeting.wish, resting, meeting.time);
+    Met {
+        largest: f32::from_bits(largest.max(given)),
+        work,
+    }
+}
+
+/// The nodes that objects share, with their normals and, where the method asks for them, gaps.
+fn touching(grid: &Grid, meeting: &Meeting<'_>) -> (Sites, Work) {
+    let mut sites = Sites::find(grid, meeting.fullness);
+    let mut work = Work {
+        nodes: sites.nodes.len() as u64,
+        particles: 0,
+    };
+    if meeting.method == ContactMethod::TwoScale && !sites.sites.is_empty() {
+        patches::smooth_normals(&mut sites);
+        let wanted = approaching(grid, &sites);
+        work.particles = gap::measure_gaps(
+            &mut sites,
+            &wanted,
+            meeting.particles,
+            grid,
+            meeting.cells_per_mass,
+        );
+    }
+    (sites, work)
 }
 
 /// Per node, whether its two sides approach.

@@ -30,8 +30,19 @@ pub(super) struct Exchange {
     pub moment: [f64; 3],
     /// Sum of velocities relative to the carrier, likewise.
     pub drift: [f64; 3],
-    /// Mechanical energy that it cost.
-    pub lost: f64,
+}
+
+impl Exchange {
+    /// Adds another.
+    pub fn add(&mut self, other: &Self) {
+        for a in 0..3 {
+            self.impulse[a] += other.impulse[a];
+            self.pressed[a] += other.pressed[a];
+            self.moment[a] += other.moment[a];
+            self.drift[a] += other.drift[a];
+        }
+        self.weight += other.weight;
+    }
 }
 
 /// The answer at one place.
@@ -39,7 +50,6 @@ pub(super) struct Solved {
     /// New velocities of node blocks.
     pub blocks: Vec<(usize, Velocities)>,
     /// Per site of the place.
-    #[expect(dead_code, reason = "restitution is going to be judged by it")]
     pub exchanged: Vec<Exchange>,
 }
 
@@ -189,7 +199,6 @@ fn press(
             exchanged.moment[i] += pressed * x[i];
             exchanged.drift[i] += pressed * 0.5 * (v_a[i] + v_b[i]);
         }
-        exchanged.lost += dot(u, impulse) - 0.5 * k * dot(impulse, impulse);
     }
     touched
 }

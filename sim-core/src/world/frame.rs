@@ -10,6 +10,7 @@ use super::{
 };
 use crate::{
     colliders::touch::Touch,
+    contact::{Episodes, Work},
     mat3::dot,
     materials::Coefficients,
     particles::{Extremes, Flags, Motion, NO_PARTICLE, Particles, Run},
@@ -53,6 +54,8 @@ pub(super) struct Frame {
     substeps: u32,
     rollbacks: u32,
     updates: u64,
+    /// Work of contact on the grid.
+    pub contact_work: Work,
     /// Kinetic energy that objects lost by being modelled with less [J].
     pub fidelity_loss: f64,
     last_dt: f64,
@@ -81,6 +84,7 @@ impl Frame {
             substeps: 0,
             rollbacks: 0,
             updates: 0,
+            contact_work: Work::default(),
             fidelity_loss: 0.0,
             last_dt: 0.0,
             smallest: Limit::FRAME,
@@ -130,6 +134,8 @@ impl Frame {
             substeps: self.substeps,
             rollbacks: self.rollbacks,
             particle_updates: self.updates,
+            contact_nodes: self.contact_work.nodes,
+            contact_particles: self.contact_work.particles,
             fidelity_loss: self.fidelity_loss,
             left_domain: self.left_domain.clone(),
             stopped: self.stopped,
@@ -158,6 +164,7 @@ struct Checkpoint {
     carrier: [f64; 3],
     grid_speed: f64,
     extremes: Vec<Extremes>,
+    episodes: Episodes,
 }
 
 impl World {
@@ -190,6 +197,7 @@ impl World {
             carrier: self.state.carrier,
             grid_speed: self.state.grid_speed,
             extremes: self.state.extremes.clone(),
+            episodes: self.state.episodes.clone(),
         };
         let replay = std::mem::take(&mut frame.replay);
         let mut taken: Vec<f64> = Vec::new();
@@ -289,6 +297,7 @@ impl World {
         self.state.carrier = to.carrier;
         self.state.grid_speed = to.grid_speed;
         self.state.extremes.clone_from(&to.extremes);
+        self.state.episodes.clone_from(&to.episodes);
         self.workspace.backup.restore(&mut self.state.particles);
     }
 

@@ -49,6 +49,7 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
     for standing in &state.standing {
         standing.add_to(&mut hash);
     }
+    hash.update(bytemuck::cast_slice(&state.episodes.bits()));
     for path in &state.paths {
         let pose = path.map(|path| path.to);
         hash.update(&[u8::from(pose.is_some())]);

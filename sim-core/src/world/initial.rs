@@ -34,6 +34,7 @@ impl World {
             paths: vec![None; scene.colliders.len()],
             pins: vec![None; scene.objects.len()],
             standing: vec![Standing::default(); scene.objects.len()],
+            episodes: Default::default(),
             momentum: vec![[0.0; 3]; scene.objects.len()],
         };
         self.workspace = Workspace::default();

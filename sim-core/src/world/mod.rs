@@ -29,6 +29,7 @@ use crate::{
         rules::{Pins, Rules},
     },
     command::Command,
+    contact::Episodes,
     grid::Grid,
     materials::Material,
     moments::{ParticleArrays, bodies_of, object_moments, total_momentum},
@@ -92,6 +93,8 @@ struct State {
     pins: Pins,
     /// How every object is modelled.
     standing: Vec<Standing>,
+    /// Pairs of objects in contact.
+    episodes: Episodes,
     /// Momentum of every object after the latest frame and the commands since [kg m/s].
     momentum: Vec<[f64; 3]>,
 }
@@ -293,6 +296,9 @@ impl World {
         report.particle_updates_full = self
             .updates_of_full_mpm(frame.length, report.substeps)
             .max(report.particle_updates);
+        let ended = self.state.episodes.take_closed();
+        let (unit, dx) = (self.mass_unit, self.scene.dx);
+        report.contacts = ended.iter().map(|e| nodes::episode(e, unit, dx)).collect();
         (report.linear_momentum, report.angular_momentum) = total_momentum(&report.objects);
         report.state_hash = hash::state_hash(&self.published, &self.state);
         report

@@ -4,12 +4,15 @@ use std::time::Instant;
 
 use super::{World, frame::Frame};
 use crate::{
-    contact::{Meeting, meet},
+    contact::{Closed, Meeting, Wish, meet},
     grid::{
         approach::{Acting, approaches},
         node_pass,
     },
-    scene::Scene,
+    mat3::dot,
+    materials::{Law, Material},
+    report::ContactEpisode,
+    scene::{Part, Scene},
 };
 
 impl World {
@@ -38,10 +41,18 @@ impl World {
             cells_per_mass: &cells_per_mass,
             fullness: &fullness(scene),
             friction: &|[a, b]| scene.surface_between(a as usize, b as usize).friction,
+            wish: &|fields| wish(scene, &self.parts, &self.state.materials, fields),
+            gravity: dot(self.state.gravity, self.state.gravity).sqrt() / scene.dx,
+            time: substep.time + dt,
             acting,
             carrier,
         };
-        fastest.relative = fastest.relative.max(meet(grid, &meeting));
+        frame.timings.grid += start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let met = meet(grid, &meeting, &mut self.state.episodes);
+        fastest.relative = fastest.relative.max(met.largest);
+        frame.contact_work.add(&met.work);
+        frame.timings.contact += start.elapsed().as_secs_f64();
         let carrier = self
             .state
             .carrier
@@ -50,7 +61,6 @@ impl World {
         // What meets a moving boundary leaves it at most this much faster than either.
         self.state.grid_speed =
             f64::from(fastest.relative) + carrier + 2.0 * f64::from(fastest.boundary);
-        frame.timings.grid += start.elapsed().as_secs_f64();
         self.speed_with_boundaries(&substep)
     }
 
@@ -61,6 +71,38 @@ impl World {
         parts
             .map(|part| self.mass_unit / (part.material.density * cell))
             .collect()
+    }
+}
+
+/// Restitution that is asked of two objects.
+fn wish(scene: &Scene, parts: &[Part], materials: &[Material], fields: [u32; 2]) -> Wish {
+    let [a, b] = fields.map(|field| field as usize);
+    let all = |what: fn(Law) -> bool| {
+        let mut parts = parts.iter().zip(materials);
+        parts.all(|(part, m)| part.object != a && part.object != b || what(m.law))
+    };
+    Wish {
+        restitution: scene.surface_between(a, b).restitution,
+        solid: all(Law::is_solid),
+        elastic: all(|law| law.is_solid() && !law.is_plastic()),
+    }
+}
+
+/// An ended contact in SI units.
+pub(super) fn episode(closed: &Closed, mass_unit: f64, dx: f64) -> ContactEpisode {
+    let ratio = |speed: f64| (closed.before > 0.0).then(|| speed / closed.before);
+    ContactEpisode {
+        objects: closed.fields.map(|field| field as usize),
+        impulse: closed.impulse.map(|p| p * mass_unit * dx),
+        speed_before: closed.before * dx,
+        speed_after: closed.after.map_or(0.0, |speed| speed * dx),
+        lasting: closed.after.is_none(),
+        restitution_requested: closed.requested,
+        restitution_natural: closed.natural.and_then(ratio),
+        restitution_achieved: closed.after.and_then(ratio),
+        energy_taken: closed.lost * mass_unit * dx * dx,
+        duration: closed.duration,
+        time: closed.time,
     }
 }
 
