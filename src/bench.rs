@@ -1,5 +1,7 @@
 //! `cosplat bench`: measurements.
 
+#[path = "bench_fidelity.rs"]
+mod fidelity;
 #[path = "bench_kernel/mod.rs"]
 mod kernel;
 #[path = "bench_physgaussian.rs"]
@@ -16,6 +18,7 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum What {
+    Fidelity(fidelity::Args),
     Kernel(kernel::Args),
     Physgaussian(physgaussian::Args),
     Transport(transport::Args),
@@ -27,6 +30,7 @@ enum What {
 /// When it could not be made.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     match &args.what {
+        What::Fidelity(args) => fidelity::run(args),
         What::Kernel(args) => kernel::run(args),
         What::Physgaussian(args) => physgaussian::run(args),
         What::Transport(args) => transport::run(args),

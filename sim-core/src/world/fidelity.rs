@@ -18,7 +18,7 @@ use crate::{
 };
 
 /// How long an object must have been still before it sleeps [s].
-const REST: f64 = 0.5;
+const REST: f64 = 0.25;
 /// Particles that are watched per object at most.
 const SAMPLES: usize = 64;
 /// Reach of matter through the grid: the stencils of two particles, and the drift of one of them [cells].
