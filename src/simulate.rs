@@ -12,7 +12,7 @@ use std::{
 use anyhow::{Context, bail};
 use cosplat_server::load::load_scene;
 use cosplat_sim_core::{
-    DtLimit, Isa, ObjectState, ReferenceWorld, Scene, StepReport,
+    ContactEpisode, DtLimit, Isa, ObjectState, ReferenceWorld, Scene, StepReport,
     probe::{Measured, Probes},
 };
 use serde::Serialize;
@@ -85,6 +85,9 @@ struct Line<'a> {
     angular_momentum: [f64; 3],
     /// Absent for the reference solver, which has none.
     state_hash: Option<String>,
+    contact_nodes: u64,
+    contact_particles: u64,
+    contacts: Vec<ContactLine<'a>>,
     objects: Vec<ObjectLine<'a>>,
     probes: BTreeMap<&'a str, Option<Measured>>,
 }
@@ -94,6 +97,13 @@ struct ObjectLine<'a> {
     name: &'a str,
     #[serde(flatten)]
     state: ObjectState,
+}
+
+#[derive(Serialize)]
+struct ContactLine<'a> {
+    names: [&'a str; 2],
+    #[serde(flatten)]
+    episode: ContactEpisode,
 }
 
 /// What a finished run comes to.
@@ -248,6 +258,7 @@ fn line<'a>(
 ) -> Line<'a> {
     let name = |i: usize| scene.objects.get(i).map_or("", |o| o.name.as_str());
     let objects = report.objects.iter().enumerate();
+    let contacts = report.contacts.iter();
     Line {
         step: report.step,
         sim_time: report.sim_time,
@@ -269,6 +280,14 @@ fn line<'a>(
         linear_momentum: report.linear_momentum,
         angular_momentum: report.angular_momentum,
         state_hash: (report.state_hash != 0).then(|| format!("{:016x}", report.state_hash)),
+        contact_nodes: report.contact_nodes,
+        contact_particles: report.contact_particles,
+        contacts: contacts
+            .map(|episode| ContactLine {
+                names: episode.objects.map(name),
+                episode: *episode,
+            })
+            .collect(),
         objects: objects
             .map(|(i, state)| ObjectLine {
                 name: name(i),

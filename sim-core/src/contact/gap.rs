@@ -2,19 +2,18 @@
 
 use rayon::prelude::*;
 
-use super::sites::{NODES, Node, Site, Sites, coordinates};
+use super::sites::{Node, Site, Sites, coordinates};
 use crate::{
     grid::{Grid, NONE, OFFSETS},
-    mat3::dot,
     particles::{BLOCK, Particles},
-    simd::LANES,
+    simd::{F32x16, LANES},
 };
 
 /// Farthest that a particle may be from the normal through a node to count as opposite [cells]: a bit more than
 /// half the diagonal between nodes, so that every particle at a surface is seen by some node.
-const ASIDE: f64 = 0.9;
+const ASIDE: f32 = 0.9;
 /// Farthest from a node along the normal, and along any axis: the reach of the splines [cells].
-const REACH: f64 = 1.5;
+const REACH: f32 = 1.5;
 /// Particles are taken for balls of their volume at rest, but none larger than this [cells].
 const LARGEST_RADIUS: f64 = 0.5;
 
@@ -70,76 +69,123 @@ impl View<'_> {
     fn outermost(&self, site: &Site, side: usize) -> (Vec<f64>, u64) {
         let mut looked_at = 0;
         let mut found = vec![f64::NEG_INFINITY; self.nodes.len()];
-        let mut slot = [usize::MAX; NODES];
         let (mut first, mut last) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for (n, node) in self.nodes.iter().enumerate() {
-            if self.wanted[n] {
-                slot[node.at] = n;
-                let local = coordinates(node.at);
-                for a in 0..3 {
-                    first[a] = first[a].min(local[a] as f32 - REACH as f32);
-                    last[a] = last[a].max(local[a] as f32 + REACH as f32);
-                }
-            }
-        }
         let sign = if side == 0 { 1.0 } else { -1.0 };
+        let mut probes = Vec::with_capacity(self.nodes.len());
+        for (n, node) in self
+            .nodes
+            .iter()
+            .enumerate()
+            .filter(|(n, _)| self.wanted[*n])
+        {
+            let at = coordinates(node.at).map(|c| c as f32);
+            for a in 0..3 {
+                first[a] = first[a].min(at[a] - REACH);
+                last[a] = last[a].max(at[a] + REACH);
+            }
+            let outward = node.normal.map(|c| (sign * c) as f32);
+            probes.push((n, Probe { at, outward }));
+        }
         for (n, &tile) in self.grid.nodes[site.blocks[side]].tiles.iter().enumerate() {
             if tile == NONE || !overlaps(&self.grid.cells[tile as usize], OFFSETS[n], first, last) {
                 continue;
             }
             let block = &self.particles.blocks[tile as usize];
+            looked_at += (block.groups.len() * LANES) as u64;
             // From the block's centre to the first node of the site.
             let shift = OFFSETS[n].map(|o| (BLOCK * o) as f32 + 1.5);
-            looked_at += (block.groups.len() * LANES) as u64;
             for run in &self.particles.runs[block.runs.clone()] {
                 let volume = self.cells_per_mass[run.part];
                 // Neighbours mostly have the same mass.
                 let mut known = (0.0, 0.0);
                 for group in run.groups.clone() {
-                    let x = &self.particles.groups[group].x;
-                    let mass = &self.particles.fixed[group].mass.0;
-                    let mut near = [true; LANES];
-                    for a in 0..3 {
-                        for (lane, near) in near.iter_mut().enumerate() {
-                            let x = x[a].0[lane] + shift[a];
-                            *near &= (first[a] < x) & (x < last[a]);
-                        }
+                    let mut near = Near::new(&self.particles.groups[group].x, shift);
+                    if !near.overlaps(first, last) {
+                        continue;
                     }
-                    for lane in (0..LANES).filter(|&lane| near[lane]) {
-                        if mass[lane] <= 0.0 {
-                            continue;
+                    let mass = &self.particles.fixed[group].mass.0;
+                    for (radius, &mass) in near.radius.iter_mut().zip(mass) {
+                        if mass > 0.0 && known.0 != mass {
+                            known = (mass, radius_of(volume * f64::from(mass)) as f32);
                         }
-                        let x: [f32; 3] = std::array::from_fn(|a| x[a].0[lane] + shift[a]);
-                        if known.0 != mass[lane] {
-                            known = (mass[lane], radius(volume * f64::from(mass[lane])));
+                        *radius = if mass > 0.0 {
+                            known.1
+                        } else {
+                            f32::NEG_INFINITY
+                        };
+                    }
+                    for (n, probe) in &probes {
+                        if near.overlaps(probe.at.map(|x| x - REACH), probe.at.map(|x| x + REACH)) {
+                            found[*n] = found[*n].max(f64::from(near.outermost(probe)));
                         }
-                        self.take(&slot, x.map(f64::from), sign, known.1, &mut found);
                     }
                 }
             }
         }
         (found, looked_at)
     }
+}
 
-    /// Takes in one particle at `x` relative to the first node of the block.
-    fn take(&self, slot: &[usize; NODES], x: [f64; 3], sign: f64, radius: f64, found: &mut [f64]) {
-        let low = x.map(|x| ((x - REACH).ceil().max(0.0)) as usize);
-        let high = x.map(|x| ((x + REACH).floor().min(3.0)) as i64);
-        for i in low[0] as i64..=high[0] {
-            for j in low[1] as i64..=high[1] {
-                for k in low[2] as i64..=high[2] {
-                    let n = slot[(16 * i + 4 * j + k) as usize];
-                    if n == usize::MAX {
-                        continue;
-                    }
-                    let way = [x[0] - i as f64, x[1] - j as f64, x[2] - k as f64];
-                    let along = dot(way, self.nodes[n].normal);
-                    if dot(way, way) - along * along < ASIDE * ASIDE {
-                        found[n] = found[n].max(sign * along + radius);
-                    }
-                }
+/// A node that looks for particles.
+struct Probe {
+    /// Where it is, relative to the first node of its block [cells].
+    at: [f32; 3],
+    /// Its normal, away from the side that is searched.
+    outward: [f32; 3],
+}
+
+/// Sixteen particles relative to the first node of a block [cells].
+struct Near {
+    x: [[f32; LANES]; 3],
+    /// Infinitely negative in unused lanes.
+    radius: [f32; LANES],
+    /// Box that holds them, unused lanes too.
+    bounds: [[f32; 3]; 2],
+}
+
+impl Near {
+    fn new(x: &[F32x16; 3], shift: [f32; 3]) -> Self {
+        let mut near = Self {
+            x: [[0.0; LANES]; 3],
+            radius: [f32::NEG_INFINITY; LANES],
+            bounds: [[0.0; 3]; 2],
+        };
+        for a in 0..3 {
+            let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+            for lane in 0..LANES {
+                let x = x[a].0[lane] + shift[a];
+                near.x[a][lane] = x;
+                low = if x < low { x } else { low };
+                high = if x > high { x } else { high };
             }
+            (near.bounds[0][a], near.bounds[1][a]) = (low, high);
         }
+        near
+    }
+
+    /// Whether some of them may be in a box.
+    fn overlaps(&self, min: [f32; 3], max: [f32; 3]) -> bool {
+        let [low, high] = &self.bounds;
+        (0..3).all(|a| low[a] < max[a] && high[a] > min[a])
+    }
+
+    /// How far they reach beyond a node.
+    fn outermost(&self, probe: &Probe) -> f32 {
+        let Probe { at, outward } = probe;
+        let mut reach = [f32::NEG_INFINITY; LANES];
+        // Without branches, for the vectorizer.
+        for lane in 0..LANES {
+            let x = self.x[0][lane] - at[0];
+            let y = self.x[1][lane] - at[1];
+            let z = self.x[2][lane] - at[2];
+            let along = x * outward[0] + y * outward[1] + z * outward[2];
+            let aside = x * x + y * y + z * z - along * along;
+            let seen =
+                (x.abs() < REACH) & (y.abs() < REACH) & (z.abs() < REACH) & (aside < ASIDE * ASIDE);
+            let value = along + self.radius[lane];
+            reach[lane] = if seen { value } else { f32::NEG_INFINITY };
+        }
+        reach.into_iter().fold(f32::NEG_INFINITY, f32::max)
     }
 }
 
@@ -154,7 +200,7 @@ fn overlaps(cells: &crate::grid::Cells, offset: [i32; 3], first: [f32; 3], last:
 }
 
 /// Half the edge of a cube of this volume [cells].
-fn radius(volume: f64) -> f64 {
+fn radius_of(volume: f64) -> f64 {
     if volume >= (2.0 * LARGEST_RADIUS).powi(3) {
         return LARGEST_RADIUS;
     }
@@ -173,9 +219,9 @@ mod tests {
     #[test]
     fn the_radius_is_half_the_edge_up_to_half_a_cell() {
         for edge in [0.05, 0.25, 1.0 / 3.0, 0.5, 0.99] {
-            let found = radius(edge * edge * edge);
+            let found = radius_of(edge * edge * edge);
             assert!((found - 0.5 * edge).abs() < 1e-12, "{found} for {edge}");
         }
-        assert_eq!(radius(8.0), 0.5);
+        assert_eq!(radius_of(8.0), 0.5);
     }
 }
