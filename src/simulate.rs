@@ -12,7 +12,7 @@ use std::{
 use anyhow::{Context, bail};
 use cosplat_server::load::load_scene;
 use cosplat_sim_core::{
-    ContactEpisode, DtLimit, Isa, ObjectState, ReferenceWorld, Scene, StepReport,
+    ContactEpisode, DtLimit, Isa, ObjectState, ReferenceWorld, Scene, StepReport, Work,
     probe::{Measured, Probes},
 };
 use serde::Serialize;
@@ -75,6 +75,7 @@ struct Line<'a> {
     particle_updates: u64,
     particle_updates_full: u64,
     modelled_fraction: f64,
+    work: Work,
     left_domain: &'a [u32],
     stopped: bool,
     quarantined: &'a [u32],
@@ -118,6 +119,7 @@ struct Summary {
     rollbacks: u64,
     particle_updates: u64,
     particle_updates_full: u64,
+    work: Work,
     left_domain: usize,
     quarantined: usize,
     state_hash: Option<String>,
@@ -157,6 +159,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         rollbacks: 0,
         particle_updates: 0,
         particle_updates_full: 0,
+        work: Work::default(),
         left_domain: 0,
         quarantined: 0,
         state_hash: None,
@@ -215,6 +218,7 @@ fn simulate(
         summary.rollbacks += u64::from(report.rollbacks);
         summary.particle_updates += report.particle_updates;
         summary.particle_updates_full += report.particle_updates_full;
+        summary.work += report.work;
         summary.left_domain += report.left_domain.len();
         summary.quarantined += report.quarantined.len();
         summary.state_hash = line.state_hash;
@@ -271,6 +275,7 @@ fn line<'a>(
         particle_updates: report.particle_updates,
         particle_updates_full: report.particle_updates_full,
         modelled_fraction: fraction(report.particle_updates, report.particle_updates_full),
+        work: report.work,
         left_domain: &report.left_domain,
         stopped: report.stopped,
         quarantined: &report.quarantined,

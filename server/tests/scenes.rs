@@ -33,14 +33,22 @@ fn loaded(path: &Path) -> LoadedScene {
 }
 
 fn scenes() -> Vec<PathBuf> {
-    let entries = fs::read_dir(root().join("scenes")).expect("scenes are readable");
-    let mut paths: Vec<PathBuf> = entries.map(|e| e.expect("an entry").path()).collect();
+    let mut paths: Vec<PathBuf> = Vec::new();
+    for folder in ["scenes", "scenes/paper"] {
+        let entries = fs::read_dir(root().join(folder)).expect("scenes are readable");
+        paths.extend(entries.map(|e| e.expect("an entry").path()));
+    }
+    // Some show captures that are not part of cosplat.
+    let is_capture = |p: &Path| {
+        let text = fs::read_to_string(p).unwrap_or_default();
+        text.contains("is not part of cosplat")
+    };
     // Scripts for the controller lie beside their scenes.
     let is_script = |p: &Path| {
         p.file_stem()
             .is_some_and(|s| s.to_string_lossy().ends_with("_push"))
     };
-    paths.retain(|p| p.extension().is_some_and(|e| e == "toml") && !is_script(p));
+    paths.retain(|p| p.extension().is_some_and(|e| e == "toml") && !is_script(p) && !is_capture(p));
     paths.sort();
     paths
 }
@@ -85,6 +93,7 @@ fn the_reference_names_every_key() {
         "[[assets]]\nqqqq = 1",
         "[[objects]]\nqqqq = 1",
         "[[objects]]\nshape = { qqqq = 1 }",
+        "[[objects]]\ncoherence = { qqqq = 1, rate = 1 }",
         "[[objects]]\npath = \"x\"\nselect = { qqqq = 1, component = 0 }",
         "[[objects]]\npath = \"x\"\nsplit = { qqqq = 1, by = \"components\" }",
         "[materials.m]\nqqqq = 1",

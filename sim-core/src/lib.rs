@@ -6,9 +6,11 @@
 
 pub mod assets;
 pub mod binding;
+mod coherence;
 mod colliders;
 pub mod command;
 mod contact;
+mod contact_com;
 pub mod diagram;
 pub mod fill;
 mod grid;
@@ -33,7 +35,7 @@ mod world;
 
 pub use command::{Action, Command, CommandError};
 pub use reference::ReferenceWorld;
-pub use report::{ContactEpisode, DtLimit, ObjectState, StepReport};
+pub use report::{ContactEpisode, DtLimit, ObjectState, StepReport, Work};
 pub use scene::Scene;
 pub use simd::Isa;
 pub use world::{CheckpointError, World, WorldError};

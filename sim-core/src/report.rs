@@ -49,10 +49,46 @@ pub struct StepReport {
     pub contact_particles: u64,
     /// Contacts between deformable objects that ended in this frame, or turned out to last, in the order it happened.
     pub contacts: Vec<ContactEpisode>,
+    /// Operations by kind.
+    pub work: Work,
     /// Wall time per phase.
     pub timings: Timings,
     /// Hash of the complete state; equal for equal scene and command log.
     pub state_hash: u64,
+}
+
+/// Operations of one frame, summed over its substeps, those taken back included: what the paper's Table I counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Work {
+    /// Particles scattered to the grid.
+    pub particle_to_grid: u64,
+    /// Particles gathered from the grid.
+    pub grid_to_particle: u64,
+    /// Grid nodes updated.
+    pub grid_nodes: u64,
+    /// Nodes that two objects share, which contact looks at.
+    pub contact_nodes: u64,
+    /// Particles looked at for the gaps between objects.
+    pub contact_particles: u64,
+    /// Particles summed for the moments that contact between objects needs.
+    pub object_particles: u64,
+    /// Pairs of objects tested for contact.
+    pub object_pairs: u64,
+    /// Particles held together by the coherence constraint.
+    pub constrained_particles: u64,
+}
+
+impl std::ops::AddAssign for Work {
+    fn add_assign(&mut self, other: Self) {
+        self.particle_to_grid += other.particle_to_grid;
+        self.grid_to_particle += other.grid_to_particle;
+        self.grid_nodes += other.grid_nodes;
+        self.contact_nodes += other.contact_nodes;
+        self.contact_particles += other.contact_particles;
+        self.object_particles += other.object_particles;
+        self.object_pairs += other.object_pairs;
+        self.constrained_particles += other.constrained_particles;
+    }
 }
 
 /// Wall seconds per phase of one frame.

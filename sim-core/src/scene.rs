@@ -1,11 +1,13 @@
 //! `Scene`: everything that stays constant while a world is stepped.
 
 mod boundaries;
+mod coherence;
 mod contact;
 
 use std::ops::Range;
 
 pub use boundaries::*;
+pub use coherence::*;
 pub use contact::*;
 
 use crate::{assets::Gaussians, materials::Material};
@@ -72,6 +74,8 @@ pub struct Object {
     pub regions: Vec<MaterialRegion>,
     /// How its surface answers to other objects.
     pub surface: ContactSurface,
+    /// What holds it together besides its matter.
+    pub coherence: Option<Coherence>,
     /// Whether it is simulated.
     pub fidelity: Fidelity,
     /// Its particles in [`Scene::particles`]; empty for static objects.

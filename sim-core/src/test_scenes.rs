@@ -112,6 +112,7 @@ pub fn add_box(
         name: format!("box{}", scene.objects.len()),
         material,
         surface: ContactSurface::default(),
+        coherence: None,
         fidelity: Fidelity::Mpm,
         particles: start..scene.particles.position.len(),
         gaussians: 0..0,

@@ -154,6 +154,7 @@ pub fn scene(material: Material, layout: &Layout, with_gaussians: bool) -> Scene
             material,
             regions: vec![],
             surface: ContactSurface::default(),
+            coherence: None,
             fidelity: Fidelity::Mpm,
             particles: 0..count,
             gaussians: 0..visible,

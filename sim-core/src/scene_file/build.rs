@@ -536,6 +536,7 @@ fn push(scene: &mut Scene, part: &Part, sampled: &sampling::Sampled, body_from_a
         material: spec.material.clone(),
         regions: Vec::new(),
         surface: spec.surface,
+        coherence: spec.coherence,
         fidelity: spec.fidelity,
         particles: first_particle..scene.particles.position.len(),
         gaussians: first_gaussian..scene.gaussians.len(),

@@ -6,7 +6,9 @@ use super::{
     objects::Names,
     reader::Table,
 };
-use crate::scene::{Contact, ContactMethod, ContactSurface, Object, PairRule};
+use crate::scene::{
+    Coherence, CoherentMode, Contact, ContactMethod, ContactSurface, Object, PairRule,
+};
 
 /// How objects meet; objects by name, because splitting makes objects.
 #[derive(Clone, Debug, Default)]
@@ -62,6 +64,23 @@ pub(super) fn surface(table: &Table) -> ContactSurface {
     }
 }
 
+/// The key `coherence` of an object: a rate, or a table of a rate and a mode.
+pub(super) fn coherence(table: &Table) -> Option<Coherence> {
+    let entry = table.get("coherence")?;
+    let (rate, mode) = if entry.raw_table().is_some() {
+        let table = entry.table()?;
+        let rate = table.required("rate").and_then(|e| e.number(l::COHERENCE));
+        let mode = table
+            .get("mode")
+            .and_then(|e| e.choice(&CoherentMode::NAMES));
+        table.finish();
+        (rate?, mode.unwrap_or_default())
+    } else {
+        (entry.number(l::COHERENCE)?, CoherentMode::default())
+    };
+    (rate > 0.0).then_some(Coherence { rate, mode })
+}
+
 /// With object ids in place of names.
 pub(super) fn build(spec: &ContactSpec, objects: &[Object], errors: &mut Vec<Finding>) -> Contact {
     let mut pairs = Vec::with_capacity(spec.pairs.len());
@@ -90,7 +109,7 @@ pub(super) fn build(spec: &ContactSpec, objects: &[Object], errors: &mut Vec<Fin
 #[cfg(test)]
 mod tests {
     use super::super::{SceneFile, build};
-    use crate::scene::{ContactMethod, ContactSurface};
+    use crate::scene::{Coherence, CoherentMode, ContactMethod, ContactSurface};
 
     const OBJECTS: &str = "version = 1\ndx = 0.1\n\
         [[objects]]\nname = \"a\"\nshape = { kind = \"box\", size = [0.4, 0.4, 0.4] }\nmaterial = \"jelly\"\n\
@@ -118,6 +137,33 @@ mod tests {
             friction: 0.2,
         };
         assert_eq!(scene.surface_between(0, 1), rule);
+    }
+
+    #[test]
+    fn coherence_is_a_rate_or_a_table() {
+        let read = |text: &str| scene(text, "").map(|scene| scene.objects[1].coherence);
+        assert_eq!(read(""), Ok(None));
+        let affine = Coherence {
+            rate: 20.0,
+            mode: CoherentMode::Affine,
+        };
+        assert_eq!(read("coherence = 20\n"), Ok(Some(affine)));
+        let rigid = Coherence {
+            mode: CoherentMode::Rigid,
+            ..affine
+        };
+        let table = "coherence = { rate = 20.0, mode = \"rigid\" }\n";
+        assert_eq!(read(table), Ok(Some(rigid)));
+        assert_eq!(read("coherence = 0\n"), Ok(None));
+        for (bad, expected) in [
+            ("coherence = -1\n", "coherence"),
+            ("coherence = { mode = \"rigid\" }\n", "rate"),
+            ("coherence = { rate = 1, mode = \"stiff\" }\n", "affine"),
+            ("coherence = { rate = 1, tau = 2 }\n", "tau"),
+        ] {
+            let error = read(bad).expect_err(bad);
+            assert!(error.contains(expected), "{error}");
+        }
     }
 
     #[test]

@@ -21,6 +21,7 @@ pub(super) const DIRECTION: Bounds = bounds(-1e6, 1e6, "");
 pub(super) const TOLERANCE: Bounds = bounds(1e-6, 0.5, "of the radius");
 pub(super) const FRICTION: Bounds = bounds(0.0, 100.0, "");
 pub(super) const RESTITUTION: Bounds = bounds(0.0, 1.0, "");
+pub(super) const COHERENCE: Bounds = bounds(0.0, 1e6, "1/s");
 pub(super) const TIME: Bounds = bounds(0.0, 1e9, "s");
 pub(super) const DAMPING: Bounds = bounds(0.0, 1e6, "1/s");
 pub(super) const IMPULSE: Bounds = bounds(-1e9, 1e9, "N s, or N for a force");

@@ -172,6 +172,7 @@ fn object(
         material: material.unwrap_or_else(|| Some(static_material()))?,
         regions: regions::read(table, known, warnings),
         surface: contact::surface(table),
+        coherence: contact::coherence(table),
         fidelity,
         particles: particles.unwrap_or(filled),
         linear_velocity: linear_velocity.unwrap_or_default(),

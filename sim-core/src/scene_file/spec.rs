@@ -9,8 +9,8 @@ use super::{
 use crate::{
     materials::Material,
     scene::{
-        Aabb, Collider, ContactSurface, DomainPolicy, Fidelity, PinnedRegion, PrescribedMotion,
-        Region, RegionImpulse, SequentialRelease,
+        Aabb, Coherence, Collider, ContactSurface, DomainPolicy, Fidelity, PinnedRegion,
+        PrescribedMotion, Region, RegionImpulse, SequentialRelease,
     },
 };
 
@@ -168,6 +168,8 @@ pub struct ObjectSpec {
     pub regions: Vec<RegionSpec>,
     /// How its surface answers to other objects.
     pub surface: ContactSurface,
+    /// What holds it together besides its matter.
+    pub coherence: Option<Coherence>,
     /// Whether it is simulated.
     pub fidelity: Fidelity,
     /// Where its particles come from.

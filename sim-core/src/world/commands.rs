@@ -389,6 +389,23 @@ impl World {
     /// Adds `change` [m/s] to the velocity of an object's particles, all or those listed.
     fn push(&mut self, object: usize, change: [f64; 3], particles: Option<&[u32]>) {
         let cells = change.map(|v| (v / self.scene.dx) as f32);
+        self.add_velocity(object, cells, particles);
+        let mass = match particles {
+            None => self.report.objects[object].mass,
+            Some(list) => self.mass_of_particles(object, list),
+        };
+        for a in 0..3 {
+            self.state.momentum[object][a] += mass * change[a];
+        }
+    }
+
+    /// Adds `change` [cells/s] to the velocity of an object's particles, all or those of a sorted list.
+    pub(super) fn add_velocity(
+        &mut self,
+        object: usize,
+        change: [f32; 3],
+        particles: Option<&[u32]>,
+    ) {
         let touched = |id: u32| particles.is_none_or(|list| list.binary_search(&id).is_ok());
         let all = &mut self.state.particles;
         let parts = &self.parts;
@@ -399,18 +416,11 @@ impl World {
                     let id = all.fixed[g].id[lane];
                     if id != NO_PARTICLE && touched(id) {
                         for a in 0..3 {
-                            all.motion[g].v[a].0[lane] += cells[a];
+                            all.motion[g].v[a].0[lane] += change[a];
                         }
                     }
                 }
             }
-        }
-        let mass = match particles {
-            None => self.report.objects[object].mass,
-            Some(list) => self.mass_of_particles(object, list),
-        };
-        for a in 0..3 {
-            self.state.momentum[object][a] += mass * change[a];
         }
     }
 

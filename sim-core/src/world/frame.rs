@@ -10,11 +10,11 @@ use super::{
 };
 use crate::{
     colliders::touch::Touch,
-    contact::{Episodes, Work},
+    contact::{self, Episodes},
     mat3::dot,
     materials::Coefficients,
     particles::{Extremes, Flags, Motion, NO_PARTICLE, Particles, Run},
-    report::{DtLimit, StepReport, Timings},
+    report::{DtLimit, StepReport, Timings, Work},
     simd::LANES,
     step::{
         constitutive::PartLaw,
@@ -55,9 +55,11 @@ pub(super) struct Frame {
     rollbacks: u32,
     updates: u64,
     /// Work of contact on the grid.
-    pub contact_work: Work,
+    pub contact_work: contact::Work,
     /// Kinetic energy that objects lost by being modelled with less [J].
     pub fidelity_loss: f64,
+    /// Work done.
+    pub work: Work,
     last_dt: f64,
     smallest: Limit,
     quarantined: Vec<u32>,
@@ -84,8 +86,9 @@ impl Frame {
             substeps: 0,
             rollbacks: 0,
             updates: 0,
-            contact_work: Work::default(),
+            contact_work: contact::Work::default(),
             fidelity_loss: 0.0,
+            work: Work::default(),
             last_dt: 0.0,
             smallest: Limit::FRAME,
             quarantined: vec![],
@@ -101,6 +104,7 @@ impl Frame {
             timings: self.timings,
             rollbacks: self.rollbacks,
             updates: self.updates,
+            work: self.work,
             stopped: true,
             ..Self::new(0.0)
         };
@@ -141,6 +145,11 @@ impl Frame {
             stopped: self.stopped,
             quarantined: self.quarantined.clone(),
             timings: self.timings,
+            work: Work {
+                contact_nodes: self.contact_work.nodes,
+                contact_particles: self.contact_work.particles,
+                ..self.work
+            },
             ..StepReport::default()
         }
     }
@@ -178,6 +187,7 @@ impl World {
         self.workspace.prescribed = self.rules.speeds(&self.published.cells, frame.length);
         self.recentre();
         while frame.remaining > 0.0 && !self.state.particles.groups.is_empty() {
+            self.meet_as_spheres(frame);
             self.segment(frame);
         }
         let laws = self.laws(0.0);
@@ -258,9 +268,11 @@ impl World {
             }
             (dt, limit) = (next_dt, next_limit);
         }
+        let elapsed = taken.iter().sum();
         #[cfg(test)]
         self.workspace.substeps.extend(taken);
         std::mem::swap(&mut self.state.particles.motion, &mut self.workspace.motion);
+        self.cohere(frame, elapsed);
         self.share_volume(frame);
         if self.state.particles.flags.iter().any(|f| f.outside != 0) {
             let left = self.take_out(|flags| flags.outside);
@@ -390,8 +402,13 @@ impl World {
             &mut self.workspace.motion,
             &mut self.workspace.grid,
         );
+        let particles = self.state.awake() as u64;
         if stage != Stage::Scatter {
-            frame.updates += self.state.awake() as u64;
+            frame.updates += particles;
+            frame.work.grid_to_particle += particles;
+        }
+        if stage != Stage::Gather {
+            frame.work.particle_to_grid += particles;
         }
         frame.timings.particles += start.elapsed().as_secs_f64();
         findings
@@ -454,6 +471,12 @@ impl World {
         for a in 0..3 {
             self.state.carrier[a] += f64::from(shift[a]);
         }
+        self.survey_speeds(shift);
+    }
+
+    /// Takes `shift` [cells/s], which the carrier got, from the velocities of all particles, and finds the largest
+    /// speeds and rates.
+    pub(super) fn survey_speeds(&mut self, shift: [f32; 3]) {
         let carrier = self.state.carrier.map(|u| u as f32);
         let Particles {
             runs,

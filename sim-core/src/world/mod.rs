@@ -2,6 +2,7 @@
 
 mod boundary_checks;
 mod checkpoint;
+mod coherence;
 mod commands;
 mod edit;
 mod error;
@@ -12,6 +13,8 @@ mod initial;
 mod nodes;
 mod outside;
 mod published;
+mod shape_match;
+mod spheres;
 mod time_step;
 
 #[cfg(test)]

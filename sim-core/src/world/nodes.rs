@@ -15,6 +15,9 @@ use crate::{
     scene::{Part, Scene},
 };
 
+/// Nodes of a block.
+const NODES: u64 = 64;
+
 impl World {
     /// Runs the grid pass; returns the largest velocity component [cells/s].
     pub(super) fn nodes(&mut self, frame: &mut Frame, dt: f64) -> f64 {
@@ -26,6 +29,7 @@ impl World {
         let moving = self.boundaries.moving_on_nodes(&self.state.paths, &substep);
         let cells_per_mass = self.cells_per_mass();
         let grid = &mut self.workspace.grid;
+        frame.work.grid_nodes += NODES * grid.nodes.len() as u64;
         let carrier = self.state.carrier;
         let acting = Acting {
             boundaries: &boundaries,

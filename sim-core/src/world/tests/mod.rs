@@ -1,6 +1,7 @@
 //! Laws and stories of the fast solver.
 
 mod boundaries;
+mod coherence;
 mod damping;
 mod fields;
 mod laws;
@@ -10,6 +11,7 @@ mod rigid;
 mod robustness;
 mod rules;
 mod sleep;
+mod spheres;
 mod stories;
 
 use super::*;

@@ -1,0 +1,162 @@
+//! The coherence constraint on particles, where segments of substeps end.
+
+use rayon::prelude::*;
+
+use super::{World, frame::Frame};
+use crate::{
+    coherence::{Mode, Sums},
+    materials::Law,
+    particles::{NO_PARTICLE, Run, position_in_cells},
+    scene::Coherence,
+    simd::LANES,
+};
+
+impl World {
+    /// Brings the velocities of coherent objects nearer to their nearest coherent motion, after `dt` [s] of substeps.
+    ///
+    /// Only matter that is within its elastic limit takes part: fluids, sand, pastes and yielded particles are left
+    /// alone, and so is the momentum of the others.
+    pub(super) fn cohere(&mut self, frame: &mut Frame, dt: f64) {
+        let objects = self.scene.objects.iter();
+        let wanted: Vec<Option<Coherence>> = objects.map(|object| object.coherence).collect();
+        if wanted.iter().all(Option::is_none) {
+            return;
+        }
+        let sums = self.coherence_sums(&wanted);
+        let modes: Vec<Option<(Mode, f64)>> = wanted
+            .iter()
+            .zip(&sums)
+            .map(|(wanted, sums)| {
+                let wanted = wanted.as_ref()?;
+                let mode = Mode::nearest(sums, wanted.mode)?;
+                Some((mode, wanted.part(dt)))
+            })
+            .collect();
+        let about = self.centers();
+        let particles = &mut self.state.particles;
+        let mut count = 0;
+        for block in &particles.blocks {
+            for run in &particles.runs[block.runs.clone()] {
+                let part = &self.parts[run.part];
+                let Some((mode, step)) = &modes[part.object] else {
+                    continue;
+                };
+                let held = held(self.state.materials[run.part].law);
+                let about = about[part.object];
+                for g in run.groups.clone() {
+                    let memory = &particles.memory[g].0;
+                    for lane in 0..LANES {
+                        let used = particles.fixed[g].id[lane] != NO_PARTICLE;
+                        if !used || !holds(held, memory[lane]) {
+                            continue;
+                        }
+                        count += 1;
+                        let x = [0, 1, 2].map(|a| particles.groups[g].x[a].0[lane]);
+                        let x = position_in_cells(block.index, x);
+                        let goal = mode.at(std::array::from_fn(|a| x[a] - about[a]));
+                        let motion = &mut particles.motion[g];
+                        for a in 0..3 {
+                            let v = &mut motion.v[a].0[lane];
+                            *v += (step * (goal[a] - f64::from(*v))) as f32;
+                            for b in 0..3 {
+                                let c = &mut motion.c[3 * a + b].0[lane];
+                                *c += (step * (mode.gradient.0[a][b] - f64::from(*c))) as f32;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        frame.work.constrained_particles += count;
+        for (object, wanted) in wanted.iter().enumerate() {
+            if let Some(wanted) = wanted {
+                self.match_shape(object, wanted, dt);
+            }
+        }
+        // Single particles may have become faster: the slow ones of what moves as one.
+        self.survey_speeds([0.0; 3]);
+    }
+
+    /// A fixed point of every object [cells].
+    fn centers(&self) -> Vec<[f64; 3]> {
+        let objects = self.report.objects.iter();
+        objects
+            .map(|object| object.com.map(|x| x / self.scene.dx))
+            .collect()
+    }
+
+    /// Sums over the particles that take part, per object.
+    fn coherence_sums(&self, wanted: &[Option<Coherence>]) -> Vec<Sums> {
+        let particles = &self.state.particles;
+        let about = self.centers();
+        let partial: Vec<Vec<(usize, Sums)>> = particles
+            .blocks
+            .par_iter()
+            .map(|block| {
+                let runs = particles.runs[block.runs.clone()].iter();
+                runs.filter(|run| wanted[self.parts[run.part].object].is_some())
+                    .map(|run| {
+                        let object = self.parts[run.part].object;
+                        (object, self.held_sums(run, block.index, about[object]))
+                    })
+                    .collect()
+            })
+            .collect();
+        let mut sums = vec![Sums::default(); wanted.len()];
+        // In the order of the blocks, for any number of threads.
+        for (object, more) in partial.iter().flatten() {
+            sums[*object] += more;
+        }
+        sums
+    }
+
+    fn held_sums(&self, run: &Run, block: [i32; 3], about: [f64; 3]) -> Sums {
+        let particles = &self.state.particles;
+        let held = held(self.state.materials[run.part].law);
+        let mut sums = Sums::default();
+        for g in run.groups.clone() {
+            let (fixed, motion) = (&particles.fixed[g], &particles.motion[g]);
+            for lane in 0..LANES {
+                let used = fixed.id[lane] != NO_PARTICLE;
+                if !used || !holds(held, particles.memory[g].0[lane]) {
+                    continue;
+                }
+                let x = [0, 1, 2].map(|a| particles.groups[g].x[a].0[lane]);
+                let x = position_in_cells(block, x);
+                let r = std::array::from_fn(|a| x[a] - about[a]);
+                let v = [0, 1, 2].map(|a| f64::from(motion.v[a].0[lane]));
+                let c = std::array::from_fn(|a| {
+                    std::array::from_fn(|b| f64::from(motion.c[3 * a + b].0[lane]))
+                });
+                sums.add(f64::from(fixed.mass.0[lane]), r, v, c);
+            }
+        }
+        sums
+    }
+}
+
+/// Which particles of a law take part.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Held {
+    All,
+    /// Those whose memory says that they never yielded.
+    Unyielded,
+    None,
+}
+
+fn held(law: Law) -> Held {
+    match law {
+        Law::FixedCorotated | Law::NeoHookean => Held::All,
+        Law::VonMises { .. } | Law::Snow { .. } | Law::Plasticine { .. } => Held::Unyielded,
+        // A rigid object is coherent by itself.
+        Law::DruckerPrager { .. } | Law::Foam { .. } | Law::Fluid { .. } | Law::Rigid => Held::None,
+    }
+}
+
+fn holds(held: Held, memory: f32) -> bool {
+    match held {
+        Held::All => true,
+        Held::Unyielded => memory == 0.0,
+        Held::None => false,
+    }
+}
