@@ -6,6 +6,8 @@ mod fidelity;
 mod kernel;
 #[path = "bench_physgaussian.rs"]
 mod physgaussian;
+#[path = "bench_table1.rs"]
+mod table1;
 #[path = "bench_transport.rs"]
 mod transport;
 
@@ -21,6 +23,7 @@ enum What {
     Fidelity(fidelity::Args),
     Kernel(kernel::Args),
     Physgaussian(physgaussian::Args),
+    Table1(table1::Args),
     Transport(transport::Args),
 }
 
@@ -33,6 +36,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         What::Fidelity(args) => fidelity::run(args),
         What::Kernel(args) => kernel::run(args),
         What::Physgaussian(args) => physgaussian::run(args),
+        What::Table1(args) => table1::run(args),
         What::Transport(args) => transport::run(args),
     }
 }
