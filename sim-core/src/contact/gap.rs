@@ -41,7 +41,7 @@ pub(super) fn measure_gaps(
                 nodes,
                 wanted,
             };
-            let [(a, n), (b, m)] = [0, 1].map(|side| view.outermost(site, side));
+            let [(a, n), (b, m)] = [0, 1].map(|side| view.fastest(site, side));
             (a.iter().zip(&b).map(|(a, b)| -(a + b)).collect(), n + m)
         })
         .collect();
@@ -64,8 +64,25 @@ struct View<'a> {
 }
 
 impl View<'_> {
+    /// [`outermost`](Self::outermost) with wide registers where the processor has them: same bits, nothing is fused.
+    fn fastest(&self, site: &Site, side: usize) -> (Vec<f64>, u64) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2")]
+            fn wide(view: &View<'_>, site: &Site, side: usize) -> (Vec<f64>, u64) {
+                view.outermost(site, side)
+            }
+            if is_x86_feature_detected!("avx2") {
+                // SAFETY: the feature that `wide` is compiled for was just detected.
+                return unsafe { wide(self, site, side) };
+            }
+        }
+        self.outermost(site, side)
+    }
+
     /// How far particles of one side reach beyond each node along its normal, seen from that side [cells], and how
     /// many it looked at.
+    #[inline(always)]
     fn outermost(&self, site: &Site, side: usize) -> (Vec<f64>, u64) {
         let mut looked_at = 0;
         let mut found = vec![f64::NEG_INFINITY; self.nodes.len()];
@@ -115,7 +132,10 @@ impl View<'_> {
                         };
                     }
                     for (n, probe) in &probes {
-                        if near.overlaps(probe.at.map(|x| x - REACH), probe.at.map(|x| x + REACH)) {
+                        let [x, y, z] = probe.at;
+                        let low = [x - REACH, y - REACH, z - REACH];
+                        let high = [x + REACH, y + REACH, z + REACH];
+                        if near.overlaps(low, high) {
                             found[*n] = found[*n].max(f64::from(near.outermost(probe)));
                         }
                     }
@@ -144,6 +164,7 @@ struct Near {
 }
 
 impl Near {
+    #[inline(always)]
     fn new(x: &[F32x16; 3], shift: [f32; 3]) -> Self {
         let mut near = Self {
             x: [[0.0; LANES]; 3],
@@ -164,12 +185,18 @@ impl Near {
     }
 
     /// Whether some of them may be in a box.
+    #[inline(always)]
     fn overlaps(&self, min: [f32; 3], max: [f32; 3]) -> bool {
         let [low, high] = &self.bounds;
-        (0..3).all(|a| low[a] < max[a] && high[a] > min[a])
+        let mut overlap = true;
+        for a in 0..3 {
+            overlap &= (low[a] < max[a]) & (high[a] > min[a]);
+        }
+        overlap
     }
 
     /// How far they reach beyond a node.
+    #[inline(always)]
     fn outermost(&self, probe: &Probe) -> f32 {
         let Probe { at, outward } = probe;
         let mut reach = [f32::NEG_INFINITY; LANES];
@@ -185,7 +212,11 @@ impl Near {
             let value = along + self.radius[lane];
             reach[lane] = if seen { value } else { f32::NEG_INFINITY };
         }
-        reach.into_iter().fold(f32::NEG_INFINITY, f32::max)
+        let mut most = f32::NEG_INFINITY;
+        for reach in reach {
+            most = if reach > most { reach } else { most };
+        }
+        most
     }
 }
 
