@@ -6,6 +6,7 @@
 
 pub mod assets;
 pub mod binding;
+mod bodies;
 mod coherence;
 mod colliders;
 pub mod command;

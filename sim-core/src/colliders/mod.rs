@@ -7,13 +7,13 @@ pub(crate) mod contact;
 mod mesh;
 pub(crate) mod pose;
 pub(crate) mod rules;
-mod shape;
+pub(crate) mod shape;
 pub(crate) mod sweep;
 pub(crate) mod touch;
 
 use approach::Nearest;
 use contact::Contact;
-use pose::{conjugate, pose_at, product, rotate, rotation_vector};
+use pose::{conjugate, from_rotation_vector, pose_at, product, rotate, rotation_vector};
 use serde::{Deserialize, Serialize};
 use shape::{Distance, Shape};
 
@@ -35,6 +35,9 @@ const THIN: f64 = 4.0;
 
 /// How far in front of a collider it may act on nodes [cells]: the stencil's reach and a particle's radius.
 const NODES_REACH: f64 = 2.0;
+
+/// Distance from an open mesh at which bodies touch it [cells].
+const BODY_SKIN: f64 = 0.05;
 
 /// A moment of simulated time: what a substep needs to know to place a collider.
 #[derive(Clone, Copy, Debug)]
@@ -101,6 +104,8 @@ pub(crate) struct Body {
     /// Whether it acts on particles.
     on_particles: bool,
     radius: f64,
+    /// See [`Placed::skin`].
+    skin: f64,
 }
 
 /// A collider during one substep.
@@ -345,6 +350,11 @@ impl Body {
         let on_particles = contact.gives_back() || shape.thickness() < THIN * cell;
         Self {
             radius: shape.radius(),
+            skin: if shape.thickness() > 0.0 {
+                0.0
+            } else {
+                BODY_SKIN * cell
+            },
             shape,
             rest: collider.pose,
             motion: collider.motion.clone(),
@@ -384,6 +394,28 @@ impl Placed<'_> {
         let r = std::array::from_fn(|a| x[a] - self.start.translation[a]);
         let turn = cross(self.angular, r);
         std::array::from_fn(|a| self.linear[a] + turn[a])
+    }
+
+    /// The same collider `t` [s] into its substep.
+    pub fn later(&self, t: f64) -> Self {
+        if self.linear == [0.0; 3] && self.angular == [0.0; 3] {
+            return *self;
+        }
+        let turn = from_rotation_vector(self.angular.map(|w| t * w));
+        Self {
+            start: Pose {
+                translation: std::array::from_fn(|a| {
+                    self.start.translation[a] + t * self.linear[a]
+                }),
+                rotation: product(turn, self.start.rotation),
+            },
+            ..*self
+        }
+    }
+
+    /// Thickness that a wall without any has for bodies [units].
+    pub fn skin(&self) -> f64 {
+        self.body.skin
     }
 
     /// Largest speed of its matter within `margin` of it, as far as `reach` from its origin [units/s].

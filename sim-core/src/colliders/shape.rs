@@ -128,7 +128,8 @@ fn ball(x: [f64; 3], radius: f64) -> Distance {
     }
 }
 
-fn box_distance(half: [f64; 3], x: [f64; 3]) -> Distance {
+/// Distance from a cuboid about the origin by half its edges.
+pub(crate) fn box_distance(half: [f64; 3], x: [f64; 3]) -> Distance {
     let beyond: [f64; 3] = std::array::from_fn(|a| x[a].abs() - half[a]);
     let sign = x.map(|x| if x < 0.0 { -1.0 } else { 1.0 });
     let outside: [f64; 3] = std::array::from_fn(|a| sign[a] * beyond[a].max(0.0));

@@ -168,8 +168,7 @@ impl<'a> Touch<'a> {
     }
 
     /// What becomes of a particle that the grid moves along `way`; none when nothing acts on it.
-    /// Those of rigid objects do not move `alone` and meet no collider.
-    pub fn after(&self, id: u32, alone: bool, mut way: Way) -> Option<Touched> {
+    pub fn after(&self, id: u32, mut way: Way) -> Option<Touched> {
         if self.holds_now
             && let Some(field) = self.rules.field(self.pins, &self.now, id)
         {
@@ -179,9 +178,6 @@ impl<'a> Touch<'a> {
                 v: field.velocity(x),
                 affine: Some(field.gradient()),
             });
-        }
-        if !alone {
-            return None;
         }
         let mut touched = false;
         for _ in 0..ROUNDS {

@@ -35,6 +35,20 @@ impl Particles {
         taken
     }
 
+    /// Adds blocks behind all others: a sort must follow.
+    pub fn append(&mut self, mut other: Self) {
+        let end = [self.runs.len(), self.groups.len(), self.shapes.len()];
+        shift(&mut other.blocks, &mut other.runs, |n, by| n + by, end);
+        self.blocks.extend(other.blocks);
+        self.runs.extend(other.runs);
+        self.groups.extend(other.groups);
+        self.memory.extend(other.memory);
+        self.shapes.extend(other.shapes);
+        self.motion.extend(other.motion);
+        self.fixed.extend(other.fixed);
+        self.flags.extend(other.flags);
+    }
+
     /// Puts the particles of a field back that has none here.
     pub fn put_field(&mut self, mut other: Self) {
         let Some(field) = other.blocks.first().map(|b| b.field) else {

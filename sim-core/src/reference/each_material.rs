@@ -89,21 +89,19 @@ fn differences(scene: Scene) -> [Difference; 2] {
 /// | fixed corotated, neo-Hookean | 0.5 (0.06) | 3.2 (0.7) | |
 /// | von Mises, foam, plasticine | 1.1 (0.06) | 3.3 (0.6) | 5.3 |
 /// | fluid | 0.7 (0.05) | | 0.7 |
-/// | rigid | 8 (0.05) | 33 (0.2) | |
 /// | sand | 5.7 (0.08) | 298 (1.2) | 13 |
 /// | snow | 13 (0.3) | 65 (3.0) | 77 |
 ///
-/// Sand and snow have corners in their yield surfaces, and rigid bodies touch the floor at one moment: what happens
+/// Sand and snow have corners in their yield surfaces: what happens
 /// one substep earlier in one of the two precisions makes a jump. Until the first do (early), they differ by no more than the others.
 #[test]
 fn every_material_moves_alike_in_both_precisions() {
     let walk = ROUNDING * (SUBSTEPS as f64).sqrt();
-    for material in one_of_each() {
+    for material in one_of_each().into_iter().filter(|m| !m.law.is_rigid()) {
         let law = material.law;
         // Three times what was measured.
         let (x, f, memory) = match law {
             Law::DruckerPrager { .. } => (18.0, 900.0, 900.0),
-            Law::Rigid => (24.0, 100.0, 0.1),
             Law::Snow { .. } => (40.0, 200.0, 240.0),
             _ => (3.5, 40.0, 40.0),
         };
@@ -122,8 +120,7 @@ fn every_material_moves_alike_in_both_precisions() {
             assert!(late.position < x * walk, "{of}");
             assert!(late.deformation < f * walk, "{of}");
             assert!(late.memory < memory * walk, "{of}");
-            let strained = law == Law::Rigid || late.strain > 0.07;
-            assert!(strained, "nothing happened: {of}");
+            assert!(late.strain > 0.07, "nothing happened: {of}");
         }
     }
 }

@@ -18,7 +18,7 @@ use crate::{
         touch::{ANCHOR, Touch},
     },
     command::Command,
-    mat3::{Mat3, dot},
+    mat3::Mat3,
     materials::{Coefficients, Material, Trial},
     moments::{ParticleArrays, bodies_of, object_moments, total_momentum},
     report::StepReport,
@@ -39,8 +39,6 @@ pub struct ReferenceWorld {
     steps: u64,
     sim_time: f64,
     boundaries: Boundaries,
-    /// The same with the cell as unit of length, for rigid bodies.
-    boundaries_in_cells: Boundaries,
     paths: Paths,
     rules: Rules,
     pins: Pins,
@@ -99,9 +97,14 @@ impl Particles {
             elastic: vec![Mat3::identity().0; count],
             memory: vec![0.0; count],
         };
-        for object in &scene.objects {
+        for (id, object) in scene.objects.iter().enumerate() {
             for p in object.particles.clone() {
                 particles.mass[p] = object.density_of(p) * particles.volume[p];
+            }
+            // Bodies are no business of the grid: there is nothing to compare.
+            for part in object.parts(id).filter(|part| part.material.law.is_rigid()) {
+                particles.mass[part.particles.clone()].fill(0.0);
+                particles.volume[part.particles].fill(0.0);
             }
             particles.set_affine_motion(
                 object.particles.clone(),
@@ -128,7 +131,6 @@ impl ReferenceWorld {
             steps: 0,
             sim_time: 0.0,
             boundaries: Boundaries::new(scene, 1.0),
-            boundaries_in_cells: Boundaries::new(scene, scene.dx),
             paths: vec![None; scene.colliders.len()],
             rules: Rules::new(scene, 1.0),
             pins: vec![None; scene.objects.len()],
@@ -285,17 +287,12 @@ impl ReferenceWorld {
             node.velocity = boundaries.constrain(x, velocity, nearest, dt, dx);
         }
 
-        let mut rigid = vec![false; particles.mass.len()];
-        for (part, material) in self.parts.iter().zip(&self.materials) {
-            rigid[part.particles.clone()].fill(material.law.is_rigid());
-        }
-        // G2P; then rigid objects move as one body each, all else particle by particle.
+        // G2P, then every particle moves.
         for (p, stencil) in stencils.iter().enumerate() {
             let Some(stencil) = stencil else { continue };
             let (mut v, mut c) = grid.gather(stencil, dx);
             let ghosts = touch
                 .as_ref()
-                .filter(|_| !rigid[p])
                 .map(|touch| touch.ghosts(particles.position[p], v));
             if let Some(ghosts) = ghosts.filter(|ghosts| !ghosts.is_empty()) {
                 (v, c) = grid.gather_seen(stencil, particles.position[p], &ghosts, dx);
@@ -304,28 +301,17 @@ impl ReferenceWorld {
             particles.affine[p] = c.0;
         }
         for (part, material) in self.parts.iter().zip(&self.materials) {
-            if !material.law.is_rigid() {
-                particles.move_and_deform(part, material, dt);
-            }
-        }
-        let walls = self.boundaries_in_cells.all(&self.paths, &substep);
-        let falling = dot(self.gravity, self.gravity).sqrt() * dt / dx;
-        for object in 0..self.scene.objects.len() {
-            let parts = self.parts.iter().zip(&self.materials);
-            let rigid = parts.filter(|(p, m)| p.object == object && m.law.is_rigid());
-            let body: Vec<usize> = rigid.flat_map(|(part, _)| part.particles.clone()).collect();
-            particles.move_as_one(&body, &walls, falling, dx, dt);
+            particles.move_and_deform(part, material, dt);
         }
         if let Some(touch) = &touch {
-            for (part, material) in self.parts.iter().zip(&self.materials) {
-                let alone = !material.law.is_rigid();
+            for part in &self.parts {
                 for p in part.particles.clone().filter(|&p| stencils[p].is_some()) {
                     let way = Way {
                         from: before[p],
                         to: particles.position[p],
                         v: particles.velocity[p],
                     };
-                    if let Some(touched) = touch.after(p as u32, alone, way) {
+                    if let Some(touched) = touch.after(p as u32, way) {
                         particles.position[p] = touched.x;
                         particles.velocity[p] = touched.v;
                         particles.set_affine(p, touched.affine);

@@ -5,7 +5,6 @@ use super::{
     gather::{Gathered, gather},
     lanes::{cells_in_use, load3, load9, store3, store9},
     particle_pass::{Findings, Pass, Stage, Work},
-    rigid::RigidMotion,
     scatter::Accumulator,
     stencil::Stencil,
     touch::{BlockTouch, anchor},
@@ -13,7 +12,7 @@ use super::{
 use crate::{
     grid::{Cells, NONE, TILE, Tile, Velocities},
     kinematics::advance_deformation,
-    mat3::{Mat3, cross, dot},
+    mat3::{Mat3, dot},
     num::Real,
     particles::{BLOCK, Block, Extremes, Flags, Group, Motion},
     simd::{F32x16, LANES, Lanes},
@@ -216,48 +215,6 @@ fn advance<V: Lanes>(
     judge(x, v, c, increment.norm_squared(), live, limits, largest)
 }
 
-/// Moves particles of a rigid object; lanes that are not `live` stay as they are.
-#[inline(always)]
-fn advance_rigid<V: Lanes>(
-    group: &mut Group,
-    motion: &RigidMotion,
-    centre: [f64; 3],
-    live: V::Mask,
-    limits: &Limits<V>,
-    largest: &mut Largest<V>,
-) -> Moved<V> {
-    let zero = V::broadcast(0.0);
-    let mut x = load3::<V>(&group.x);
-    let (mut turn, mut spin, mut v) = (Mat3([[zero; 3]; 3]), [zero; 3], [zero; 3]);
-    let (mut r, mut shift) = ([zero; 3], [zero; 3]);
-    for a in 0..3 {
-        r[a] = x[a] + V::broadcast((centre[a] - motion.com[a]) as f32);
-        shift[a] = V::broadcast(motion.shift[a] as f32);
-        spin[a] = V::broadcast(motion.spin[a] as f32);
-        v[a] = V::broadcast(motion.velocity[a] as f32);
-        for b in 0..3 {
-            turn.0[a][b] = V::broadcast(motion.turn.0[a][b] as f32);
-        }
-    }
-    let way = turn.mul_vec(r);
-    for a in 0..3 {
-        x[a] = x[a] + V::select(live, shift[a] + way[a], zero);
-        r[a] = r[a] + way[a];
-    }
-    store3(x, &mut group.x);
-    let f = load9::<V>(&group.f);
-    let turned = turn.mul(&f).blend(V::broadcast(1.0), &f, V::broadcast(1.0));
-    store9(&Mat3::select(live, &turned, &f), &mut group.f);
-    let orbit = cross(spin, r);
-    for a in 0..3 {
-        v[a] = v[a] + orbit[a];
-    }
-    let [x_, y_, z_] = spin;
-    let c = Mat3([[zero, -z_, y_], [z_, zero, -x_], [-y_, x_, zero]]);
-    let strain_squared = limits.dt * limits.dt * c.norm_squared();
-    judge(x, v, c, strain_squared, live, limits, largest)
-}
-
 /// Checks moved particles against the limits.
 #[inline(always)]
 fn judge<V: Lanes>(
@@ -314,10 +271,6 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
     let mut answer = Answer::EMPTY;
     let limits = Limits::<V>::new(pass, work.block);
     let (origin, first_shape) = (work.block.groups.start, work.block.shapes.start);
-    let mut centre = [0.0; 3];
-    for a in 0..3 {
-        centre[a] = f64::from(BLOCK * work.block.index[a]) + 1.5;
-    }
     let touch = match pass.touch {
         None => None,
         Some(touch) => {
@@ -348,21 +301,16 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
                 }
                 if GATHER {
                     let before = group.x;
-                    let moved = match &pass.rigid[run.part] {
-                        None => advance(
-                            group,
-                            shape,
-                            deforms,
-                            live,
-                            &velocity_tile,
-                            &limits,
-                            touch.as_ref().map(|touch| (touch, &work.fixed[g].id)),
-                            &mut largest,
-                        ),
-                        Some(body) => {
-                            advance_rigid(group, body, centre, live, &limits, &mut largest)
-                        }
-                    };
+                    let moved = advance(
+                        group,
+                        shape,
+                        deforms,
+                        live,
+                        &velocity_tile,
+                        &limits,
+                        touch.as_ref().map(|touch| (touch, &work.fixed[g].id)),
+                        &mut largest,
+                    );
                     V::select(live, limits.dt, V::broadcast(0.0)).store(&mut dt[n]);
                     note(
                         &mut flags.bad,
@@ -377,9 +325,8 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
                     store9(&moved.c, &mut motion[n].c);
                     if let Some(touch) = &touch {
                         let ids = &work.fixed[g].id;
-                        let alone = pass.rigid[run.part].is_none();
                         let x = &mut group.x;
-                        let speed = touch.after(ids, alone, &before, x, &mut motion[n]);
+                        let speed = touch.after(ids, &before, x, &mut motion[n]);
                         largest.speed = largest.speed.max(V::broadcast(speed));
                     }
                 } else {

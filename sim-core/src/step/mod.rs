@@ -5,8 +5,6 @@ pub(crate) mod constitutive;
 pub(crate) mod gather;
 mod lanes;
 pub(crate) mod particle_pass;
-pub(crate) mod rigid;
-pub(crate) mod rigid_contact;
 pub(crate) mod scatter;
 pub(crate) mod shapes;
 pub(crate) mod sort;

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{block::block, constitutive::PartLaw, rigid::RigidMotion};
+use super::{block::block, constitutive::PartLaw};
 use crate::{
     colliders::touch::Touch,
     grid::{Cells, Grid, Tile, Velocities},
@@ -42,8 +42,6 @@ pub(crate) struct Pass<'a> {
     pub next_keep: f64,
     /// Per part.
     pub laws: &'a [PartLaw],
-    /// Per part, what rigid ones do in this substep.
-    pub rigid: &'a [Option<RigidMotion>],
     /// Largest `dt |C|` (Frobenius) that passes the guard.
     pub max_strain: f32,
     /// Largest speed [cells/s] and `|C|` [1/s] that a segment may start with.

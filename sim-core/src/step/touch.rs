@@ -127,12 +127,11 @@ impl<'a> BlockTouch<'a> {
     }
 
     /// Corrects sixteen particles that the grid moved from `before`; returns the largest squared speed of those
-    /// touched [cells^2/s^2]. Those of rigid objects do not move `alone` and meet no collider here.
+    /// touched [cells^2/s^2].
     #[inline(never)]
     pub fn after(
         &self,
         ids: &[u32; LANES],
-        alone: bool,
         before: &[F32x16; 3],
         x: &mut [F32x16; 3],
         motion: &mut Motion,
@@ -151,7 +150,7 @@ impl<'a> BlockTouch<'a> {
             if !way.to.iter().chain(&way.v).all(|value| value.is_finite()) {
                 continue;
             }
-            let Some(touched) = self.touch.after(ids[lane], alone, way) else {
+            let Some(touched) = self.touch.after(ids[lane], way) else {
                 continue;
             };
             for a in 0..3 {

@@ -160,6 +160,8 @@ impl World {
         }
         self.state = state;
         self.published = published;
+        self.reshape();
+        self.publish_bodies();
         self.workspace = Workspace::default();
         self.fit_workspace();
         self.report = StepReport::default();
@@ -249,6 +251,7 @@ impl World {
             ("shape marks", state.shaped.len(), parts),
             ("extremes", state.extremes.len(), parts),
             ("momenta", state.momentum.len(), self.scene.objects.len()),
+            ("bodies", state.rigid.len(), self.scene.objects.len()),
             ("standings", state.standing.len(), self.scene.objects.len()),
             ("pins", state.pins.len(), self.scene.objects.len()),
             ("colliders", state.paths.len(), self.scene.colliders.len()),
@@ -261,7 +264,9 @@ impl World {
         let sleeping = state.standing.iter().filter_map(Standing::sleeping);
         let all = std::iter::once(&state.particles).chain(sleeping);
         let here = all.flat_map(|p| p.fixed.iter().flat_map(|fixed| fixed.id));
-        for id in taken.chain(here.filter(|&id| id != NO_PARTICLE)) {
+        let members = || state.rigid.iter().flatten().flat_map(|r| &r.members);
+        let here = here.filter(|&id| id != NO_PARTICLE);
+        for id in taken.chain(here).chain(members().map(|m| m.id)) {
             match seen.get_mut(id as usize) {
                 Some(seen) if !*seen => *seen = true,
                 Some(_) => return Err(inconsistent(format!("particle {id} is in it twice"))),
@@ -269,7 +274,13 @@ impl World {
             }
         }
         let live = seen.iter().filter(|&&seen| seen).count() - state.removed.len();
+        let live = live - members().count();
         count("live particles", state.live, live)?;
+        for (object, rigid) in state.rigid.iter().enumerate() {
+            if rigid.as_ref().is_some_and(|rigid| !rigid.is_sound()) {
+                return Err(inconsistent(format!("the body of object {object} is none")));
+            }
+        }
         let fields: Vec<u32> = (0..parts).map(|part| self.field_of(part)).collect();
         for (object, standing) in state.standing.iter().enumerate() {
             let Some(sleeping) = standing.sleeping() else {

@@ -388,6 +388,7 @@ impl World {
 
     /// Adds `change` [m/s] to the velocity of an object's particles, all or those listed.
     fn push(&mut self, object: usize, change: [f64; 3], particles: Option<&[u32]>) {
+        self.push_body(object, change, particles);
         let cells = change.map(|v| (v / self.scene.dx) as f32);
         self.add_velocity(object, cells, particles);
         let mass = match particles {
@@ -428,6 +429,12 @@ impl World {
     fn set_velocity(&mut self, object: usize, linear: [f64; 3], angular: [f64; 3]) {
         let dx = self.scene.dx;
         let state = self.report.objects[object];
+        if let Some(body) = self.state.rigid[object].as_ref().map(|r| r.body) {
+            let r = std::array::from_fn(|a| body.com[a] - state.com[a]);
+            let turn = cross(angular, r);
+            let there = std::array::from_fn(|a| linear[a] + turn[a]);
+            self.set_body_velocity(object, there, angular);
+        }
         let carrier = self.state.carrier;
         let [x, y, z] = angular;
         let spin = [0.0, -z, y, z, 0.0, -x, -y, x, 0.0];

@@ -1,11 +1,15 @@
 //! Material edits while the world runs: what particles remember is carried over from law to law.
 
-use super::World;
+use std::collections::BTreeMap;
+
+use super::{World, bodies::Loose};
 use crate::{
     mat3::Mat3,
     materials::{Law, Material},
-    particles::{NO_PARTICLE, Particles, Run},
+    particles::{Extremes, NO_PARTICLE, Particles, Run, position_in_cells},
+    scene::Part,
     simd::LANES,
+    step::sort::{Newcomer, place},
 };
 
 impl World {
@@ -22,6 +26,13 @@ impl World {
                 part.object == object && (region.is_none() || part.region == region)
             })
             .collect();
+        let stiffens = |part: usize| self.state.materials[part].law.is_rigid();
+        if touched
+            .iter()
+            .any(|&part| stiffens(part) && !material.law.is_rigid())
+        {
+            self.thaw(object);
+        }
         let mut reshaped = false;
         for &part in &touched {
             let old = self.state.materials[part].law;
@@ -42,6 +53,125 @@ impl World {
                 for run in runs.iter().filter(|run| run.part == part) {
                     carry_over(particles, run, old.law, material.law);
                 }
+            }
+        }
+        self.freeze(object);
+    }
+
+    /// Turns the rigid body of an object into particles, with its momentum and angular momentum.
+    fn thaw(&mut self, object: usize) {
+        let Some(rigid) = self.state.rigid[object].take() else {
+            return;
+        };
+        let dx = self.scene.dx;
+        let loose = self.loosened(object, &rigid);
+        let mut newcomers = Vec::with_capacity(loose.len());
+        for p in &loose {
+            let mine = |part: &Part| part.particles.contains(&(p.id as usize));
+            let Some(part) = self.parts.iter().position(mine) else {
+                continue;
+            };
+            let mass = self.grain(object, p.id, p.x).mass;
+            newcomers.push(Newcomer {
+                id: p.id,
+                part: part as u32,
+                x: p.x.map(|x| x / dx),
+                v: std::array::from_fn(|a| (p.v[a] / dx - self.state.carrier[a]) as f32),
+                c: p.c.map(|c| c as f32),
+                mass: (mass / self.mass_unit) as f32,
+            });
+        }
+        self.state.live += newcomers.len();
+        let fields: Vec<u32> = (0..self.parts.len()).map(|p| self.field_of(p)).collect();
+        let mut placed = place(&newcomers, &fields);
+        let of: BTreeMap<u32, &Loose> = loose.iter().map(|p| (p.id, p)).collect();
+        write_deformation(&mut placed, &of, |p| &p.visible);
+        for part in (0..self.parts.len()).filter(|&p| self.parts[p].object == object) {
+            let apart = loose.iter().any(|p| p.visible != p.elastic);
+            self.state.shaped[part] |= apart && self.is_visible(part);
+        }
+        self.state.particles.append(placed);
+        // Where the visible deformation is carried apart it begins as that of the particle.
+        self.rearrange();
+        write_deformation(&mut self.state.particles, &of, |p| &p.elastic);
+    }
+
+    /// Joins the particles of an object's rigid parts to one body.
+    fn freeze(&mut self, object: usize) {
+        let (dx, carrier) = (self.scene.dx, self.state.carrier);
+        let rigid: Vec<bool> = (0..self.parts.len())
+            .map(|p| self.parts[p].object == object && self.state.materials[p].law.is_rigid())
+            .collect();
+        let mut loose = Vec::new();
+        let particles = &mut self.state.particles;
+        for block in particles.blocks.clone() {
+            for run in particles.runs[block.runs.clone()].to_vec() {
+                if !rigid[run.part] {
+                    continue;
+                }
+                let shapes = run.shapes.clone().map(Some).chain(std::iter::repeat(None));
+                for (g, shape) in run.groups.clone().zip(shapes) {
+                    for lane in 0..LANES {
+                        let id = particles.fixed[g].id[lane];
+                        if id == NO_PARTICLE {
+                            continue;
+                        }
+                        let (group, motion) = (&particles.groups[g], &particles.motion[g]);
+                        let at = [0, 1, 2].map(|a| group.x[a].0[lane]);
+                        let elastic = std::array::from_fn(|n| group.f[n].0[lane]);
+                        let visible = shape.map_or(elastic, |s| {
+                            std::array::from_fn(|n| particles.shapes[s].0[n].0[lane])
+                        });
+                        loose.push(Loose {
+                            id,
+                            x: position_in_cells(block.index, at).map(|x| x * dx),
+                            v: std::array::from_fn(|a| {
+                                (f64::from(motion.v[a].0[lane]) + carrier[a]) * dx
+                            }),
+                            c: std::array::from_fn(|n| f64::from(motion.c[n].0[lane])),
+                            visible,
+                            elastic,
+                            memory: particles.memory[g].0[lane],
+                        });
+                        particles.remove(g, lane);
+                    }
+                }
+            }
+        }
+        if loose.is_empty() {
+            return;
+        }
+        loose.sort_unstable_by_key(|p| p.id);
+        self.state.live -= loose.len();
+        self.rearrange();
+        for (part, rigid) in rigid.into_iter().enumerate() {
+            if rigid {
+                self.state.extremes[part] = Extremes::NONE;
+            }
+        }
+        if let Some(body) = self.state.rigid[object].take() {
+            // There is one already: all together make a new one.
+            loose.extend(self.loosened(object, &body));
+            loose.sort_unstable_by_key(|p| p.id);
+        }
+        self.form_body(object, &loose, Some(0.5 * dx * dx));
+    }
+}
+
+/// Gives particles a deformation gradient.
+fn write_deformation(
+    particles: &mut Particles,
+    of: &BTreeMap<u32, &Loose>,
+    which: fn(&Loose) -> &[f32; 9],
+) {
+    for g in 0..particles.groups.len() {
+        for lane in 0..LANES {
+            if let Some(member) = of.get(&particles.fixed[g].id[lane]) {
+                let f = which(member);
+                for n in 0..9 {
+                    particles.groups[g].f[n].0[lane] = f[n];
+                }
+                particles.memory[g].0[lane] = member.memory;
             }
         }
     }

@@ -3,6 +3,8 @@
 //! One tolerance decides, relative to the radius of an object: what it has not moved by within [`REST`] seconds counts
 //! as no motion. A sleeping object keeps its particles as they are and costs nothing per substep.
 
+use std::borrow::Cow;
+
 use bytemuck::bytes_of;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::Xxh3;
@@ -170,8 +172,15 @@ impl World {
         }
     }
 
-    /// Blocks of an object, awake or not, as of the last sort.
-    fn blocks_of(&self, object: usize) -> &[Block] {
+    /// Blocks of an object, awake or not, as of the last sort; those around a body.
+    fn blocks_of(&self, object: usize) -> Cow<'_, [Block]> {
+        if let Some(blocks) = self.blocks_of_body(object) {
+            return Cow::Owned(blocks);
+        }
+        Cow::Borrowed(self.blocks_of_particles(object))
+    }
+
+    fn blocks_of_particles(&self, object: usize) -> &[Block] {
         if let Some(particles) = self.state.standing[object].sleeping() {
             return &particles.blocks;
         }
@@ -207,7 +216,7 @@ impl World {
             .collect();
         let mut rousers: Vec<usize> = objects.filter(|&id| !self.state.sleeps(id)).collect();
         let disturbed = |world: &Self, object: usize| {
-            let Some([min, max]) = extent(world.blocks_of(object)) else {
+            let Some([min, max]) = extent(&world.blocks_of(object)) else {
                 return false;
             };
             let min = min.map(|i| f64::from(BLOCK * i) - REACH);
@@ -226,7 +235,7 @@ impl World {
         while let Some(rouser) = rousers.pop() {
             let reach = self.reach_of(rouser, frame);
             let blocks = self.blocks_of(rouser);
-            let near = |&&object: &&usize| are_near(self.blocks_of(object), blocks, reach);
+            let near = |&&object: &&usize| are_near(&self.blocks_of(object), &blocks, reach);
             let (roused, still): (Vec<usize>, Vec<usize>) =
                 sleeping.iter().partition(|object| near(object));
             sleeping = still;
@@ -280,7 +289,7 @@ impl World {
                 let reach = self.reach_of(island[next], frame);
                 let (near, far): (Vec<usize>, Vec<usize>) = rest
                     .iter()
-                    .partition(|&&other| are_near(self.blocks_of(other), blocks, reach));
+                    .partition(|&&other| are_near(&self.blocks_of(other), &blocks, reach));
                 island.extend(near);
                 rest = far;
                 next += 1;
@@ -293,6 +302,7 @@ impl World {
     fn put_to_sleep(&mut self, object: usize, frame: &mut Frame) {
         let mut particles = self.state.particles.take_field(object as u32);
         particles.motion.fill(Motion::REST);
+        self.stop_body(object);
         for fixed in &particles.fixed {
             for &id in fixed.id.iter().filter(|&&id| id != NO_PARTICLE) {
                 self.published.halt(id);

@@ -9,9 +9,9 @@ use super::{
     time_step::{Limit, MAX_STRAIN, MAX_TRAVEL},
 };
 use crate::{
+    bodies::{body::Body, engine::Remembered},
     colliders::touch::Touch,
     contact::{self, Episodes},
-    mat3::dot,
     materials::Coefficients,
     particles::{Extremes, Flags, Motion, NO_PARTICLE, Particles, Run},
     report::{DtLimit, StepReport, Timings, Work},
@@ -19,7 +19,6 @@ use crate::{
     step::{
         constitutive::PartLaw,
         particle_pass::{Findings, Pass, Stage, particle_pass},
-        rigid::rigid_motions,
         shapes::limit_shapes,
         sort::sort,
         volume::{NEARLY_INCOMPRESSIBLE, average_volume},
@@ -97,6 +96,16 @@ impl Frame {
         }
     }
 
+    /// Notes the particles of a body that left the domain, or, if it is not `somewhere`, failed.
+    pub fn lose_body(&mut self, ids: Vec<u32>, somewhere: bool) {
+        let list = match somewhere {
+            true => &mut self.left_domain,
+            false => &mut self.quarantined,
+        };
+        list.extend(ids);
+        list.sort_unstable();
+    }
+
     /// Makes it a frame in which nothing happens but that `left_domain` is reported.
     pub fn stop(&mut self) {
         *self = Self {
@@ -167,6 +176,8 @@ impl Frame {
 
 /// What a rollback returns to, besides the groups in the workspace.
 struct Checkpoint {
+    bodies: Vec<Option<Body>>,
+    pressing: Vec<Remembered>,
     remaining: f64,
     substeps: u32,
     drift: f64,
@@ -186,12 +197,29 @@ impl World {
         }
         self.workspace.prescribed = self.rules.speeds(&self.published.cells, frame.length);
         self.recentre();
-        while frame.remaining > 0.0 && !self.state.particles.groups.is_empty() {
-            self.meet_as_spheres(frame);
-            self.segment(frame);
+        while frame.remaining > 0.0 {
+            if !self.state.particles.groups.is_empty() {
+                self.meet_as_spheres(frame);
+                self.segment(frame);
+            } else if self.has_bodies() {
+                self.bodies_alone(frame);
+            } else {
+                break;
+            }
         }
+        self.take_out_bodies(frame);
         let laws = self.laws(0.0);
         limit_shapes(self.isa, &mut self.state.particles, &laws, frame.length);
+    }
+
+    /// What is left of a frame in which there are bodies and nothing else.
+    fn bodies_alone(&mut self, frame: &mut Frame) {
+        let start = Instant::now();
+        let dt = frame.remaining;
+        let substep = self.substep(frame, dt);
+        self.move_bodies(&substep);
+        frame.accept(dt, Limit::FRAME);
+        frame.timings.grid += start.elapsed().as_secs_f64();
     }
 
     /// Takes substeps until velocities must be written out: the frame ends, particles drifted too far from
@@ -201,6 +229,8 @@ impl World {
             self.sort(frame);
         }
         let checkpoint = Checkpoint {
+            bodies: self.bodies(),
+            pressing: self.state.pressing.clone(),
             remaining: frame.remaining,
             substeps: frame.substeps,
             drift: self.state.drift,
@@ -310,6 +340,12 @@ impl World {
         self.state.grid_speed = to.grid_speed;
         self.state.extremes.clone_from(&to.extremes);
         self.state.episodes.clone_from(&to.episodes);
+        for (rigid, body) in self.state.rigid.iter_mut().zip(&to.bodies) {
+            if let (Some(rigid), Some(body)) = (rigid, body) {
+                rigid.body = *body;
+            }
+        }
+        self.state.pressing.clone_from(&to.pressing);
         self.workspace.backup.restore(&mut self.state.particles);
     }
 
@@ -345,10 +381,6 @@ impl World {
     fn particles(&mut self, frame: &mut Frame, stage: Stage, dt: f64, next_dt: f64) -> Findings {
         let start = Instant::now();
         let laws = self.laws(next_dt);
-        let bodies = laws.iter().zip(&self.parts);
-        let body_of: Vec<Option<usize>> = bodies
-            .map(|(law, part)| law.law.is_rigid().then_some(part.object))
-            .collect();
         let [now, next] = self.around(frame, stage, dt, next_dt);
         // Field by field: particles and grid change while it is in use.
         let touch = Touch::new(
@@ -360,25 +392,6 @@ impl World {
             next,
             self.state.gravity,
         );
-        let walls = match body_of.iter().any(Option::is_some) {
-            true => self.boundaries.all(&self.state.paths, &now),
-            false => vec![],
-        };
-        let gravity = self.state.gravity;
-        let falling = dot(gravity, gravity).sqrt() * dt / self.scene.dx;
-        let rigid = match stage {
-            Stage::Scatter => vec![None; laws.len()],
-            Stage::Fused | Stage::Gather => rigid_motions(
-                self.isa,
-                &body_of,
-                &self.state.particles,
-                &self.workspace.grid,
-                self.state.carrier,
-                dt,
-                &walls,
-                falling,
-            ),
-        };
         let pass = Pass {
             stage,
             dt: dt as f32,
@@ -386,7 +399,6 @@ impl World {
             next_carrier: self.carrier_after(next.dt),
             next_keep: self.scene.conditions.damping_factor(next.dt),
             laws: &laws,
-            rigid: &rigid,
             max_strain: MAX_STRAIN as f32,
             max_speed: (MAX_TRAVEL / self.smallest_dt(frame.length)) as f32,
             max_rate: (MAX_STRAIN / self.smallest_dt(frame.length)) as f32,
@@ -456,7 +468,7 @@ impl World {
         let objects = self.report.objects.iter().zip(&self.state.momentum);
         for (_, (object, p)) in objects
             .enumerate()
-            .filter(|(id, _)| !self.state.sleeps(*id))
+            .filter(|(id, _)| !self.state.sleeps(*id) && self.state.rigid[*id].is_none())
         {
             mass += object.mass;
             for a in 0..3 {

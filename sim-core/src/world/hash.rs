@@ -46,6 +46,21 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
         ]));
         hash.update(bytes_of(&material.law.parameters()));
     }
+    for rigid in &state.rigid {
+        hash.update(&[u8::from(rigid.is_some())]);
+        if let Some(rigid) = rigid {
+            let body = &rigid.body;
+            hash.update(bytes_of(&body.com));
+            hash.update(bytes_of(&body.rotation));
+            hash.update(bytes_of(&body.velocity));
+            hash.update(bytes_of(&body.angular_momentum));
+        }
+    }
+    for known in &state.pressing {
+        hash.update(bytes_of(&known.pair));
+        hash.update(bytes_of(&known.pressed));
+        hash.update(bytes_of(&known.rubbed));
+    }
     for standing in &state.standing {
         standing.add_to(&mut hash);
     }

@@ -33,6 +33,8 @@ impl World {
             removed: vec![],
             paths: vec![None; scene.colliders.len()],
             pins: vec![None; scene.objects.len()],
+            rigid: vec![],
+            pressing: vec![],
             standing: vec![Standing::default(); scene.objects.len()],
             episodes: Default::default(),
             momentum: vec![[0.0; 3]; scene.objects.len()],
@@ -41,6 +43,8 @@ impl World {
         self.published = Published::new(scene);
         self.flag_outside();
         self.take_out(|flags| flags.outside);
+        self.form_bodies();
+        self.publish_bodies();
         self.report = StepReport::default();
     }
 
@@ -96,7 +100,8 @@ impl World {
         let mut newcomers = Vec::with_capacity(scene.particles.position.len());
         for (id, part) in self.parts.iter().enumerate() {
             let object = &scene.objects[part.object];
-            if object.fidelity == Fidelity::Static {
+            // Rigid matter becomes a body.
+            if object.fidelity == Fidelity::Static || part.material.law.is_rigid() {
                 continue;
             }
             let com = centre_of_mass(scene, object);
@@ -123,7 +128,7 @@ impl World {
 
     /// Smallest and largest position that a particle may have [cells].
     pub(super) fn domain_in_cells(&self) -> [[f64; 3]; 2] {
-        // Walls bring a particle back after the grid moved it, and hold rigid objects through nodes behind them.
+        // Walls bring a particle back after the grid moved it.
         let slack = match self.scene.conditions.domain_policy {
             DomainPolicy::Bounce => 2.0,
             DomainPolicy::Delete | DomainPolicy::Stop => 0.0,

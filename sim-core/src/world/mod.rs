@@ -1,5 +1,6 @@
 //! `World`: a scene in motion on the fast solver.
 
+mod bodies;
 mod boundary_checks;
 mod checkpoint;
 mod coherence;
@@ -27,6 +28,7 @@ pub use error::WorldError;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    bodies::{engine::Remembered, shape::Shape},
     colliders::{
         Boundaries, Paths, Substep,
         rules::{Pins, Rules},
@@ -41,6 +43,7 @@ use crate::{
     scene::{Part, Pose, Scene},
     simd::Isa,
 };
+use bodies::Rigid;
 use fidelity::Standing;
 use frame::Frame;
 use published::Published;
@@ -55,6 +58,10 @@ pub struct World {
     mass_unit: f64,
     isa: Isa,
     boundaries: Boundaries,
+    /// The same boundaries in metres: what bodies meet.
+    solids: Boundaries,
+    /// Shapes of bodies, per object; those of objects without a body mean nothing.
+    shapes: Vec<Option<Shape>>,
     rules: Rules,
     state: State,
     workspace: Workspace,
@@ -94,6 +101,10 @@ struct State {
     paths: Paths,
     /// What commands hold, per object.
     pins: Pins,
+    /// Bodies, per object.
+    rigid: Vec<Option<Rigid>>,
+    /// Forces between bodies, and colliders, in the latest substep.
+    pressing: Vec<Remembered>,
     /// How every object is modelled.
     standing: Vec<Standing>,
     /// Pairs of objects in contact.
@@ -118,6 +129,8 @@ struct Workspace {
     extent: [[i32; 3]; 2],
     /// Velocities at the end of the segment, until it is accepted.
     motion: Vec<Motion>,
+    /// Pairs of bodies, and colliders behind the last of them, in contact after the latest substep.
+    body_pairs: Vec<[u32; 2]>,
     /// Substeps of the latest frame [s], for comparison with the reference solver.
     #[cfg(test)]
     substeps: Vec<f64>,
@@ -145,6 +158,8 @@ impl World {
             isa,
             parts: scene.parts(),
             boundaries: Boundaries::new(&scene, scene.dx),
+            solids: Boundaries::new(&scene, 1.0),
+            shapes: vec![],
             rules: Rules::new(&scene, scene.dx),
             mass_unit: 1.0,
             state: State::default(),
@@ -190,6 +205,7 @@ impl World {
             particles, carrier, ..
         } = &self.state;
         self.published.update(particles, *carrier, self.scene.dx);
+        self.publish_bodies();
         self.settle(&frame);
         self.state.steps += 1;
         self.state.sim_time += frame.length;
@@ -274,7 +290,10 @@ impl World {
             let bodies = bodies_of(id, &self.parts, &self.state.materials);
             let mut state = match before.get(id) {
                 Some(old) if self.state.sleeps(id) => *old,
-                _ => object_moments(&arrays, &bodies, self.scene.dx),
+                _ => match self.body_state(id) {
+                    Some(state) => state,
+                    None => object_moments(&arrays, &bodies, self.scene.dx),
+                },
             };
             state.level = self.level(id);
             // What left with particles that were taken out is no contact.

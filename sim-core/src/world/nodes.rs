@@ -56,6 +56,7 @@ impl World {
         let met = meet(grid, &meeting, &mut self.state.episodes);
         fastest.relative = fastest.relative.max(met.largest);
         frame.contact_work.add(&met.work);
+        fastest.relative = fastest.relative.max(self.move_bodies(&substep));
         frame.timings.contact += start.elapsed().as_secs_f64();
         let carrier = self
             .state

@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 
+use super::bodies::{Rigid, attitude, turned};
 use crate::{
+    mat3::cross,
     moments::ParticleArrays,
     particles::{NO_PARTICLE, Particles, position_in_cells},
     scene::{Fidelity, Scene},
@@ -11,6 +13,8 @@ use crate::{
 
 /// Blocks per task at least.
 const TASK: usize = 8;
+/// Particles of a body per task at least.
+const MEMBERS: usize = 1024;
 
 /// Arrays in scene order.
 #[derive(Clone, Debug, Default)]
@@ -157,6 +161,47 @@ impl Published {
                                 elastic.set(at, f_e);
                             }
                         }
+                    }
+                }
+            });
+    }
+
+    /// Writes the particles of a body that turns with `spin` [rad/s].
+    pub fn update_body(&mut self, rigid: &Rigid, spin: [f64; 3], dx: f64) {
+        let cells = Shared::new(&mut self.cells);
+        let position = Shared::new(&mut self.position);
+        let velocity = Shared::new(&mut self.velocity);
+        let affine = Shared::new(&mut self.affine);
+        let apart = !self.elastic.is_empty();
+        let deformation = Shared::new(&mut self.deformation);
+        let elastic = Shared::new(&mut self.elastic);
+        let memory = Shared::new(&mut self.memory);
+        let body = &rigid.body;
+        let r = attitude(body);
+        let [x, y, z] = spin.map(|w| w as f32);
+        let turn = [0.0, -z, y, z, 0.0, -x, -y, x, 0.0];
+        rigid
+            .members
+            .par_iter()
+            .with_min_len(MEMBERS)
+            .for_each(|member| {
+                let arm = r.mul_vec(member.place);
+                let at: [f64; 3] = std::array::from_fn(|a| body.com[a] + arm[a]);
+                let orbit = cross(spin, arm);
+                let id = member.id as usize;
+                // SAFETY: a particle is in a body once.
+                unsafe {
+                    cells.set(id, at.map(|x| x / dx));
+                    position.set(id, at.map(|x| x as f32));
+                    velocity.set(
+                        id,
+                        std::array::from_fn(|a| (body.velocity[a] + orbit[a]) as f32),
+                    );
+                    affine.set(id, turn);
+                    deformation.set(id, turned(&r, &member.visible));
+                    memory.set(id, member.memory);
+                    if apart {
+                        elastic.set(id, turned(&r, &member.elastic));
                     }
                 }
             });

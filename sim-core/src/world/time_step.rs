@@ -91,7 +91,9 @@ impl World {
             .map(|id| self.critical_dt(id, &DeformationBounds::REST))
             .fold(f64::INFINITY, f64::min);
         let needed = (length / (self.scene.cfl * at_rest)).ceil() as u64;
-        self.state.live as u64 * needed.max(u64::from(substeps))
+        let rigid = self.state.rigid.iter().flatten();
+        let rigid: usize = rigid.map(|rigid| rigid.members.len()).sum();
+        (self.state.live + rigid) as u64 * needed.max(u64::from(substeps))
     }
 
     /// Whether a part has particles that are not for show alone.

@@ -1,4 +1,4 @@
-//! Rigid objects: one body each, on the same grid as everything else.
+//! Rigid objects in the world: one body each, that meets colliders, other bodies and matter on the grid.
 
 use super::*;
 
@@ -46,46 +46,12 @@ fn a_tumbling_brick_keeps_its_shape_and_its_momentum() {
         assert!((now - rest).abs() < 1e-5, "{now} was {rest}");
     }
     let p = distance(end.linear_momentum, start.linear_momentum);
-    assert!(p < 1e-6 * norm(start.linear_momentum), "{p:e}");
+    assert!(p < 1e-12 * norm(start.linear_momentum), "{p:e}");
     let l = distance(end.angular_momentum, start.angular_momentum);
-    assert!(l < 1e-5 * norm(start.angular_momentum), "{l:e}");
-    // The integrator is of second order in the turn per substep, 0.09 here: the energy swings within its square.
+    assert!(l < 1e-12 * norm(start.angular_momentum), "{l:e}");
+    // Nothing but round-off.
     let gain = end.kinetic_energy / start.kinetic_energy - 1.0;
-    assert!(gain.abs() < 0.01, "{gain:e}");
-}
-
-#[test]
-fn a_rigid_brick_follows_the_reference() {
-    let mut scene = tumbling_brick();
-    scene.gravity = [0.0, 0.0, -9.81];
-    add_plane(
-        &mut scene,
-        [0.0; 3],
-        [0.0, 0.0, 1.0],
-        Surface::Separate,
-        0.3,
-    );
-    add_box(
-        &mut scene,
-        elastic(Law::NeoHookean, 1e5, 0.3),
-        [-0.2, -0.1, 0.05],
-        0.05,
-        [9, 6, 3],
-    );
-    let mut reference = ReferenceWorld::new(&scene);
-    let mut world = World::new(scene).expect("valid scene");
-    for _ in 0..12 {
-        let report = world.step(1.0 / 60.0, &[]);
-        let expected = reference.step_with(&world.workspace.substeps, &[]);
-        for (a, b) in report.objects.iter().zip(&expected.objects) {
-            // Single precision against double over some hundred substeps with contact.
-            assert!(distance(a.com, b.com) < 2e-6, "{:?} {:?}", a.com, b.com);
-            let error = distance(a.linear_velocity, b.linear_velocity);
-            assert!(error < 2e-5, "velocity differs by {error:e}");
-            let error = distance(a.angular_momentum, b.angular_momentum);
-            assert!(error < 2e-4 * norm(b.angular_momentum), "{error:e}");
-        }
-    }
+    assert!(gain.abs() < 1e-12, "{gain:e}");
 }
 
 #[test]
@@ -99,7 +65,8 @@ fn a_rigid_ball_pushes_an_elastic_block_and_the_total_momentum_stays() {
     let mut world = World::new(scene).expect("valid scene");
     let start = world.report().clone();
     for _ in 0..60 {
-        world.step(1.0 / 60.0, &[]);
+        let report = world.step(1.0 / 60.0, &[]);
+        assert!(report.quarantined.is_empty(), "{:?}", report.quarantined);
     }
     let end = world.report();
     assert!(end.objects[1].linear_velocity[0] > 0.5, "was not pushed");
@@ -239,14 +206,14 @@ fn a_rigid_cube_slides_bounces_and_sticks_as_its_contact_says() {
         scene.colliders[0].restitution = restitution;
         World::new(scene).expect("valid scene")
     };
-    // Coulomb: v^2 / (2 mu g) until it stops, less v dt / 2 by which symplectic Euler is ahead of the slowing down.
+    // Coulomb: v^2 / (2 mu g) until it stops.
     let mut world = cube(0.3, 0.0, [1.5, 0.0, 0.0], 0.0);
     let start = world.report().objects[0].com[0];
     for _ in 0..90 {
         world.step(1.0 / 60.0, &[]);
     }
     let way = world.report().objects[0].com[0] - start;
-    let expected = 1.5 * 1.5 / (2.0 * 0.3 * 9.81) - 0.5 * 1.5 / 60.0;
+    let expected = 1.5 * 1.5 / (2.0 * 0.3 * 9.81);
     assert!((way / expected - 1.0).abs() < 0.01, "{way} of {expected}");
     assert!(norm(world.report().objects[0].linear_velocity) < 1e-3);
     // Dropped flat from 0.5 m it comes back to e^2 of that.

@@ -1,0 +1,244 @@
+//! What never changes of a body: mass, inertia, the distance from its surface, points of the surface.
+
+use super::{
+    body::{Body, Inertia},
+    field::Field,
+    points::{Cluster, cluster, of_cuboid},
+    vector::{Vec3, add, along, length, scaled, sub, unit},
+};
+use crate::{
+    colliders::{
+        pose::{conjugate, product, rotate},
+        shape::box_distance,
+    },
+    mat3::Mat3,
+    moments::quaternion,
+};
+
+/// Particles that a ball is made of at least.
+const BALL: usize = 27;
+/// Largest relative difference between what a ball's volume and its moments say about it.
+const ROUND: f64 = 0.015;
+/// Difference of two second moments, in units of their sum, up to which their axes mean nothing.
+const ALIKE: f64 = 5e-3;
+
+/// Inertia per mass of the cubes that particles stand for [m^2].
+pub(crate) fn of_cubes(grains: &[Grain]) -> f64 {
+    let (mut mass, mut sum) = (0.0, 0.0);
+    for g in grains {
+        mass += g.mass;
+        sum += g.mass * g.volume.cbrt().powi(2) / 6.0;
+    }
+    sum / mass
+}
+
+/// A particle of a body: place [m], mass [kg], volume [m^3].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Grain {
+    pub x: Vec3,
+    pub mass: f64,
+    pub volume: f64,
+}
+
+/// Mass, inertia and surface of a body, in its own frame.
+#[derive(Clone, Debug)]
+pub(crate) struct Shape {
+    pub inertia: Inertia,
+    /// Radius of the ball about the centre of mass that holds it [m].
+    pub radius: f64,
+    /// Depth of the point that is deepest inside [m].
+    pub depth: f64,
+    pub(super) form: Form,
+    /// Points of the surface, cluster after cluster; a ball needs none.
+    pub(super) points: Vec<Vec3>,
+    pub(super) clusters: Vec<Cluster>,
+}
+
+/// Where the surface is.
+#[derive(Clone, Debug)]
+pub(super) enum Form {
+    /// By its radius.
+    Ball(f64),
+    /// Along the axes of the frame, by half its edges.
+    Cuboid(Vec3),
+    Field(Box<Field>),
+}
+
+/// A body at rest where these particles are: its origin is their centre of mass, its axes those of inertia; where an
+/// axis is as good as another, that of `attitude`. None where there is no mass.
+pub(crate) fn frame(grains: &[Grain], attitude: [f64; 4]) -> Option<Body> {
+    let mass: f64 = grains.iter().map(|g| g.mass).sum();
+    if mass.is_nan() || mass <= 0.0 {
+        return None;
+    }
+    let mut com = [0.0; 3];
+    for g in grains {
+        com = along(com, g.mass / mass, sub(g.x, grains[0].x));
+    }
+    let com = add(grains[0].x, com);
+    let mut second = [[0.0; 3]; 3];
+    for g in grains {
+        let r = rotate(conjugate(attitude), sub(g.x, com));
+        for a in 0..3 {
+            for b in 0..3 {
+                second[a][b] += g.mass * r[a] * r[b];
+            }
+        }
+    }
+    let size = second[0][0] + second[1][1] + second[2][2];
+    let axes = principal_axes(Mat3(second), size);
+    Some(Body {
+        com,
+        rotation: product(attitude, quaternion(&axes)),
+        velocity: [0.0; 3],
+        angular_momentum: [0.0; 3],
+    })
+}
+
+impl Shape {
+    /// Of particles in the body's [`frame`]. Its inertia is `sum m (|r|^2 1 - r r^T)` and `own` per mass [m^2]: that of
+    /// the cubes that particles stand for, or `2 D_p = dx^2 / 2` for the affine part of APIC.
+    pub fn new(grains: &[Grain], own: f64) -> Self {
+        let inertia = Self::inertia(grains, own);
+        let local: Vec<Vec3> = grains.iter().map(|g| g.x).collect();
+        let volumes: Vec<f64> = grains.iter().map(|g| g.volume).collect();
+        let spacing = (volumes.iter().sum::<f64>() / volumes.len() as f64).cbrt();
+        let (form, points) = if let Some(radius) = ball(&local, &volumes) {
+            (Form::Ball(radius), vec![])
+        } else if let Some(half) = cuboid(&local, &volumes) {
+            (Form::Cuboid(half), of_cuboid(half, spacing))
+        } else {
+            let (field, points) = Field::new(&local, &volumes);
+            (Form::Field(Box::new(field)), points)
+        };
+        let (points, clusters) = cluster(&points, spacing);
+        let farthest = points.iter().map(|x| length(*x)).fold(0.0, f64::max);
+        let (radius, depth) = match &form {
+            Form::Ball(radius) => (*radius, *radius),
+            Form::Cuboid(half) => (farthest, half.iter().copied().fold(f64::INFINITY, f64::min)),
+            Form::Field(field) => (farthest, field.depth()),
+        };
+        Self {
+            inertia,
+            radius,
+            depth,
+            form,
+            points,
+            clusters,
+        }
+    }
+
+    /// Mass and moments of particles in the body's frame.
+    pub fn inertia(grains: &[Grain], own: f64) -> Inertia {
+        let (mut mass, mut square) = (0.0, [0.0; 3]);
+        for g in grains {
+            mass += g.mass;
+            for a in 0..3 {
+                square[a] += g.mass * g.x[a] * g.x[a];
+            }
+        }
+        let trace = square[0] + square[1] + square[2] + own * mass;
+        Inertia {
+            mass,
+            moments: square.map(|s| trace - s),
+        }
+    }
+
+    /// Signed distance of a point of the body's frame [m].
+    pub fn distance(&self, x: Vec3) -> f64 {
+        match &self.form {
+            Form::Ball(radius) => length(x) - radius,
+            Form::Cuboid(half) => box_distance(*half, x).value,
+            Form::Field(field) => field.distance(x),
+        }
+    }
+
+    /// Outward unit normal at a point of the body's frame.
+    pub fn normal(&self, x: Vec3) -> Vec3 {
+        match &self.form {
+            Form::Ball(_) => unit(x, [0.0, 0.0, 1.0]),
+            Form::Cuboid(half) => box_distance(*half, x).normal,
+            Form::Field(field) => field.normal(x),
+        }
+    }
+}
+
+/// The radius, where volume, second moment, and extent are those of a ball: then the surface is smooth, and not
+/// that of the lattice its particles sit on.
+fn ball(points: &[Vec3], volumes: &[f64]) -> Option<f64> {
+    if points.len() < BALL {
+        return None;
+    }
+    let volume: f64 = volumes.iter().sum();
+    let radius = (0.75 * volume / std::f64::consts::PI).cbrt();
+    let mut center = [0.0; 3];
+    for (x, v) in points.iter().zip(volumes) {
+        center = along(center, v / volume, *x);
+    }
+    // The frame's origin is the centre of mass: with several densities it is not that of the ball.
+    if length(center) > 1e-3 * radius {
+        return None;
+    }
+    let mut square = [0.0; 3];
+    let mut farthest = 0.0_f64;
+    for (x, v) in points.iter().zip(volumes) {
+        let r = sub(*x, center);
+        for a in 0..3 {
+            square[a] += v * (r[a] * r[a] + v.cbrt().powi(2) / 12.0) / volume;
+        }
+        farthest = farthest.max(length(r));
+    }
+    let expected = radius * radius / 5.0;
+    let round = square
+        .iter()
+        .all(|s| (s / expected - 1.0).abs() < 2.0 * ROUND);
+    let spacing = (volume / points.len() as f64).cbrt();
+    (round && farthest < radius + 0.5 * spacing).then_some(radius)
+}
+
+/// Half the edges, where volume, second moments and extent are those of a cuboid along the axes: then it has edges and
+/// flat faces.
+fn cuboid(points: &[Vec3], volumes: &[f64]) -> Option<Vec3> {
+    let volume: f64 = volumes.iter().sum();
+    let (mut square, mut farthest) = ([0.0; 3], [0.0_f64; 3]);
+    for (x, v) in points.iter().zip(volumes) {
+        for a in 0..3 {
+            square[a] += v * (x[a] * x[a] + v.cbrt().powi(2) / 12.0) / volume;
+            farthest[a] = farthest[a].max(x[a].abs());
+        }
+    }
+    let half = square.map(|s| (3.0 * s).sqrt());
+    let spacing = (volume / points.len() as f64).cbrt();
+    let fits = (0..3).all(|a| (half[a] - farthest[a] - 0.5 * spacing).abs() < 0.3 * spacing);
+    let filled = volume / (8.0 * half[0] * half[1] * half[2]);
+    // To the volume, which is exact.
+    let scale = filled.cbrt();
+    (fits && (filled - 1.0).abs() < ROUND).then(|| half.map(|x| scale * x))
+}
+
+/// Eigenvectors of a symmetric matrix of this size as columns, right-handed (Jacobi); where two eigenvalues are as good
+/// as equal, those of the identity.
+fn principal_axes(mut m: Mat3<f64>, size: f64) -> Mat3<f64> {
+    let mut axes = Mat3::identity();
+    for _ in 0..12 {
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            let off = m.0[p][q];
+            let apart = (m.0[q][q] - m.0[p][p]).hypot(2.0 * off);
+            if off.abs() <= 1e-15 * size || apart < ALIKE * size {
+                continue;
+            }
+            let angle = 0.5 * (2.0 * off).atan2(m.0[q][q] - m.0[p][p]);
+            let (s, c) = angle.sin_cos();
+            let mut turn = Mat3::identity();
+            (turn.0[p][p], turn.0[p][q]) = (c, s);
+            (turn.0[q][p], turn.0[q][q]) = (-s, c);
+            m = turn.transpose().mul(&m).mul(&turn);
+            axes = axes.mul(&turn);
+        }
+    }
+    if axes.det() < 0.0 {
+        let last = scaled(axes.column(2), -1.0);
+        return Mat3::from_columns(axes.column(0), axes.column(1), last);
+    }
+    axes
+}

@@ -1,0 +1,130 @@
+//! Sliding, rolling, lying still.
+
+use super::*;
+
+const G: f64 = 9.81;
+
+/// Gravity as on an incline of `angle` [rad] down x.
+fn on_incline(angle: f64) -> Vec3 {
+    [G * angle.sin(), 0.0, -G * angle.cos()]
+}
+
+#[test]
+fn a_block_on_an_incline_slides_or_sticks() {
+    let angle = 24.0_f64.to_radians();
+    for friction in [15.0_f64.to_radians().tan(), 0.6] {
+        let mut stage = Stage::new(on_incline(angle));
+        stage.plane([0.0, 0.0, 1.0], friction, 0.0);
+        let id = stage.add(&block([0.0, 0.0, 0.1], 0.05, [6, 6, 4]));
+        for _ in 0..120 {
+            stage.step(1.0 / 60.0);
+        }
+        let way = stage.bodies[id].com[0];
+        let slide = (G * (angle.sin() - friction * angle.cos())).max(0.0);
+        let expected = 0.5 * slide * 4.0;
+        assert!(
+            (way - expected).abs() < 1e-3 * expected.max(1e-6),
+            "{way} {expected}"
+        );
+        assert!((stage.bodies[id].com[2] - 0.1).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn a_ball_on_an_incline_rolls_or_slips_started_touching_or_dropped() {
+    let angle = 45.0_f64.to_radians();
+    let radius = 0.5;
+    for friction in [0.1, 0.2, 0.5] {
+        for drop in [0.0, 1.1 * DX] {
+            let mut stage = Stage::new(on_incline(angle));
+            stage.plane([0.0, 0.0, 1.0], friction, 0.0);
+            let id = stage.add(&ball([0.0; 3], radius, 0.05));
+            let r = stage.shapes[id].radius;
+            stage.bodies[id].com = [0.0, 0.0, r + drop];
+            // Until it lands it falls down the slope as well.
+            let landing = (2.0 * drop / (G * angle.cos())).sqrt();
+            while stage.time < landing {
+                stage.step(1.0 / 240.0);
+            }
+            let begin = stage.bodies[id];
+            let time = stage.time;
+            for _ in 0..240 {
+                stage.step(1.0 / 240.0);
+            }
+            let t = stage.time - time;
+            let body = &stage.bodies[id];
+            let way = body.com[0] - begin.com[0] - t * begin.velocity[0];
+            let (normal, down) = (G * angle.cos(), G * angle.sin());
+            let spin = |b: &Body| b.spin(&stage.shapes[id].inertia)[1];
+            let sticks = friction >= 2.0 / 7.0 * angle.tan();
+            if sticks && drop == 0.0 {
+                let expected = 5.0 / 14.0 * down * t * t;
+                assert!((way / expected - 1.0).abs() < 0.005, "{way} {expected}");
+                assert!((spin(body) * r / body.velocity[0] - 1.0).abs() < 1e-9);
+            } else if !sticks {
+                let expected = 0.5 * (down - friction * normal) * t * t;
+                assert!((way / expected - 1.0).abs() < 0.005, "{way} {expected}");
+                let expected = 2.5 * friction * normal * t / r;
+                let found = spin(body) - spin(&begin);
+                assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
+            } else {
+                // Landed with slip, it ends up rolling.
+                assert!((spin(body) * r / body.velocity[0] - 1.0).abs() < 1e-6);
+            }
+        }
+    }
+}
+
+/// Largest way that a body of a stage that has settled for a second goes in `frames` sixtieths of one [m].
+fn drift(stage: &mut Stage, frames: usize) -> f64 {
+    for _ in 0..60 {
+        stage.step(1.0 / 60.0);
+    }
+    let start = stage.bodies.clone();
+    for _ in 0..frames {
+        stage.step(1.0 / 60.0);
+    }
+    let ways = stage.bodies.iter().zip(&start);
+    ways.map(|(b, s)| length(sub(b.com, s.com)))
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn a_stack_of_five_rests() {
+    let mut stage = Stage::new([0.0, 0.0, -G]);
+    stage.plane([0.0, 0.0, 1.0], 0.5, 0.3);
+    stage.surface = (0.3, 0.5);
+    for n in 0..5 {
+        let z = 0.1 + 0.2 * f64::from(n) + 1e-3 * f64::from(n);
+        let aside = 0.01 * f64::from(n % 2);
+        stage.add(&block([aside, 0.0, z], 0.05, [4, 4, 4]));
+    }
+    let drift = drift(&mut stage, 300);
+    assert!(drift < 0.01 * DX, "{drift}");
+    let fastest = stage
+        .bodies
+        .iter()
+        .map(|b| length(b.velocity))
+        .fold(0.0, f64::max);
+    assert!(fastest < 1e-6, "{fastest:e}");
+}
+
+#[test]
+fn a_hundred_times_the_mass_rests_on_a_small_block() {
+    let mut stage = Stage::new([0.0, 0.0, -G]);
+    stage.plane([0.0, 0.0, 1.0], 0.5, 0.0);
+    stage.surface = (0.0, 0.5);
+    stage.add(&block([0.0, 0.0, 0.1], 0.05, [4, 4, 4]));
+    let mut heavy = block([0.0, 0.0, 0.3], 0.05, [4, 4, 4]);
+    for g in &mut heavy {
+        g.mass *= 100.0;
+    }
+    stage.add(&heavy);
+    let drift = drift(&mut stage, 3600);
+    assert!(drift < 0.01 * DX, "{drift}");
+    assert!(
+        (stage.bodies[1].com[2] - 0.3).abs() < 0.05 * DX,
+        "{:?}",
+        stage.bodies[1]
+    );
+}
