@@ -57,14 +57,24 @@ pub(super) struct Reaction {
     pub room: f64,
 }
 
+/// Half the spacing of particles of a rest volume, as far as it counts.
+pub(crate) fn half_spacing(volume: f64, cell: f64) -> f64 {
+    (0.5 * volume.cbrt()).min(RADIUS_MAX * cell)
+}
+
 impl Placed<'_> {
     /// A particle of this rest volume at `x` as nodes see it, when it is in range; `cell` is the cell size.
     pub fn nearest(&self, x: [f64; 3], volume: f64, cell: f64) -> Option<Nearest> {
+        self.nearest_of(x, half_spacing(volume, cell), cell)
+    }
+
+    /// The same for a particle of this [`half_spacing`].
+    pub fn nearest_of(&self, x: [f64; 3], half_spacing: f64, cell: f64) -> Option<Nearest> {
         let found = self.distance(x);
         if found.value >= (RANGE + RADIUS_MAX) * cell {
             return None;
         }
-        let gap = found.value - (0.5 * volume.cbrt()).min(RADIUS_MAX * cell);
+        let gap = found.value - half_spacing;
         (gap < RANGE * cell).then(|| Nearest {
             gap: gap as f32,
             normal: found.normal.map(|n| n as f32),

@@ -6,7 +6,7 @@ use super::{NONE, NodeBlock, TILE, boundary::near_block, topology::OFFSETS};
 use crate::{
     colliders::{
         NodeConditions,
-        approach::{Nearest, RADIUS_MAX, RANGE},
+        approach::{Nearest, RADIUS_MAX, RANGE, half_spacing},
     },
     particles::{BLOCK, Block, Particles, position_in_cells},
     simd::LANES,
@@ -14,6 +14,8 @@ use crate::{
 
 /// Nodes of a tile.
 const NODES: usize = TILE * TILE * TILE;
+/// Cells along an edge in which particles of a block may be, -1..=4.
+const CELLS: usize = TILE - 2;
 /// Particle blocks per task at least.
 const TASK: usize = 16;
 
@@ -69,40 +71,69 @@ fn approach(
         if !body.is_near(min, max, RANGE + RADIUS_MAX) {
             continue;
         }
-        let mut nodes: Option<Box<[Nearest; NODES]>> = None;
+        let mut cells: Option<[Nearest; CELLS * CELLS * CELLS]> = None;
         for run in &particles.runs[block.runs.clone()] {
+            // Particles of a part are alike more often than not.
+            let (mut alike, mut half) = (0.0, 0.0);
             for g in run.groups.clone() {
                 let (mass, x) = (&particles.fixed[g].mass.0, &particles.groups[g].x);
                 for lane in (0..LANES).filter(|&lane| mass[lane] > 0.0) {
                     let local = [x[0].0[lane], x[1].0[lane], x[2].0[lane]];
-                    let volume = f64::from(mass[lane]) * cells_per_mass[run.part];
+                    if mass[lane] != alike {
+                        alike = mass[lane];
+                        half = half_spacing(f64::from(alike) * cells_per_mass[run.part], 1.0);
+                    }
                     let at = position_in_cells(block.index, local);
-                    if let Some(nearest) = body.nearest(at, volume, 1.0) {
-                        let nodes = nodes.get_or_insert_with(|| Box::new([Nearest::NONE; NODES]));
-                        tell(nodes, local, &nearest);
+                    if let Some(nearest) = body.nearest_of(at, half, 1.0) {
+                        let cells = cells.get_or_insert([Nearest::NONE; CELLS * CELLS * CELLS]);
+                        // From -1 on, the block's centre is at 1.5; without the library's rounding.
+                        let [i, j, k] = local.map(|x| (x + 3.0).clamp(0.0, 5.5) as usize);
+                        cells[(i * CELLS + j) * CELLS + k].take(&nearest);
                     }
                 }
             }
         }
-        if let Some(nodes) = nodes {
-            found.push((body.id, nodes));
+        if let Some(cells) = cells {
+            found.push((body.id, spread(&cells)));
         }
     }
     found
 }
 
-/// Tells the nodes that a particle reaches how near it is.
-fn tell(nodes: &mut [Nearest; NODES], local: [f32; 3], nearest: &Nearest) {
-    // Nodes of the tile run from -2 to 5, the block's centre is at 1.5.
-    let first = local.map(|x| (x + 1.5).round().clamp(-1.0, 4.0) as i32 + 1);
-    let [x, y, z] = first.map(|i| i as usize);
-    for i in x..x + 3 {
-        for j in y..y + 3 {
-            for node in &mut nodes[(i * TILE + j) * TILE + z..][..3] {
-                node.take(nearest);
+/// Tells the nodes -2..=5 how near the particles are that reach them: those of the cells around them.
+fn spread(cells: &[Nearest; CELLS * CELLS * CELLS]) -> Box<[Nearest; NODES]> {
+    // One axis after the other.
+    let mut columns = [Nearest::NONE; CELLS * CELLS * TILE];
+    let mut is_used = [false; CELLS * CELLS];
+    for (row, used) in is_used.iter_mut().enumerate() {
+        for k in 0..CELLS {
+            let nearest = &cells[CELLS * row + k];
+            if *nearest != Nearest::NONE {
+                *used = true;
+                for to in &mut columns[TILE * row + k..][..3] {
+                    to.take(nearest);
+                }
             }
         }
     }
+    let mut slabs = [Nearest::NONE; CELLS * TILE * TILE];
+    for row in (0..CELLS * CELLS).filter(|&row| is_used[row]) {
+        let (i, j) = (row / CELLS, row % CELLS);
+        for to in j..j + 3 {
+            for k in 0..TILE {
+                slabs[TILE * (TILE * i + to) + k].take(&columns[TILE * row + k]);
+            }
+        }
+    }
+    let mut nodes = Box::new([Nearest::NONE; NODES]);
+    for i in (0..CELLS).filter(|i| is_used[CELLS * i..][..CELLS].contains(&true)) {
+        for to in i..i + 3 {
+            for n in 0..TILE * TILE {
+                nodes[TILE * TILE * to + n].take(&slabs[TILE * TILE * i + n]);
+            }
+        }
+    }
+    nodes
 }
 
 impl<'a> Acting<'a> {
@@ -145,12 +176,17 @@ impl<'a> Acting<'a> {
 
 /// Takes in the tile of the particle block at an offset from a node block.
 fn join(nearest: &mut [Nearest], count: usize, tile: &[Nearest; NODES], offset: [i32; 3]) {
-    for (n, nearest) in nearest.iter_mut().step_by(count).enumerate() {
-        let local = [n / 16, n / 4 % 4, n % 4];
-        let at: [i32; 3] = std::array::from_fn(|a| local[a] as i32 - BLOCK * offset[a] + 2);
-        if at.iter().all(|i| (0..TILE as i32).contains(i)) {
-            let [i, j, k] = at.map(|i| i as usize);
-            nearest.take(&tile[(i * TILE + j) * TILE + k]);
+    // Where they overlap: first and last node in the block's numbers, and what to add for the tile's.
+    let shift = offset.map(|o| 2 - BLOCK * o);
+    let first = shift.map(|s| (-s).max(0));
+    let end = shift.map(|s| (TILE as i32 - s).min(BLOCK));
+    for i in first[0]..end[0] {
+        for j in first[1]..end[1] {
+            for k in first[2]..end[2] {
+                let here = (i * BLOCK + j) * BLOCK + k;
+                let [x, y, z] = [i + shift[0], j + shift[1], k + shift[2]].map(|i| i as usize);
+                nearest[here as usize * count].take(&tile[(x * TILE + y) * TILE + z]);
+            }
         }
     }
 }
@@ -169,5 +205,52 @@ impl Allowed<'_> {
         let count = self.conditions.bodies().len();
         let nearest = &self.nearest[count * at..][..count];
         self.conditions.constrain(x, v, nearest, self.dt, 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_node_sees_the_nearest_of_all_cells_around_it_and_no_other() {
+        let mut cells = [Nearest::NONE; CELLS * CELLS * CELLS];
+        for (n, cell) in cells.iter_mut().enumerate().filter(|(n, _)| n % 7 < 2) {
+            cell.gap = (n * 37 % 101) as f32;
+        }
+        let nodes = spread(&cells);
+        for n in 0..NODES {
+            let node = [n / 64, n / 8 % 8, n % 8];
+            let sees = |c: &usize| {
+                let cell = [c / 36, c / 6 % 6, c % 6];
+                (0..3).all(|a| (cell[a]..cell[a] + 3).contains(&node[a]))
+            };
+            let around = (0..cells.len()).filter(sees).map(|c| cells[c].gap);
+            assert_eq!(
+                nodes[n].gap,
+                around.fold(f32::INFINITY, f32::min),
+                "{node:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_node_block_takes_from_a_tile_what_lies_over_it() {
+        let mut tile = Box::new([Nearest::NONE; NODES]);
+        for (n, node) in tile.iter_mut().enumerate() {
+            node.gap = n as f32;
+        }
+        for offset in OFFSETS {
+            let mut nearest = vec![Nearest::NONE; 64];
+            join(&mut nearest, 1, &tile, offset);
+            for (n, found) in nearest.iter().enumerate() {
+                let local = [n / 16, n / 4 % 4, n % 4];
+                let at: [i32; 3] = std::array::from_fn(|a| local[a] as i32 - BLOCK * offset[a] + 2);
+                let inside = at.iter().all(|i| (0..8).contains(i));
+                let number = (at[0] * 64 + at[1] * 8 + at[2]) as f32;
+                let expected = if inside { number } else { f32::INFINITY };
+                assert_eq!(found.gap, expected, "{offset:?} {local:?}");
+            }
+        }
     }
 }
