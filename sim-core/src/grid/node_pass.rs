@@ -18,8 +18,8 @@ use crate::simd::{Avx2, Avx512};
 /// Nodes lighter than this share of the heaviest particle stay at rest: their weights are denormal noise.
 const LIGHTEST: f32 = 1e-24;
 
-/// Node blocks per task at least.
-const TASK: usize = 16;
+/// Node blocks per task, at least and at most: where one thread is held up, others must find work to take over.
+const TASK: [usize; 2] = [16, 64];
 
 /// Largest speeds on the grid in one substep [cells/s].
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +53,8 @@ pub(crate) fn node_pass(
     let largest = nodes
         .par_iter()
         .zip(velocities.par_iter_mut())
-        .with_min_len(TASK)
+        .with_min_len(TASK[0])
+        .with_max_len(TASK[1])
         .map(|(block, out)| {
             let largest = sum_block(isa, block, tiles, keep, out);
             let mut given = 0;
@@ -76,7 +77,8 @@ pub(crate) fn node_means(isa: Isa, grid: &mut Grid) {
     grid.nodes
         .par_iter()
         .zip(grid.velocities.par_iter_mut())
-        .with_min_len(TASK)
+        .with_min_len(TASK[0])
+        .with_max_len(TASK[1])
         .for_each(|(block, out)| {
             sum_block(isa, block, tiles, 1.0, out);
         });

@@ -13,8 +13,8 @@ use crate::{
 #[cfg(target_arch = "x86_64")]
 use crate::simd::{Avx2, Avx512};
 
-/// Particle blocks per task at least.
-const TASK: usize = 4;
+/// Particle blocks per task, at least and at most: where one thread is held up, others must find work to take over.
+const TASK: [usize; 2] = [4, 16];
 
 /// What a particle pass does. A segment of substeps begins with a scatter, goes on fused, ends with a gather.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -153,7 +153,8 @@ pub(crate) fn particle_pass(
         });
     }
     work.into_par_iter()
-        .with_min_len(TASK)
+        .with_min_len(TASK[0])
+        .with_max_len(TASK[1])
         .map(|mut work| match isa {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: a world is only made with an instruction set that the processor has.
