@@ -5,6 +5,7 @@ mod error;
 mod gaussians;
 pub mod generate;
 pub mod mesh;
+mod mesh_ply;
 mod paint;
 pub mod ply;
 mod ply_header;

@@ -305,7 +305,7 @@ fn take_rows<'a>(
 }
 
 fn check_scalars(file: &str, element: &Element) -> Result<(), AssetError> {
-    match element.properties.iter().find(|p| p.list) {
+    match element.properties.iter().find(|p| p.list.is_some()) {
         Some(p) => Err(property_error(
             file,
             &element.name,

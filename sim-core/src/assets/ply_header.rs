@@ -57,7 +57,8 @@ impl Scalar {
 pub struct Property {
     pub name: String,
     pub scalar: Scalar,
-    pub list: bool,
+    /// How a list counts its values.
+    pub list: Option<Scalar>,
     /// Byte offset in a binary row.
     pub offset: usize,
 }
@@ -168,7 +169,7 @@ impl Header {
                     if element.find(&property.name).is_some() {
                         return Err(bad("a property name not used before", text));
                     }
-                    if !property.list {
+                    if property.list.is_none() {
                         element.row += property.scalar.size();
                     }
                     element.properties.push(property);
@@ -194,11 +195,8 @@ impl Header {
 
 fn parse_property(words: &[&str], offset: usize) -> Option<Property> {
     let (scalar, name, list) = match words {
-        ["list", count, item, name] => {
-            Scalar::parse(count)?;
-            (item, name, true)
-        }
-        [scalar, name] => (scalar, name, false),
+        ["list", count, item, name] => (item, name, Some(Scalar::parse(count)?)),
+        [scalar, name] => (scalar, name, None),
         _ => return None,
     };
     Some(Property {
