@@ -137,16 +137,6 @@ fn inside(config: &Config, model: &Gaussians, place: &Place) -> Vec<([f64; 3], f
 /// Rate of the original's damping per substep [1/s].
 fn damping(config: &Config, compat: bool, notes: &mut Notes) -> f64 {
     let dt = config.substep_dt;
-    let rpic = config.rpic_damping;
-    if rpic != 0.0 {
-        let message = if rpic < -0.001 {
-            "the original drops the affine velocity (PIC); here it is kept (APIC), which loses less motion"
-        } else {
-            "the original takes this part of the affine velocity's strain per substep; here it is kept (APIC), which \
-             loses less motion"
-        };
-        notes.ignore("rpic_damping", rpic, message);
-    }
     let scale = config.grid_v_damping_scale;
     if scale >= 1.0 {
         return 0.0;

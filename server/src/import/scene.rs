@@ -113,6 +113,10 @@ fn head(parts: &Parts, notes: &mut Notes) -> String {
     } else {
         String::new()
     };
+    let rpic = match config.rpic_damping {
+        0.0 => String::new(),
+        rpic => format!("rpic_damping = {rpic:?} # per substep, as in the original\n"),
+    };
     let per_cell = particles_per_cell(config, options.compat, notes);
     let quoted = toml::Value::String(options.name.clone());
     let compat = if options.compat {
@@ -132,7 +136,7 @@ fn head(parts: &Parts, notes: &mut Notes) -> String {
          particles_per_cell = {per_cell:?}\n\
          frame_rate = {frame_rate:?} # frame_dt\n\
          cfl = {CFL:?} # the step is chosen; substep_dt was {substep_dt:?} s\n\
-         {damping}",
+         {damping}{rpic}",
         frames = config.frame_num,
         duration = schedule.duration,
         substeps = schedule.substeps,

@@ -231,7 +231,13 @@ impl ReferenceWorld {
                 };
                 let tau = material.law.respond(&state, &numbers).tau;
                 let k = -dt * particles.volume[p] * 4.0 / (dx * dx);
-                let c = &particles.affine[p];
+                let mut c = Mat3(particles.affine[p]);
+                if let Some([a, b]) = self.scene.conditions.affine_kept()
+                    && !material.law.is_rigid()
+                {
+                    c = c.blend(a, &c.transpose(), b);
+                }
+                let c = c.0;
                 let affine = Mat3([
                     [
                         m * c[0][0] + k * tau[0],

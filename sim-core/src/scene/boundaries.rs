@@ -236,6 +236,9 @@ pub struct Conditions {
     pub domain_policy: DomainPolicy,
     /// Rate at which all velocities decay towards rest [1/s], >= 0.
     pub damping: f64,
+    /// Part of the strain rate of `C` that every transfer to the grid drops, 0..=1 (the RPIC damping of PhysGaussian):
+    /// 0 is APIC, at 1 only the rotation is left. Below -0.001 all of `C` is dropped, which is PIC.
+    pub rpic_damping: f64,
     /// Particles with a prescribed velocity; a later one wins where several act.
     pub prescribed: Vec<PrescribedMotion>,
     /// Impulses and forces on particles.
@@ -248,6 +251,18 @@ impl Conditions {
     /// What a substep of `dt` [s] leaves of a velocity; exactly 1 without damping.
     pub fn damping_factor(&self, dt: f64) -> f64 {
         (-self.damping * dt).exp()
+    }
+
+    /// What a transfer makes of the affine velocity, `C' = a C + b C^T`, as `[a, b]`; none where it keeps it.
+    pub fn affine_kept(&self) -> Option<[f64; 2]> {
+        let d = self.rpic_damping;
+        if d < -0.001 {
+            return Some([0.0; 2]);
+        }
+        (d > 0.0).then(|| {
+            let half = 0.5 * d.min(1.0);
+            [1.0 - half, -half]
+        })
     }
 }
 

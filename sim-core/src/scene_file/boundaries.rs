@@ -260,12 +260,16 @@ pub(super) fn pinned_region(table: Table) -> Option<PinnedRegion> {
     })
 }
 
-/// `damping` and the arrays `[[prescribed]]`, `[[impulses]]` and `[[releases]]`.
+/// `damping`, `rpic_damping` and the arrays `[[prescribed]]`, `[[impulses]]` and `[[releases]]`.
 pub(super) fn conditions(root: &Table, policy: DomainPolicy, objects: &Names) -> ConditionSpecs {
     let damping = root.get("damping").and_then(|e| e.number(l::DAMPING));
+    let rpic_damping = root
+        .get("rpic_damping")
+        .and_then(|e| e.number(l::RPIC_DAMPING));
     let mut found = ConditionSpecs {
         domain_policy: policy,
         damping: damping.unwrap_or(0.0),
+        rpic_damping: rpic_damping.unwrap_or(0.0),
         ..Default::default()
     };
     for entry in root.tables("prescribed") {
@@ -467,6 +471,7 @@ pub(super) fn build_conditions(
     let mut conditions = Conditions {
         domain_policy: specs.domain_policy,
         damping: specs.damping,
+        rpic_damping: specs.rpic_damping,
         ..Default::default()
     };
     for (spec, motion) in &specs.prescribed {

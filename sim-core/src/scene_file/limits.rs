@@ -24,6 +24,7 @@ pub(super) const RESTITUTION: Bounds = bounds(0.0, 1.0, "");
 pub(super) const COHERENCE: Bounds = bounds(0.0, 1e6, "1/s");
 pub(super) const TIME: Bounds = bounds(0.0, 1e9, "s");
 pub(super) const DAMPING: Bounds = bounds(0.0, 1e6, "1/s");
+pub(super) const RPIC_DAMPING: Bounds = bounds(-1.0, 1.0, "");
 pub(super) const IMPULSE: Bounds = bounds(-1e9, 1e9, "N s, or N for a force");
 pub(super) const OPACITY: Bounds = bounds(0.0, 1.0, "");
 pub(super) const COLOR: Bounds = bounds(0.0, 1.0, "");

@@ -306,6 +306,8 @@ pub struct ConditionSpecs {
     pub domain_policy: DomainPolicy,
     /// See [`Conditions::damping`](crate::scene::Conditions::damping).
     pub damping: f64,
+    /// See [`Conditions::rpic_damping`](crate::scene::Conditions::rpic_damping).
+    pub rpic_damping: f64,
     /// See [`Conditions::prescribed`](crate::scene::Conditions::prescribed).
     pub prescribed: Vec<(SelectionSpec, PrescribedMotion)>,
     /// See [`Conditions::impulses`](crate::scene::Conditions::impulses).

@@ -372,6 +372,11 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
                         cells[a].0 = cells[a].0.min(stencil.cell[a]);
                         cells[a].1 = cells[a].1.max(stencil.cell[a]);
                     }
+                    if let Some(kept) = pass.affine_kept
+                        && !law.law.is_rigid()
+                    {
+                        keep_affine::<V>(&motion[n].c, kept, &mut answer.affine[n]);
+                    }
                     let mut mass = V::load(&work.fixed[g].mass);
                     if held[n] != 0 {
                         let light = &work.fixed[g].mass;
@@ -396,6 +401,19 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
         momentum_tile.pack::<V>(work.cells, work.tile);
     }
     findings
+}
+
+/// Turns `C - s tau`, which particles carry to the grid, into `a C + b C^T - s tau`.
+#[inline(always)]
+fn keep_affine<V: Lanes>(c: &[F32x16; 9], [a, b]: [f64; 2], affine: &mut [F32x16; 9]) {
+    let (own, other) = (V::broadcast((a - 1.0) as f32), V::broadcast(b as f32));
+    for n in 0..9 {
+        let transposed = 3 * (n % 3) + n / 3;
+        let kept = own.mul_add(V::load(&c[n]), V::load(&affine[n]));
+        other
+            .mul_add(V::load(&c[transposed]), kept)
+            .store(&mut affine[n]);
+    }
 }
 
 /// Asks for the velocities that the next block will load, taking its cells in use for those of this one.

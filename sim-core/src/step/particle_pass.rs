@@ -40,6 +40,8 @@ pub(crate) struct Pass<'a> {
     pub next_carrier: [f64; 3],
     /// What damping leaves of velocities in the next transfer, 0..=1.
     pub next_keep: f64,
+    /// What the next transfer makes of affine velocities, see [`Conditions`](crate::scene::Conditions::affine_kept).
+    pub affine_kept: Option<[f64; 2]>,
     /// Per part.
     pub laws: &'a [PartLaw],
     /// Largest `dt |C|` (Frobenius) that passes the guard.

@@ -398,6 +398,7 @@ impl World {
             carrier: self.state.carrier,
             next_carrier: self.carrier_after(next.dt),
             next_keep: self.scene.conditions.damping_factor(next.dt),
+            affine_kept: self.scene.conditions.affine_kept(),
             laws: &laws,
             max_strain: MAX_STRAIN as f32,
             max_speed: (MAX_TRAVEL / self.smallest_dt(frame.length)) as f32,

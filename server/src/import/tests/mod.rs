@@ -300,11 +300,14 @@ fn damping_per_substep_becomes_a_rate() {
     }
     let undamped = imported(json!({"grid_v_damping_scale": 1.1}), false);
     assert!(!undamped.scene.contains("damping ="));
-    find(
-        &imported(json!({"rpic_damping": 0.5}), false),
-        NoteKind::Ignored,
-        "rpic_damping",
-    );
+    for rpic in [0.5, -0.5] {
+        let damped = imported(json!({"rpic_damping": rpic}), false);
+        near(
+            number(&toml::Value::Table(built(&damped)), "rpic_damping"),
+            rpic,
+        );
+    }
+    assert!(!undamped.scene.contains("rpic_damping"));
 }
 
 #[test]
