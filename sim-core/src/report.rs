@@ -138,6 +138,8 @@ pub enum Level {
     Mpm = 2,
     /// At rest, until something comes near.
     Asleep = 3,
+    /// One body.
+    Rigid = 4,
 }
 
 /// Contact of two deformable objects from first touch to parting. Speeds are those of their rigid motions at the

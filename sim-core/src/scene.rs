@@ -161,15 +161,18 @@ pub enum Fidelity {
     Static = 1,
     /// Material points.
     Mpm = 2,
+    /// One body, whatever its material.
+    Rigid = 4,
     /// As little as [`Scene::tolerance`] allows.
     Auto = 3,
 }
 
 impl Fidelity {
     /// Names in scene files.
-    pub const NAMES: [(&'static str, Self); 3] = [
+    pub const NAMES: [(&'static str, Self); 4] = [
         ("static", Self::Static),
         ("mpm", Self::Mpm),
+        ("rigid", Self::Rigid),
         ("auto", Self::Auto),
     ];
 

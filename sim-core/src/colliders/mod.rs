@@ -282,6 +282,18 @@ impl Boundaries {
         }
     }
 
+    /// Whether anything of them is in a box [units], or may come there within a substep.
+    pub fn reach(&self, paths: &Paths, substep: &Substep, min: [f64; 3], max: [f64; 3]) -> bool {
+        let all = self.all(paths, substep);
+        let held = |region: &PinnedRegion| {
+            let held = self.held(region, substep);
+            held.is_some_and(|held| held.touches(min, max))
+        };
+        all.iter()
+            .any(|placed| placed.comes_near(min, max, substep))
+            || self.regions.iter().any(held)
+    }
+
     /// Whether something of them begins, ends, or moves near a box [units] during a substep.
     pub fn disturb(&self, paths: &Paths, substep: &Substep, min: [f64; 3], max: [f64; 3]) -> bool {
         let (first, last) = (substep.time - substep.dt, substep.time + substep.dt);
@@ -292,9 +304,8 @@ impl Boundaries {
                     .any(|t| (first..=last).contains(t))
         };
         let moves = |placed: &Placed<'_>| {
-            let reach = farthest(placed.start.translation, min, max);
-            let speed = placed.speed(0.0, reach);
-            speed > 0.0 && placed.is_near(min, max, speed * substep.dt)
+            let is_still = placed.linear == [0.0; 3] && placed.angular == [0.0; 3];
+            !is_still && placed.comes_near(min, max, substep)
         };
         let drifts = |region: &PinnedRegion| {
             region.velocity != [0.0; 3]
@@ -438,6 +449,12 @@ impl Placed<'_> {
             return linear;
         }
         linear + angular * (self.body.radius + margin).min(reach)
+    }
+
+    /// Whether it may come into a box during a substep.
+    fn comes_near(&self, min: [f64; 3], max: [f64; 3], substep: &Substep) -> bool {
+        let reach = farthest(self.start.translation, min, max);
+        self.is_near(min, max, self.speed(0.0, reach) * substep.dt)
     }
 
     /// Whether a point of a box may be closer than `margin` [units]; may err on the side of yes.

@@ -15,7 +15,7 @@ use crate::{
     mat3::{Mat3, cross},
     particles::{BLOCK, Block},
     report::ObjectState,
-    scene::Fidelity,
+    scene::{Fidelity, Part},
 };
 
 /// The rigid particles of an object as one body.
@@ -196,8 +196,9 @@ impl World {
                 continue;
             }
             let parts = self.parts.iter();
-            let rigid = parts.filter(|p| p.object == object && p.material.law.is_rigid());
-            let ids: Vec<usize> = rigid.flat_map(|part| part.particles.clone()).collect();
+            let rigid = parts.enumerate();
+            let rigid = rigid.filter(|(n, p)| p.object == object && self.is_joined(*n));
+            let ids: Vec<usize> = rigid.flat_map(|(_, part)| part.particles.clone()).collect();
             let (inside, outside): (Vec<usize>, Vec<usize>) = ids
                 .into_iter()
                 .partition(|&p| self.is_inside(self.scene.particles.position[p]));
@@ -493,16 +494,21 @@ impl World {
         }
     }
 
+    /// Whether an object is a body and nothing else.
+    pub(super) fn is_one_body(&self, object: usize) -> bool {
+        let apart = |(n, part): (usize, &Part)| {
+            part.object == object && !self.is_joined(n) && !part.particles.is_empty()
+        };
+        self.state.rigid[object].is_some() && !self.parts.iter().enumerate().any(apart)
+    }
+
     /// Moments of an object that is one body, in full.
     pub(super) fn body_state(&self, object: usize) -> Option<ObjectState> {
         let (rigid, shape) = (
             self.state.rigid[object].as_ref()?,
             self.shapes[object].as_ref()?,
         );
-        let mut parts = self.parts.iter().zip(&self.state.materials);
-        if parts.any(|(part, m)| {
-            part.object == object && !m.law.is_rigid() && !part.particles.is_empty()
-        }) {
+        if !self.is_one_body(object) {
             return None;
         }
         let Body {
@@ -544,6 +550,7 @@ impl World {
             rotation: crate::moments::quaternion(&crate::materials::polar::rotation(&mean)),
             radius: (5.0 / 3.0 * spread / mass).max(0.0).sqrt(),
             kinetic_energy: rigid.body.kinetic_energy(&shape.inertia),
+            elastic_energy: self.state.standing[object].stored_energy(),
             ..ObjectState::default()
         })
     }

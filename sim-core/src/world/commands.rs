@@ -343,7 +343,10 @@ impl World {
             | Effect::Velocity { object, .. }
             | Effect::Material { object, .. }
             | Effect::Pin { object, .. }
-            | Effect::Release { object } => self.wake(object),
+            | Effect::Release { object } => {
+                self.wake(object);
+                self.bring_back(object);
+            }
             Effect::Gravity(_) => self.wake_all(),
             // What a collider comes near is woken when the frame begins; a reset forgets all sleep.
             Effect::Path { .. } | Effect::Reset => {}

@@ -59,7 +59,7 @@ impl World {
     }
 
     /// Turns the rigid body of an object into particles, with its momentum and angular momentum.
-    fn thaw(&mut self, object: usize) {
+    pub(super) fn thaw(&mut self, object: usize) {
         let Some(rigid) = self.state.rigid[object].take() else {
             return;
         };
@@ -96,11 +96,11 @@ impl World {
         write_deformation(&mut self.state.particles, &of, |p| &p.elastic);
     }
 
-    /// Joins the particles of an object's rigid parts to one body.
-    fn freeze(&mut self, object: usize) {
+    /// Joins the particles of those parts of an object that are to be rigid to one body.
+    pub(super) fn freeze(&mut self, object: usize) {
         let (dx, carrier) = (self.scene.dx, self.state.carrier);
         let rigid: Vec<bool> = (0..self.parts.len())
-            .map(|p| self.parts[p].object == object && self.state.materials[p].law.is_rigid())
+            .map(|p| self.parts[p].object == object && self.is_joined(p))
             .collect();
         let mut loose = Vec::new();
         let particles = &mut self.state.particles;

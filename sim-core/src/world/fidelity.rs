@@ -15,7 +15,7 @@ use crate::{
     mat3::dot,
     particles::{BLOCK, Block, Extremes, Motion, NO_PARTICLE, Particles},
     report::{Level, ObjectState},
-    scene::{ContactMethod, Fidelity},
+    scene::{ContactMethod, Fidelity, Object},
     simd::F32x16,
 };
 
@@ -35,6 +35,12 @@ pub(super) struct Standing {
     anchor: Vec<[f32; 3]>,
     /// For how long it has been still [s].
     still: f64,
+    /// Its samples in the frame of its mean rotation when its shape last changed [m].
+    pub shape: Vec<[f32; 3]>,
+    /// For how long it has kept its shape [s].
+    pub steady: f64,
+    /// Elastic energy of its matter when a body took its place, as long as that does [J].
+    pub stand_in: Option<f64>,
 }
 
 /// A sleeping object.
@@ -51,6 +57,13 @@ impl Standing {
         hash.update(&[u8::from(self.asleep.is_some())]);
         hash.update(bytes_of(&self.still));
         hash.update(bytemuck::cast_slice(&self.anchor));
+        hash.update(bytes_of(&[self.steady, self.stored_energy()]));
+        hash.update(bytemuck::cast_slice(&self.shape));
+    }
+
+    /// Elastic energy that a body holds for its matter [J].
+    pub fn stored_energy(&self) -> f64 {
+        self.stand_in.unwrap_or(0.0)
     }
 
     /// Parts of which it holds what a sleeping object must remember.
@@ -79,13 +92,29 @@ impl State {
     }
 }
 
+/// The particles of an object that are watched, spread over all of them.
+pub(super) fn samples(object: &Object) -> impl Iterator<Item = usize> {
+    let range = object.particles.clone();
+    let stride = range.len().div_ceil(SAMPLES).max(1);
+    range.step_by(stride)
+}
+
+/// Whether all samples are within `limit` [m] of where they were.
+pub(super) fn stayed(here: &[[f32; 3]], before: &[[f32; 3]], limit: f64) -> bool {
+    let near = |(x, y): (&[f32; 3], &[f32; 3])| {
+        let way: [f64; 3] = std::array::from_fn(|a| f64::from(x[a]) - f64::from(y[a]));
+        dot(way, way) <= limit * limit
+    };
+    here.len() == before.len() && here.iter().zip(before).all(near)
+}
+
 fn count(particles: &Particles) -> usize {
     let ids = particles.fixed.iter().flat_map(|fixed| fixed.id);
     ids.filter(|&id| id != NO_PARTICLE).count()
 }
 
 /// Smallest and largest block index, or `None` without blocks.
-fn extent(blocks: &[Block]) -> Option<[[i32; 3]; 2]> {
+pub(super) fn extent(blocks: &[Block]) -> Option<[[i32; 3]; 2]> {
     let first = blocks.first()?.index;
     let mut extent = [first; 2];
     for block in blocks {
@@ -98,7 +127,7 @@ fn extent(blocks: &[Block]) -> Option<[[i32; 3]; 2]> {
 }
 
 /// Whether some blocks of two sorted lists are at most `reach` blocks apart along every axis.
-fn are_near(one: &[Block], other: &[Block], reach: i32) -> bool {
+pub(super) fn are_near(one: &[Block], other: &[Block], reach: i32) -> bool {
     let (Some(a), Some(b)) = (extent(one), extent(other)) else {
         return false;
     };
@@ -127,7 +156,7 @@ fn are_near(one: &[Block], other: &[Block], reach: i32) -> bool {
 
 impl World {
     /// Whether an object may be modelled with less than all of its particles.
-    fn is_automatic(&self, object: usize) -> bool {
+    pub(super) fn is_automatic(&self, object: usize) -> bool {
         let apart = matches!(
             self.scene.contact.method,
             ContactMethod::MultiField | ContactMethod::TwoScale
@@ -140,7 +169,8 @@ impl World {
         match self.scene.objects[object].fidelity {
             Fidelity::Static => Level::Static,
             _ if self.state.sleeps(object) => Level::Asleep,
-            Fidelity::Mpm | Fidelity::Auto => Level::Mpm,
+            _ if self.is_one_body(object) => Level::Rigid,
+            Fidelity::Mpm | Fidelity::Auto | Fidelity::Rigid => Level::Mpm,
         }
     }
 
@@ -163,6 +193,7 @@ impl World {
             .into_iter()
             .filter(|&id| !self.state.sleeps(id))
             .collect();
+        self.settle_stand_ins(frame);
         for island in self.islands(&awake, frame.length) {
             if island.iter().all(|&object| self.may_sleep(object)) {
                 for object in island {
@@ -173,7 +204,7 @@ impl World {
     }
 
     /// Blocks of an object, awake or not, as of the last sort; those around a body.
-    fn blocks_of(&self, object: usize) -> Cow<'_, [Block]> {
+    pub(super) fn blocks_of(&self, object: usize) -> Cow<'_, [Block]> {
         if let Some(blocks) = self.blocks_of_body(object) {
             return Cow::Owned(blocks);
         }
@@ -192,12 +223,8 @@ impl World {
     }
 
     /// Blocks that an object may cross within two frames, and reach beyond.
-    fn reach_of(&self, object: usize, frame: f64) -> i32 {
-        let state = &self.report.objects[object];
-        let speed = |v: [f64; 3]| dot(v, v).sqrt();
-        let fastest =
-            speed(state.linear_velocity) + 2.0 * state.radius * speed(state.angular_velocity);
-        let cells = 2.0 * frame * fastest / self.scene.dx;
+    pub(super) fn reach_of(&self, object: usize, frame: f64) -> i32 {
+        let cells = 2.0 * frame * self.fastest(object) / self.scene.dx;
         ((cells.min(1e6) + REACH) / f64::from(BLOCK)).ceil() as i32
     }
 
@@ -248,33 +275,31 @@ impl World {
 
     /// Takes note of whether an object is still.
     fn watch(&mut self, object: usize, frame: f64) {
-        let range = self.scene.objects[object].particles.clone();
-        let stride = range.len().div_ceil(SAMPLES).max(1);
         let position = &self.published.position;
-        let here = || range.clone().step_by(stride).map(|p| position[p]);
+        let samples = samples(&self.scene.objects[object]);
+        let here: Vec<[f32; 3]> = samples.map(|p| position[p]).collect();
         let limit = self.scene.tolerance * self.report.objects[object].radius;
-        let moved = |(x, anchor): ([f32; 3], &[f32; 3])| {
-            let way: [f64; 3] = std::array::from_fn(|a| f64::from(x[a]) - f64::from(anchor[a]));
-            dot(way, way) > limit * limit
-        };
         let standing = &mut self.state.standing[object];
-        let is_new = standing.anchor.is_empty();
-        if is_new || here().zip(&standing.anchor).any(moved) {
-            standing.anchor = here().collect();
-            standing.still = 0.0;
-        } else {
+        if stayed(&here, &standing.anchor, limit) {
             standing.still += frame;
+        } else {
+            (standing.anchor, standing.still) = (here, 0.0);
         }
     }
 
     /// Whether nothing speaks against an object's sleep but its neighbours.
     fn may_sleep(&self, object: usize) -> bool {
-        let time = self.state.sim_time;
-        let mut particles = self.scene.objects[object].particles.clone();
         self.is_automatic(object)
             && self.state.standing[object].still >= REST
-            && self.state.pins[object].is_none()
-            && !particles.any(|p| self.rules.concern_after(time, p as u32))
+            && !self.is_ruled(object)
+    }
+
+    /// Whether a command or a rule of the scene, now or later, has a say in how an object moves.
+    pub(super) fn is_ruled(&self, object: usize) -> bool {
+        let time = self.state.sim_time;
+        let mut particles = self.scene.objects[object].particles.clone();
+        self.state.pins[object].is_some()
+            || particles.any(|p| self.rules.concern_after(time, p as u32))
     }
 
     /// Groups of objects of which each is near another.

@@ -101,7 +101,10 @@ impl World {
         for (id, part) in self.parts.iter().enumerate() {
             let object = &scene.objects[part.object];
             // Rigid matter becomes a body.
-            if object.fidelity == Fidelity::Static || part.material.law.is_rigid() {
+            if object.fidelity == Fidelity::Static
+                || object.fidelity == Fidelity::Rigid
+                || part.material.law.is_rigid()
+            {
                 continue;
             }
             let com = centre_of_mass(scene, object);

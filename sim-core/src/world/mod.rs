@@ -16,6 +16,7 @@ mod outside;
 mod published;
 mod shape_match;
 mod spheres;
+mod stand_in;
 mod time_step;
 
 #[cfg(test)]

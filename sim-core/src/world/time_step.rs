@@ -106,7 +106,9 @@ impl World {
 
     /// Whether a part has particles that move.
     pub(super) fn is_simulated(&self, part: usize) -> bool {
-        self.has_particles(part) && !self.state.sleeps(self.parts[part].object)
+        self.has_particles(part)
+            && !self.is_joined(part)
+            && !self.state.sleeps(self.parts[part].object)
     }
 
     fn critical_dt(&self, part: usize, bounds: &DeformationBounds) -> f64 {

@@ -12,6 +12,7 @@ mod robustness;
 mod rules;
 mod sleep;
 mod spheres;
+mod stand_in;
 mod stories;
 
 use super::*;

@@ -1,0 +1,133 @@
+//! Stand-ins: an object that flies and keeps its shape moves as one rigid body until something comes near.
+//!
+//! In contact a body would rest where its shape at rest ends, and matter where its weight presses it: so matter comes
+//! back before anything is touched, and sleep takes care of what has come to rest.
+
+use super::{
+    Frame, World,
+    fidelity::{are_near, extent, samples, stayed},
+};
+use crate::{
+    colliders::Substep,
+    mat3::dot,
+    materials::Material,
+    particles::BLOCK,
+    report::ObjectState,
+    scene::{Fidelity, Part},
+};
+
+/// How long an object must have kept its shape before a body stands in for it [s].
+const STEADY: f64 = 0.1;
+fn length(v: [f64; 3]) -> f64 {
+    dot(v, v).sqrt()
+}
+
+impl World {
+    /// Whether the particles of a part are joined to a body.
+    pub(super) fn is_joined(&self, part: usize) -> bool {
+        let object = self.parts[part].object;
+        self.state.materials[part].law.is_rigid()
+            || self.scene.objects[object].fidelity == Fidelity::Rigid
+            || self.state.standing[object].stand_in.is_some()
+    }
+
+    /// Lets matter come back where it is about to be touched, and bodies stand in where it flies and keeps its shape.
+    pub(super) fn settle_stand_ins(&mut self, frame: &mut Frame) {
+        for object in 0..self.scene.objects.len() {
+            if !self.is_automatic(object) || self.state.sleeps(object) {
+                continue;
+            }
+            if self.meets_something(object, frame.length) {
+                self.bring_back(object);
+            } else if self.state.standing[object].stand_in.is_none() {
+                self.watch_shape(object, frame.length);
+                if self.state.standing[object].steady >= STEADY && self.may_stand_in(object) {
+                    let state = &self.report.objects[object];
+                    frame.fidelity_loss += vibration(state);
+                    self.state.standing[object].stand_in = Some(state.elastic_energy);
+                    self.freeze(object);
+                }
+            }
+        }
+    }
+
+    /// Gives an object its matter back, if a body stands in for it.
+    pub(super) fn bring_back(&mut self, object: usize) {
+        let standing = &mut self.state.standing[object];
+        (standing.steady, standing.shape) = (0.0, vec![]);
+        if standing.stand_in.take().is_some() {
+            self.thaw(object);
+        }
+    }
+
+    /// Whether one body can be all of an object: matter that flows cannot, nor what something else moves.
+    fn may_stand_in(&self, object: usize) -> bool {
+        let parts = self.parts.iter().zip(&self.state.materials);
+        let solid =
+            |(part, material): (&Part, &Material)| part.object != object || material.law.is_solid();
+        parts.into_iter().all(solid) && !self.is_ruled(object)
+    }
+
+    /// Largest speed of any point of an object [m/s].
+    pub(super) fn fastest(&self, object: usize) -> f64 {
+        let ObjectState {
+            linear_velocity,
+            angular_velocity,
+            radius,
+            ..
+        } = self.report.objects[object];
+        length(linear_velocity) + 2.0 * radius * length(angular_velocity)
+    }
+
+    /// Whether an object may touch another, or a boundary, within two frames.
+    fn meets_something(&self, object: usize, frame: f64) -> bool {
+        let (blocks, reach) = (self.blocks_of(object), self.reach_of(object, frame));
+        let Some([min, max]) = extent(&blocks) else {
+            return false;
+        };
+        let mut others = (0..self.scene.objects.len()).filter(|&other| other != object);
+        let near = |other: usize| {
+            let reach = reach.max(self.reach_of(other, frame));
+            are_near(&blocks, &self.blocks_of(other), reach)
+        };
+        let min = min.map(|i| f64::from(BLOCK * (i - reach)));
+        let max = max.map(|i| f64::from(BLOCK * (i + 1 + reach)));
+        let now = Substep {
+            time: self.state.sim_time,
+            dt: frame,
+            frame_start: self.state.sim_time,
+            frame_length: frame,
+        };
+        others.any(near) || self.boundaries.reach(&self.state.paths, &now, min, max)
+    }
+
+    /// Takes note of whether an object keeps its shape.
+    fn watch_shape(&mut self, object: usize, frame: f64) {
+        let state = self.report.objects[object];
+        let [x, y, z, w] = state.rotation;
+        let turn = [-x, -y, -z, w];
+        let position = &self.published.position;
+        let here: Vec<[f32; 3]> = samples(&self.scene.objects[object])
+            .map(|p| {
+                let r = std::array::from_fn(|a| f64::from(position[p][a]) - state.com[a]);
+                crate::colliders::pose::rotate(turn, r).map(|r| r as f32)
+            })
+            .collect();
+        let limit = self.scene.tolerance * state.radius;
+        let standing = &mut self.state.standing[object];
+        standing.steady = match stayed(&here, &standing.shape, limit) {
+            true => standing.steady + frame,
+            false => {
+                standing.shape = here;
+                0.0
+            }
+        };
+    }
+}
+
+/// Kinetic energy of an object beside that of its rigid motion [J].
+fn vibration(state: &ObjectState) -> f64 {
+    let v = state.linear_velocity;
+    let rigid = state.mass * dot(v, v) + dot(state.angular_velocity, state.angular_momentum);
+    state.kinetic_energy - 0.5 * rigid
+}
