@@ -7,6 +7,7 @@ mod coherence;
 mod commands;
 mod edit;
 mod error;
+mod extremes;
 mod fidelity;
 mod frame;
 mod hash;
