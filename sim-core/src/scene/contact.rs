@@ -6,13 +6,13 @@ use super::Scene;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ContactMethod {
     /// Standard MPM: all objects share one grid, which glues them within its reach.
-    #[default]
     SingleField,
     /// Every object has a grid of its own; where two meet, nodes exchange momentum along the gradient of mass.
     MultiField,
     /// The paper's equations (2) to (6): objects are spheres about their centres of mass.
     ComSphere,
     /// Objects collide as bodies where they are rigid and over patches of nodes where they deform.
+    #[default]
     TwoScale,
 }
 
