@@ -105,7 +105,8 @@ impl World {
         let mut loose = Vec::new();
         let particles = &mut self.state.particles;
         for block in particles.blocks.clone() {
-            for run in particles.runs[block.runs.clone()].to_vec() {
+            let runs = particles.runs[block.runs.clone()].to_vec();
+            for run in runs {
                 if !rigid[run.part] {
                     continue;
                 }
