@@ -8,8 +8,8 @@ const G: f64 = 9.81;
 /// A block of 0.6 x 0.4 x 0.6 m on a plane through the origin that falls along +x by 24 degrees.
 fn block(friction: f64, surface: &str) -> String {
     let (sin, cos) = ANGLE.to_radians().sin_cos();
-    // The block's centre, half its height and a hair above the plane.
-    let height = 0.2 + 0.008;
+    // The block's centre, half its height above the plane: it starts touching.
+    let height = 0.2;
     format!(
         r#"
 version = 1
@@ -65,8 +65,8 @@ fn acceleration(friction: f64) -> f64 {
 #[test]
 fn a_block_slides_as_coulomb_says_when_friction_is_too_weak_to_hold_it() {
     let friction = tan(15.0);
-    // Measured: 0.65 % of the distance, 0.3 % of the speed, both from the first hundredths of a second, before
-    // the contact has taken up the weight.
+    // What is lost is lost in the first hundredths of a second, while the block rings: where it rebounds before it
+    // has gained speed, friction can do no more than stop it. Dropped by 0.08 dx it is 2 % of the distance.
     let found = slid(friction, "separate");
     assert_slides(found, friction, 0.01);
 }

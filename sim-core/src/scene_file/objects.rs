@@ -162,6 +162,7 @@ fn object(
         let rows: Vec<_> = rows.iter().map(|row| row.numbers::<3>(l::RATE)).collect();
         Some([rows[0]?, rows[1]?, rows[2]?])
     });
+    let (surface, coherence) = (contact::surface(table), contact::coherence(table));
     let object = ObjectSpec {
         name: name?,
         at: table.at.clone(),
@@ -171,8 +172,8 @@ fn object(
         placement: placement::read(table),
         material: material.unwrap_or_else(|| Some(static_material()))?,
         regions: regions::read(table, known, warnings),
-        surface: contact::surface(table),
-        coherence: contact::coherence(table),
+        surface,
+        coherence,
         fidelity,
         particles: particles.unwrap_or(filled),
         linear_velocity: linear_velocity.unwrap_or_default(),

@@ -107,8 +107,8 @@ fn a_block_slides_down_an_incline_as_coulomb_says() {
 fn a_block_sticks_to_an_incline_below_the_friction_angle() {
     for across in [24.0_f64, 10.0, 0.0] {
         let friction = 25.0_f64.to_radians().tan();
-        // The load comes suddenly, and while the block rings it is off the plane for half of the time: it slips by a
-        // third of a cell (measured 0.31) in the first second.
+        // The load comes suddenly, and while the block rings it is off the plane for half of the time: it slips by
+        // 0.16 cells in the first second (0.29 in three).
         let (along, _) = slide(across.to_radians(), friction, 0.0, 60);
         assert!(along.abs() < 0.02, "{across} degrees: slipped {along} m");
         // Damped, it stops ringing. At 95 % of what friction holds it creeps by 0.011 cells per second where the plane
