@@ -15,6 +15,11 @@ pub fn dot<R: Real>(a: [R; 3], b: [R; 3]) -> R {
     a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
+/// Length of a vector.
+pub fn length(v: [f64; 3]) -> f64 {
+    dot(v, v).sqrt()
+}
+
 /// `a x b` of 3-vectors.
 #[inline(always)]
 pub fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
@@ -51,6 +56,29 @@ pub fn select3<R: Real>(mask: R::Mask, a: [R; 3], b: [R; 3]) -> [R; 3] {
 }
 
 impl<R: Real> Mat3<R> {
+    /// Rotation matrix of a unit quaternion xyzw.
+    #[inline(always)]
+    pub fn from_quaternion([x, y, z, w]: [R; 4]) -> Self {
+        let (one, two) = (R::splat(1.0), R::splat(2.0));
+        Self([
+            [
+                one - two * (y * y + z * z),
+                two * (x * y - w * z),
+                two * (x * z + w * y),
+            ],
+            [
+                two * (x * y + w * z),
+                one - two * (x * x + z * z),
+                two * (y * z - w * x),
+            ],
+            [
+                two * (x * z - w * y),
+                two * (y * z + w * x),
+                one - two * (x * x + y * y),
+            ],
+        ])
+    }
+
     /// The identity.
     #[inline(always)]
     pub fn identity() -> Self {

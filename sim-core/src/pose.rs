@@ -82,7 +82,7 @@ impl Poses {
         moves: bool,
     ) {
         let gaussians = &scene.gaussians;
-        let r = matrix_from_quaternion(gaussians.rotation[g]);
+        let r = Mat3::from_quaternion(gaussians.rotation[g]);
         let axes = r.mul(&Mat3::diagonal(gaussians.scale[g]));
         let position = gaussians.position[g];
         let (group, lane) = (&mut self.groups[g / LANES], g % LANES);
@@ -185,26 +185,6 @@ fn limited(f: &Mat3<f32>) -> (Mat3<f32>, Mat3<f32>) {
     let sigma = [largest, middle, parts.sigma[2].abs()].map(|s| s.clamp(low, high));
     let shape = parts.u.mul(&Mat3::diagonal(sigma)).mul_transposed(&parts.v);
     (parts.u.mul_transposed(&parts.v), shape)
-}
-
-fn matrix_from_quaternion([x, y, z, w]: [f32; 4]) -> Mat3<f32> {
-    Mat3([
-        [
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y - w * z),
-            2.0 * (x * z + w * y),
-        ],
-        [
-            2.0 * (x * y + w * z),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z - w * x),
-        ],
-        [
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            1.0 - 2.0 * (x * x + y * y),
-        ],
-    ])
 }
 
 /// Quaternion of a rotation matrix: the form with the largest divisor of four equivalent ones (Shepperd 1978).

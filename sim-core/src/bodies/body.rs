@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::vector::{Vec3, add, along, matrix, scaled};
+use super::vector::{Vec3, add, along, scaled};
 use crate::{
     colliders::pose::{conjugate, product, rotate},
     mat3::{Mat3, cross, dot},
@@ -52,7 +52,7 @@ impl Body {
 
     /// Inverse inertia [1/(kg m^2)], world frame.
     pub fn inverse_inertia(&self, inertia: &Inertia) -> Mat3<f64> {
-        let r = matrix(self.rotation);
+        let r = Mat3::from_quaternion(self.rotation);
         let scaled = r.mul(&Mat3::diagonal(inertia.moments.map(|i| 1.0 / i)));
         scaled.mul_transposed(&r)
     }

@@ -1,6 +1,8 @@
 //! Short names for what is done to 3-vectors and rotations in `f64`.
 
-use crate::mat3::{Mat3, dot};
+pub(super) use crate::mat3::length;
+
+use crate::mat3::Mat3;
 
 pub(super) type Vec3 = [f64; 3];
 
@@ -21,10 +23,6 @@ pub(super) fn along(a: Vec3, s: f64, b: Vec3) -> Vec3 {
     [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
 }
 
-pub(super) fn length(a: Vec3) -> f64 {
-    dot(a, a).sqrt()
-}
-
 /// `a` over its length, or `or` where it has none.
 pub(super) fn unit(a: Vec3, or: Vec3) -> Vec3 {
     let size = length(a);
@@ -33,27 +31,6 @@ pub(super) fn unit(a: Vec3, or: Vec3) -> Vec3 {
     } else {
         or
     }
-}
-
-/// Rotation matrix of a unit quaternion xyzw.
-pub(super) fn matrix([x, y, z, w]: [f64; 4]) -> Mat3<f64> {
-    Mat3([
-        [
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y - w * z),
-            2.0 * (x * z + w * y),
-        ],
-        [
-            2.0 * (x * y + w * z),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z - w * x),
-        ],
-        [
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            1.0 - 2.0 * (x * x + y * y),
-        ],
-    ])
 }
 
 /// Solves `m x = b` by Cramer's rule; zero where `m` is singular.

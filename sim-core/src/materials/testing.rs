@@ -67,24 +67,7 @@ impl Random {
             if !(0.01..=1.0).contains(&n) {
                 continue;
             }
-            let [x, y, z, w] = q.map(|c| c / n.sqrt());
-            return Mat3([
-                [
-                    1.0 - 2.0 * (y * y + z * z),
-                    2.0 * (x * y - z * w),
-                    2.0 * (x * z + y * w),
-                ],
-                [
-                    2.0 * (x * y + z * w),
-                    1.0 - 2.0 * (x * x + z * z),
-                    2.0 * (y * z - x * w),
-                ],
-                [
-                    2.0 * (x * z - y * w),
-                    2.0 * (y * z + x * w),
-                    1.0 - 2.0 * (x * x + y * y),
-                ],
-            ]);
+            return Mat3::from_quaternion(q.map(|c| c / n.sqrt()));
         }
     }
 

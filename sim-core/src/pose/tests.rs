@@ -67,25 +67,7 @@ fn moved(scene: &Scene, m: &Mat3<f64>, t: [f64; 3]) -> Vec<GaussianPose> {
 /// A rotation about (1, 2, 2) / 3.
 fn turn(angle: f64) -> Mat3<f64> {
     let (s, c) = ((angle / 2.0).sin() / 3.0, (angle / 2.0).cos());
-    let q = [s, 2.0 * s, 2.0 * s, c];
-    let [x, y, z, w] = q;
-    Mat3([
-        [
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y - w * z),
-            2.0 * (x * z + w * y),
-        ],
-        [
-            2.0 * (x * y + w * z),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z - w * x),
-        ],
-        [
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            1.0 - 2.0 * (x * x + y * y),
-        ],
-    ])
+    Mat3::from_quaternion([s, 2.0 * s, 2.0 * s, c])
 }
 
 fn matrix(c: &[f32; 6]) -> Mat3<f64> {
@@ -124,7 +106,7 @@ fn rigid_motion_turns_covariance_and_rotation() {
         for (a, t) in [1.0, -4.0, 2.0].into_iter().enumerate() {
             assert!((f64::from(pose.position[a]) - x[a] - t).abs() < 5e-6, "{i}");
         }
-        let turned = matrix_from_quaternion(pose.rotation);
+        let turned = Mat3::from_quaternion(pose.rotation);
         let turned = Mat3(turned.0.map(|row| row.map(f64::from)));
         assert!(distance(&turned, &r) < 1e-5, "{i}");
     }

@@ -6,7 +6,7 @@ use super::World;
 use crate::{
     colliders::Path,
     command::{Action, Command, CommandError},
-    mat3::{cross, dot},
+    mat3::{cross, length},
     materials::{
         Law, Material,
         limits::{DeformationBounds, critical_dt},
@@ -43,10 +43,6 @@ fn within(field: &'static str, value: f64, min: f64, max: f64) -> Result<(), Com
         min,
         max,
     })
-}
-
-fn length(v: [f64; 3]) -> f64 {
-    dot(v, v).sqrt()
 }
 
 /// What an accepted action does to particles.
