@@ -86,8 +86,6 @@ struct Line<'a> {
     angular_momentum: [f64; 3],
     /// Absent for the reference solver, which has none.
     state_hash: Option<String>,
-    contact_nodes: u64,
-    contact_particles: u64,
     contacts: Vec<ContactLine<'a>>,
     objects: Vec<ObjectLine<'a>>,
     probes: BTreeMap<&'a str, Option<Measured>>,
@@ -285,8 +283,6 @@ fn line<'a>(
         linear_momentum: report.linear_momentum,
         angular_momentum: report.angular_momentum,
         state_hash: (report.state_hash != 0).then(|| format!("{:016x}", report.state_hash)),
-        contact_nodes: report.contact_nodes,
-        contact_particles: report.contact_particles,
         contacts: contacts
             .map(|episode| ContactLine {
                 names: episode.objects.map(name),

@@ -29,7 +29,7 @@ pub trait Real:
 
     /// The same value in every lane.
     fn splat(value: f64) -> Self;
-    /// `self * a + b`, rounded once.
+    /// `self * a + b`; of `f32` lanes rounded once.
     fn mul_add(self, a: Self, b: Self) -> Self;
     /// Square root, correctly rounded.
     fn sqrt(self) -> Self;
@@ -61,7 +61,8 @@ impl Real for f64 {
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
-        self.mul_add(a, b)
+        // Rounded twice on purpose: where the baseline of the target lacks the instruction, fusing is a library call.
+        self * a + b
     }
     #[inline(always)]
     fn sqrt(self) -> Self {

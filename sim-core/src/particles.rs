@@ -87,6 +87,8 @@ pub(crate) struct Extremes {
     pub max_j: f32,
     /// Largest factor on Lamé's parameters by hardening.
     pub stiffness: f32,
+    /// Largest distance from the block's centre along any axis [cells].
+    pub reach: f32,
 }
 
 impl Extremes {
@@ -98,6 +100,7 @@ impl Extremes {
         min_j: f32::INFINITY,
         max_j: 0.0,
         stiffness: 0.0,
+        reach: 0.0,
     };
 
     /// Extremes over both sets.
@@ -108,6 +111,7 @@ impl Extremes {
         self.min_j = self.min_j.min(other.min_j);
         self.max_j = self.max_j.max(other.max_j);
         self.stiffness = self.stiffness.max(other.stiffness);
+        self.reach = self.reach.max(other.reach);
     }
 }
 

@@ -43,10 +43,6 @@ pub struct StepReport {
     pub angular_momentum: [f64; 3],
     /// One entry per object of the scene.
     pub objects: Vec<ObjectState>,
-    /// Nodes that two objects shared, summed over substeps: the work of contact on the grid.
-    pub contact_nodes: u64,
-    /// Particles that were looked at for the gaps between objects, summed over substeps.
-    pub contact_particles: u64,
     /// Contacts between deformable objects that ended in this frame, or turned out to last, in the order it happened.
     pub contacts: Vec<ContactEpisode>,
     /// Operations by kind.

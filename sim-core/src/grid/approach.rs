@@ -5,11 +5,11 @@ use rayon::prelude::*;
 use super::{NONE, NodeBlock, TILE, boundary::near_block, topology::OFFSETS};
 use crate::{
     colliders::{
-        NodeConditions,
+        NodeConditions, Placed,
         approach::{Nearest, RADIUS_MAX, RANGE, half_spacing},
     },
     particles::{BLOCK, Block, Particles, position_in_cells},
-    simd::LANES,
+    simd::{F32x16, LANES},
 };
 
 /// Nodes of a tile.
@@ -77,6 +77,9 @@ fn approach(
             let (mut alike, mut half) = (0.0, 0.0);
             for g in run.groups.clone() {
                 let (mass, x) = (&particles.fixed[g].mass.0, &particles.groups[g].x);
+                if is_out_of_range(body, block.index, x) {
+                    continue;
+                }
                 for lane in (0..LANES).filter(|&lane| mass[lane] > 0.0) {
                     let local = [x[0].0[lane], x[1].0[lane], x[2].0[lane]];
                     if mass[lane] != alike {
@@ -98,6 +101,25 @@ fn approach(
         }
     }
     found
+}
+
+/// Whether none of sixteen particles can be in range: distances change no faster than places do, so that one stands for
+/// all. Particles of a group are neighbours.
+fn is_out_of_range(body: &Placed<'_>, block: [i32; 3], x: &[F32x16; 3]) -> bool {
+    let (mut centre, mut radius) = ([0.0; 3], 0.0);
+    for a in 0..3 {
+        // Unused lanes are at the block's centre and do no harm.
+        let (mut min, mut max) = (x[a].0[0], x[a].0[0]);
+        for &x in &x[a].0 {
+            min = if x < min { x } else { min };
+            max = if x > max { x } else { max };
+        }
+        centre[a] = 0.5 * (min + max);
+        radius += f64::from(max - min).powi(2);
+    }
+    // The centre is rounded to single precision.
+    let radius = 0.5 * radius.sqrt() + 1e-5;
+    body.distance(position_in_cells(block, centre)).value > RANGE + RADIUS_MAX + radius
 }
 
 /// Tells the nodes -2..=5 how near the particles are that reach them: those of the cells around them.
@@ -137,31 +159,38 @@ fn spread(cells: &[Nearest; CELLS * CELLS * CELLS]) -> Box<[Nearest; NODES]> {
 }
 
 impl<'a> Acting<'a> {
+    /// Whether anything may act on the nodes of a block.
+    pub fn may_reach(&self, block: &NodeBlock) -> bool {
+        block.constrained || super::boundary::covers_block(self.moving, block.index)
+    }
+
     /// What acts on the nodes of a block, if anything does.
     pub fn on(&self, block: &NodeBlock) -> Option<Allowed<'a>> {
-        if !block.constrained && !super::boundary::covers_block(self.moving, block.index) {
+        if !self.may_reach(block) {
             return None;
         }
+        // What the particle blocks around it are near to; most are near to nothing.
+        let mut around: [(usize, &[_]); 27] = [(0, &[]); 27];
+        let mut count = 0;
+        for n in (0..27).filter(|&n| block.tiles[n] != NONE) {
+            around[count] = (n, &self.approaches[block.tiles[n] as usize]);
+            count += usize::from(!around[count].1.is_empty());
+        }
+        let around = &around[..count];
         let mut conditions = near_block(self.boundaries, block.index);
-        let tiles = || (0..27).filter(|&n| block.tiles[n] != NONE);
         conditions.retain_bodies(|body| {
-            body.holds()
-                || tiles().any(|n| {
-                    let approach = &self.approaches[block.tiles[n] as usize];
-                    approach.iter().any(|(id, _)| *id == body.id)
-                })
+            let here = |(id, _): &(usize, _)| *id == body.id;
+            body.holds() || around.iter().any(|(_, approach)| approach.iter().any(here))
         });
         if conditions.is_empty() {
             return None;
         }
-        let count = conditions.bodies().len();
-        let mut nearest = vec![Nearest::NONE; 64 * count];
-        for (b, body) in conditions.bodies().iter().enumerate() {
-            for n in tiles() {
-                for (id, tile) in &self.approaches[block.tiles[n] as usize] {
-                    if *id == body.id {
-                        join(&mut nearest[b..], count, tile, OFFSETS[n]);
-                    }
+        let bodies = conditions.bodies();
+        let mut nearest = vec![Nearest::NONE; 64 * bodies.len()];
+        for &(n, approach) in around {
+            for (id, tile) in approach {
+                if let Some(b) = bodies.iter().position(|body| body.id == *id) {
+                    join(&mut nearest[b..], bodies.len(), tile, OFFSETS[n]);
                 }
             }
         }

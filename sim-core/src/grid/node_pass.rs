@@ -21,26 +21,20 @@ const LIGHTEST: f32 = 1e-24;
 /// Node blocks per task, at least and at most: where one thread is held up, others must find work to take over.
 const TASK: [usize; 2] = [16, 64];
 
-/// Largest speeds on the grid in one substep [cells/s].
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Fastest {
-    /// Largest component before boundaries, relative to the carrier; NaN or infinite when a node is.
-    pub relative: f32,
-    /// Of boundaries that touch nodes.
-    pub boundary: f32,
-}
-
 /// Turns tiles into node velocities. They are relative to the velocity `carrier` [cells/s], which holds all that
 /// gravity adds.
 ///
 /// `keep` is what damping leaves of a velocity, 0..=1; the carrier's share of it is the caller's.
+///
+/// Returns the largest component of a velocity, carrier included, before or after boundaries, or speed of a boundary among
+/// nodes [cells/s]; NaN or infinite when a node's is.
 pub(crate) fn node_pass(
     isa: Isa,
     grid: &mut Grid,
     acting: &Acting<'_>,
     carrier: [f64; 3],
     keep: f32,
-) -> Fastest {
+) -> f32 {
     let Grid {
         tiles,
         cells,
@@ -56,19 +50,19 @@ pub(crate) fn node_pass(
         .with_min_len(TASK[0])
         .with_max_len(TASK[1])
         .map(|(block, out)| {
-            let largest = sum_block(isa, block, tiles, keep, out);
-            let mut given = 0;
-            if let Some(allowed) = acting.on(block) {
-                given = (allowed.speed() as f32).to_bits();
-                constrain(&allowed, carrier, out);
+            let mut largest = sum_block(isa, block, tiles, keep, carrier, out);
+            if acting.may_reach(block)
+                && holds_matter(out)
+                && let Some(allowed) = acting.on(block)
+            {
+                let given = (allowed.speed() as f32).to_bits();
+                let left = constrain(&allowed, carrier, out);
+                largest = largest.max(given).max(left);
             }
-            [largest, given]
+            largest
         })
-        .reduce(|| [0; 2], |a, b| [a[0].max(b[0]), a[1].max(b[1])]);
-    Fastest {
-        relative: f32::from_bits(largest[0]),
-        boundary: f32::from_bits(largest[1]),
-    }
+        .reduce(|| 0, u32::max);
+    f32::from_bits(largest)
 }
 
 /// Turns tiles into means over the nodes, of whatever was scattered in place of momentum.
@@ -80,27 +74,30 @@ pub(crate) fn node_means(isa: Isa, grid: &mut Grid) {
         .with_min_len(TASK[0])
         .with_max_len(TASK[1])
         .for_each(|(block, out)| {
-            sum_block(isa, block, tiles, 1.0, out);
+            sum_block(isa, block, tiles, 1.0, [0.0; 3], out);
         });
 }
 
-/// Sums and divides the nodes of one block; returns the largest magnitude of a component as bits.
+/// Sums and divides the nodes of one block; returns the largest magnitude of a component, carrier included, as bits.
 #[inline(always)]
 fn sum_block(
     isa: Isa,
     block: &NodeBlock,
     tiles: (&[Tile], &[Cells]),
     keep: f32,
+    carrier: [f64; 3],
     out: &mut Velocities,
 ) -> u32 {
+    let [x, y, z] = carrier.map(|u| u as f32);
+    let carrier = F32x16([x, y, z, 0.0, x, y, z, 0.0, x, y, z, 0.0, x, y, z, 0.0]);
     match isa {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: a world is only made with an instruction set that the processor has.
-        Isa::Avx512 => unsafe { node_block_avx512(block, tiles, keep, out) },
+        Isa::Avx512 => unsafe { node_block_avx512(block, tiles, keep, &carrier, out) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: a world is only made with an instruction set that the processor has.
-        Isa::Avx2 => unsafe { node_block_avx2(block, tiles, keep, out) },
-        _ => node_block::<Portable>(block, tiles, keep, out),
+        Isa::Avx2 => unsafe { node_block_avx2(block, tiles, keep, &carrier, out) },
+        _ => node_block::<Portable>(block, tiles, keep, &carrier, out),
     }
 }
 
@@ -110,9 +107,10 @@ unsafe fn node_block_avx512(
     block: &NodeBlock,
     tiles: Tiles<'_>,
     keep: f32,
+    carrier: &F32x16,
     out: &mut Velocities,
 ) -> u32 {
-    node_block::<Avx512>(block, tiles, keep, out)
+    node_block::<Avx512>(block, tiles, keep, carrier, out)
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -121,9 +119,10 @@ unsafe fn node_block_avx2(
     block: &NodeBlock,
     tiles: Tiles<'_>,
     keep: f32,
+    carrier: &F32x16,
     out: &mut Velocities,
 ) -> u32 {
-    node_block::<Avx2>(block, tiles, keep, out)
+    node_block::<Avx2>(block, tiles, keep, carrier, out)
 }
 
 /// Packed tiles and their cells in use.
@@ -202,6 +201,7 @@ fn node_block<V: Lanes>(
     block: &NodeBlock,
     tiles: Tiles<'_>,
     keep: f32,
+    carrier: &F32x16,
     out: &mut Velocities,
 ) -> u32 {
     let zero = V::broadcast(0.0);
@@ -249,6 +249,7 @@ fn node_block<V: Lanes>(
         }
     }
     let keep = V::broadcast(keep);
+    let carrier = V::load(carrier);
     let mut largest = zero;
     for (row, to) in sum.iter().zip(&mut out.0) {
         let mass = row.fourth();
@@ -256,19 +257,33 @@ fn node_block<V: Lanes>(
         let v = *row / V::select(occupied, mass, one) * keep;
         let v = V::select(velocity & occupied, v, zero);
         V::select(velocity, v, mass).store(to);
-        largest = largest.larger_magnitude(v);
+        let total = V::select(velocity & occupied, v + carrier, zero);
+        largest = largest.larger_magnitude(total);
     }
     largest.largest_magnitude_bits()
 }
 
-/// Applies colliders and held regions to the nodes of a block, one by one.
-fn constrain(allowed: &Allowed<'_>, carrier: [f64; 3], out: &mut Velocities) {
+/// Whether any node of a block has a mass.
+fn holds_matter(block: &Velocities) -> bool {
+    let mut rows = block.0.iter().map(|row| row.0);
+    rows.any(|row| row[3] != 0.0 || row[7] != 0.0 || row[11] != 0.0 || row[15] != 0.0)
+}
+
+/// Applies colliders and held regions to the nodes of a block, one by one; returns the largest magnitude of a velocity
+/// component as bits. Nodes without matter, which no particle reads, stay as they are.
+fn constrain(allowed: &Allowed<'_>, carrier: [f64; 3], out: &mut Velocities) -> u32 {
+    let mut largest = 0;
     for at in 0..64 {
-        let node = &mut out.0[at / 4].0[4 * (at % 4)..][..3];
+        let node = &mut out.0[at / 4].0[4 * (at % 4)..][..4];
+        if node[3] == 0.0 {
+            continue;
+        }
         let v = std::array::from_fn(|a| f64::from(node[a]) + carrier[a]);
         let v = allowed.constrain(at, v);
         for a in 0..3 {
             node[a] = (v[a] - carrier[a]) as f32;
+            largest = largest.max((v[a] as f32).abs().to_bits());
         }
     }
+    largest
 }

@@ -14,7 +14,7 @@ use crate::{
     kinematics::advance_deformation,
     mat3::{Mat3, dot},
     num::Real,
-    particles::{BLOCK, Block, Extremes, Flags, Group, Motion},
+    particles::{BLOCK, Block, Extremes, Fixed, Flags, Group, Motion},
     simd::{F32x16, LANES, Lanes},
 };
 
@@ -67,6 +67,7 @@ struct Largest<V> {
     min_j: V,
     max_j: V,
     stiffness: V,
+    reach: V,
 }
 
 impl<V: Lanes> Largest<V> {
@@ -80,7 +81,15 @@ impl<V: Lanes> Largest<V> {
             min_j: V::broadcast(f32::INFINITY),
             max_j: zero,
             stiffness: zero,
+            reach: zero,
         }
+    }
+
+    /// Takes in where particles are in the end; unused lanes are at the centre.
+    #[inline(always)]
+    fn take_place(&mut self, x: [V; 3]) {
+        let [x, y, z] = x;
+        self.reach = self.reach.max(x.abs().max(y.abs().max(z.abs())));
     }
 
     /// Takes in speed and velocity gradient of moved particles.
@@ -120,6 +129,7 @@ impl<V: Lanes> Largest<V> {
             min_j: fold(self.min_j, f32::min),
             max_j: fold(self.max_j, f32::max),
             stiffness: fold(self.stiffness, f32::max),
+            reach: fold(self.reach, f32::max),
         }
     }
 }
@@ -286,7 +296,7 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
         // Two groups at a time; the law sees an odd last one twice.
         for first in (run.groups.start..run.groups.end).step_by(2) {
             let members = first - origin..(first + 2).min(run.groups.end) - origin;
-            prefetch(work.groups, members.end, deforms);
+            prefetch(work.groups, work.fixed, work.memory, members.end, deforms);
             for (n, g) in members.clone().enumerate() {
                 let (group, flags) = (&mut work.groups[g], &mut work.flags[g]);
                 let live = V::broadcast(0.0).lt(V::load(&work.fixed[g].mass));
@@ -355,22 +365,25 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
             };
             V::respond(law, &deformed, &mut answer);
             for (n, g) in members.enumerate() {
+                let x = load3(&work.groups[g].x);
+                let live = V::broadcast(0.0).lt(V::load(&work.fixed[g].mass));
                 if GATHER {
+                    largest.take_place(x);
                     if law.law.is_plastic() {
                         work.groups[g].f = answer.f[n];
                     }
                     if remembers {
                         work.memory[g] = answer.memory[n];
                     }
-                    let live = V::broadcast(0.0).lt(V::load(&work.fixed[g].mass));
                     let inverted = V::mask_bits(live & largest.take_answer(live, &answer, n));
                     add_note(&mut work.flags[g], inverted, &mut findings);
                 }
                 if SCATTER {
-                    let stencil = Stencil::<V>::new(load3(&work.groups[g].x));
+                    let stencil = Stencil::<V>::new(x);
                     for a in 0..3 {
-                        cells[a].0 = cells[a].0.min(stencil.cell[a]);
-                        cells[a].1 = cells[a].1.max(stencil.cell[a]);
+                        let (low, high) = &mut cells[a];
+                        *low = V::select(live, low.min(stencil.cell[a]), *low);
+                        *high = V::select(live, high.max(stencil.cell[a]), *high);
                     }
                     if let Some(kept) = pass.affine_kept
                         && !law.law.is_rigid()
@@ -446,7 +459,9 @@ fn prefetch_tile(tile: &Tile, cells: &Cells) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_ET0, _mm_prefetch};
-        let nodes: i32 = cells.iter().map(|(low, high)| high - low + 3).product();
+        // A block that lost all its particles has no cells.
+        let edges = cells.iter().map(|(low, high)| (high - low + 3).max(0));
+        let nodes: i32 = edges.product();
         let start = tile.0.as_ptr().cast::<i8>();
         for line in 1..=(nodes as usize).div_ceil(4) {
             // SAFETY: a hint.
@@ -459,7 +474,7 @@ fn prefetch_tile(tile: &Tile, cells: &Cells) {
 
 /// Asks for the two groups from `next` on while the two before them are worked on.
 #[inline(always)]
-fn prefetch(groups: &[Group], next: usize, deforms: bool) {
+fn prefetch(groups: &[Group], fixed: &[Fixed], memory: &[F32x16], next: usize, deforms: bool) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
@@ -472,10 +487,15 @@ fn prefetch(groups: &[Group], next: usize, deforms: bool) {
                 // SAFETY: a hint; the address is inside the group.
                 unsafe { _mm_prefetch::<_MM_HINT_T0>(group.add(64 * line)) };
             }
+            // SAFETY: hints; the addresses are those of references.
+            unsafe {
+                _mm_prefetch::<_MM_HINT_T0>((&raw const fixed[g].mass).cast());
+                _mm_prefetch::<_MM_HINT_T0>((&raw const memory[g]).cast());
+            }
         }
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = (groups, next, deforms);
+    let _ = (groups, fixed, memory, next, deforms);
 }
 
 /// Writes lane flags where they change; almost always there is nothing to write.

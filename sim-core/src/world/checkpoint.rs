@@ -15,7 +15,7 @@ use crate::{
 /// First bytes of a checkpoint.
 const MAGIC: &[u8; 18] = b"cosplat checkpoint";
 /// Version of the layout; another one is refused.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Magic, version, digest of the scene, length of what follows.
 const HEADER: usize = MAGIC.len() + 4 + 8 + 8;
 
@@ -449,16 +449,15 @@ mod tests {
         assert!(matches!(not_one, CheckpointError::NotACheckpoint { .. }));
         let short = refuse(&bytes[..bytes.len() - 5]);
         assert!(matches!(short, CheckpointError::Short { .. }));
-        let mut newer = bytes.clone();
-        newer[MAGIC.len()] = 2;
-        let newer = refuse(&newer);
-        assert_eq!(
-            newer,
-            CheckpointError::Version {
-                found: 2,
-                expected: VERSION
-            }
-        );
+        for found in [VERSION - 1, VERSION + 1] {
+            let mut foreign = bytes.clone();
+            foreign[MAGIC.len()..MAGIC.len() + 4].copy_from_slice(&found.to_le_bytes());
+            let expected = VERSION;
+            assert_eq!(
+                refuse(&foreign),
+                CheckpointError::Version { found, expected }
+            );
+        }
         // Every single byte counts.
         for at in (HEADER..bytes.len()).step_by(997) {
             let mut damaged = bytes.clone();

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::World;
 use crate::{
-    particles::{Extremes, Particles},
+    particles::{BLOCK, Extremes, Particles},
     simd::LANES,
 };
 
@@ -88,11 +88,14 @@ impl World {
         }
     }
 
-    /// Joins the extremes of all runs per object.
+    /// Joins the extremes of all runs per object, and takes how far particles are out of their blocks.
     pub(super) fn collect_extremes(&mut self) {
         self.state.extremes.fill(Extremes::NONE);
+        let mut reach = 0.0_f32;
         for run in &self.state.particles.runs {
             self.state.extremes[run.part].join(&run.extremes);
+            reach = reach.max(run.extremes.reach);
         }
+        self.state.drift = (f64::from(reach) - 0.5 * f64::from(BLOCK)).max(0.0);
     }
 }

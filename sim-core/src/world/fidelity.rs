@@ -11,7 +11,6 @@ use xxhash_rust::xxh3::Xxh3;
 
 use super::{Frame, State, World};
 use crate::{
-    colliders::Substep,
     mat3::dot,
     particles::{BLOCK, Block, Extremes, Motion, NO_PARTICLE, Particles},
     report::{Level, ObjectState},
@@ -83,12 +82,6 @@ impl State {
     /// Whether an object sleeps.
     pub(super) fn sleeps(&self, object: usize) -> bool {
         self.standing[object].asleep.is_some()
-    }
-
-    /// Particles that are stepped.
-    pub(super) fn awake(&self) -> usize {
-        let asleep = self.standing.iter().filter_map(Standing::sleeping);
-        self.live - asleep.map(count).sum::<usize>()
     }
 }
 
@@ -180,18 +173,14 @@ impl World {
         if !objects.clone().any(|id| self.is_automatic(id)) {
             return;
         }
-        self.wake_disturbed(frame.length);
+        self.wake_disturbed(frame);
         for object in objects.clone() {
             if self.is_automatic(object) && !self.state.sleeps(object) {
                 self.watch(object, frame.length);
             }
         }
         let awake: Vec<usize> = objects
-            .filter(|&id| !self.blocks_of(id).is_empty())
-            .collect();
-        let awake: Vec<usize> = awake
-            .into_iter()
-            .filter(|&id| !self.state.sleeps(id))
+            .filter(|&id| !self.state.sleeps(id) && !self.blocks_of(id).is_empty())
             .collect();
         self.settle_stand_ins(frame);
         for island in self.islands(&awake, frame.length) {
@@ -201,6 +190,8 @@ impl World {
                 }
             }
         }
+        let asleep = self.state.standing.iter().filter_map(Standing::sleeping);
+        frame.asleep = asleep.map(count).sum();
     }
 
     /// Blocks of an object, awake or not, as of the last sort; those around a body.
@@ -229,14 +220,9 @@ impl World {
     }
 
     /// Wakes every sleeping object that one that is awake comes near to, or that a boundary disturbs.
-    fn wake_disturbed(&mut self, frame: f64) {
+    fn wake_disturbed(&mut self, frame: &Frame) {
         let objects = 0..self.scene.objects.len();
-        let now = Substep {
-            time: self.state.sim_time,
-            dt: frame,
-            frame_start: self.state.sim_time,
-            frame_length: frame,
-        };
+        let now = self.substep(frame, frame.length);
         let mut sleeping: Vec<usize> = objects
             .clone()
             .filter(|&id| self.state.sleeps(id))
@@ -260,7 +246,7 @@ impl World {
         }
         // Whoever wakes may wake others.
         while let Some(rouser) = rousers.pop() {
-            let reach = self.reach_of(rouser, frame);
+            let reach = self.reach_of(rouser, frame.length);
             let blocks = self.blocks_of(rouser);
             let near = |&&object: &&usize| are_near(&self.blocks_of(object), &blocks, reach);
             let (roused, still): (Vec<usize>, Vec<usize>) =

@@ -23,11 +23,11 @@ use crate::{
     },
 };
 
-/// Largest distance from the place of the last sort at which a particle may still be scattered [cells]: the
-/// drift margin of the tiles, less the round-off of positions.
+/// Largest distance out of its block at which a particle may still be scattered [cells]: the drift margin of the tiles,
+/// less the round-off of positions.
 const MARGIN: f64 = 0.999;
 /// Drift beyond which a new segment sorts first [cells].
-const SORT_DRIFT: f64 = 0.3;
+const SORT_DRIFT: f64 = 0.5;
 /// Substeps of a segment at most: the work that a rollback may repeat.
 const SEGMENT: usize = 32;
 /// Times that a failing substep is halved before its bad particles are quarantined.
@@ -53,6 +53,8 @@ pub(super) struct Frame {
     updates: u64,
     /// Work of contact on the grid.
     pub contact_work: contact::Work,
+    /// Particles that sleep through it.
+    pub asleep: usize,
     /// Kinetic energy that objects lost by being modelled with less [J].
     pub fidelity_loss: f64,
     /// Work done.
@@ -84,6 +86,7 @@ impl Frame {
             rollbacks: 0,
             updates: 0,
             contact_work: contact::Work::default(),
+            asleep: 0,
             fidelity_loss: 0.0,
             work: Work::default(),
             last_dt: 0.0,
@@ -145,8 +148,6 @@ impl Frame {
             substeps: self.substeps,
             rollbacks: self.rollbacks,
             particle_updates: self.updates,
-            contact_nodes: self.contact_work.nodes,
-            contact_particles: self.contact_work.particles,
             fidelity_loss: self.fidelity_loss,
             left_domain: self.left_domain.clone(),
             stopped: self.stopped,
@@ -256,10 +257,8 @@ impl World {
                 next
             };
             let replayed = !replay.is_empty() && taken.len() + 1 == replay.len();
-            let ends = replayed
-                || taken.len() + 1 == SEGMENT
-                || dt >= frame.remaining
-                || farther + next_dt * speed > MARGIN;
+            let ends =
+                replayed || taken.len() + 1 == SEGMENT || dt >= frame.remaining || farther > MARGIN;
             let stage = if ends { Stage::Gather } else { Stage::Fused };
             let in_bounds = travel < MAX_TRAVEL;
             let out_of_retries = taken.is_empty() && frame.failures >= RETRIES;
@@ -289,7 +288,6 @@ impl World {
             }
             frame.accept(dt, limit);
             taken.push(dt);
-            self.state.drift = farther;
             self.collect_extremes();
             if ends {
                 break;
@@ -413,7 +411,7 @@ impl World {
             &mut self.workspace.motion,
             &mut self.workspace.grid,
         );
-        let particles = self.state.awake() as u64;
+        let particles = (self.state.live - frame.asleep) as u64;
         if stage != Stage::Scatter {
             frame.updates += particles;
             frame.work.grid_to_particle += particles;

@@ -88,7 +88,7 @@ struct State {
     particles: Particles,
     /// Particles that are simulated.
     live: usize,
-    /// Bound of how far any particle moved since the last sort [cells]; infinite before the first.
+    /// How far any particle is out of its block, along one axis [cells]; infinite where a sort is due anyhow.
     drift: f64,
     /// Per part the extremes of its particles after the latest substep.
     extremes: Vec<Extremes>,

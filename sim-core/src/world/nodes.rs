@@ -37,7 +37,7 @@ impl World {
             approaches: &approaches(&self.state.particles, &cells_per_mass, &boundaries),
             dt,
         };
-        let mut fastest = node_pass(self.isa, grid, &acting, carrier, keep);
+        let fastest = node_pass(self.isa, grid, &acting, carrier, keep);
         let scene = &self.scene;
         let meeting = Meeting {
             method: scene.contact.method,
@@ -54,18 +54,14 @@ impl World {
         frame.timings.grid += start.elapsed().as_secs_f64();
         let start = Instant::now();
         let met = meet(grid, &meeting, &mut self.state.episodes);
-        fastest.relative = fastest.relative.max(met.largest);
         frame.contact_work.add(&met.work);
-        fastest.relative = fastest.relative.max(self.move_bodies(&substep));
+        // As integers, so that NaN is the largest of all.
+        let larger = |a: f32, b: f32| f32::from_bits(a.to_bits().max(b.to_bits()));
+        let relative = larger(met.largest, self.move_bodies(&substep));
         frame.timings.contact += start.elapsed().as_secs_f64();
-        let carrier = self
-            .state
-            .carrier
-            .iter()
-            .fold(0.0, |m: f64, u| m.max(u.abs()));
-        // What meets a moving boundary leaves it at most this much faster than either.
-        self.state.grid_speed =
-            f64::from(fastest.relative) + carrier + 2.0 * f64::from(fastest.boundary);
+        let fold = |m: f32, u: f64| m.max(u.abs() as f32);
+        let given = relative + carrier.into_iter().fold(0.0, fold);
+        self.state.grid_speed = larger(fastest, given).into();
         self.speed_with_boundaries(&substep)
     }
 

@@ -1,6 +1,6 @@
 //! What boundaries and rules mean for a frame: which blocks they concern, how fast they move matter.
 
-use super::{Frame, State, World, published::Published};
+use super::{Frame, State, World, fidelity::extent, published::Published};
 use crate::{
     colliders::{Path, Substep, sweep::SKIN, touch::Touch},
     particles::{BLOCK, NO_PARTICLE},
@@ -97,14 +97,8 @@ impl World {
                 fixed.any(|group| group.id.iter().any(named))
             }));
         }
-        let mut extent = [[i32::MAX; 3], [i32::MIN; 3]];
-        for block in &particles.blocks {
-            for a in 0..3 {
-                extent[0][a] = extent[0][a].min(block.index[a]);
-                extent[1][a] = extent[1][a].max(block.index[a]);
-            }
-        }
-        self.workspace.extent = extent;
+        let nowhere = [[i32::MAX; 3], [i32::MIN; 3]];
+        self.workspace.extent = extent(&particles.blocks).unwrap_or(nowhere);
     }
 
     /// How fast boundaries and rules may move particles in a substep.

@@ -25,7 +25,7 @@ impl World {
             return;
         }
         let mut spheres = self.spheres();
-        frame.work.object_particles += self.state.awake() as u64;
+        frame.work.object_particles += (self.state.live - frame.asleep) as u64;
         let before: Vec<[f64; 3]> = spheres.iter().map(|s| s.velocity).collect();
         let scene = &self.scene;
         frame.work.object_pairs += collide(&mut spheres, |a, b| {

@@ -8,8 +8,7 @@ use super::{
     fidelity::{are_near, extent, samples, stayed},
 };
 use crate::{
-    colliders::Substep,
-    mat3::dot,
+    mat3::{dot, length},
     materials::Material,
     particles::BLOCK,
     report::ObjectState,
@@ -18,9 +17,6 @@ use crate::{
 
 /// How long an object must have kept its shape before a body stands in for it [s].
 const STEADY: f64 = 0.1;
-fn length(v: [f64; 3]) -> f64 {
-    dot(v, v).sqrt()
-}
 
 impl World {
     /// Whether the particles of a part are joined to a body.
@@ -37,7 +33,7 @@ impl World {
             if !self.is_automatic(object) || self.state.sleeps(object) {
                 continue;
             }
-            if self.meets_something(object, frame.length) {
+            if self.meets_something(object, frame) {
                 self.bring_back(object);
             } else if self.state.standing[object].stand_in.is_none() {
                 self.watch_shape(object, frame.length);
@@ -80,24 +76,20 @@ impl World {
     }
 
     /// Whether an object may touch another, or a boundary, within two frames.
-    fn meets_something(&self, object: usize, frame: f64) -> bool {
-        let (blocks, reach) = (self.blocks_of(object), self.reach_of(object, frame));
+    fn meets_something(&self, object: usize, frame: &Frame) -> bool {
+        let reach = self.reach_of(object, frame.length);
+        let blocks = self.blocks_of(object);
         let Some([min, max]) = extent(&blocks) else {
             return false;
         };
         let mut others = (0..self.scene.objects.len()).filter(|&other| other != object);
         let near = |other: usize| {
-            let reach = reach.max(self.reach_of(other, frame));
+            let reach = reach.max(self.reach_of(other, frame.length));
             are_near(&blocks, &self.blocks_of(other), reach)
         };
         let min = min.map(|i| f64::from(BLOCK * (i - reach)));
         let max = max.map(|i| f64::from(BLOCK * (i + 1 + reach)));
-        let now = Substep {
-            time: self.state.sim_time,
-            dt: frame,
-            frame_start: self.state.sim_time,
-            frame_length: frame,
-        };
+        let now = self.substep(frame, frame.length);
         others.any(near) || self.boundaries.reach(&self.state.paths, &now, min, max)
     }
 
