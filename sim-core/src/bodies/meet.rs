@@ -21,6 +21,8 @@ pub(super) struct Pair {
     pub b: usize,
     /// Bound of how fast their distance changes [m/s].
     pub speed: f64,
+    /// The part of it that is the wall's own.
+    pub wall_speed: f64,
     pub near: Vec<(Feature, f64)>,
 }
 
@@ -69,7 +71,7 @@ pub(super) fn pairs<'a>(
         .map(|n| (actors[n].body.com[0] - reach(n), n))
         .collect();
     order.sort_by(|p, q| p.0.total_cmp(&q.0).then(p.1.cmp(&q.1)));
-    let mut found: Vec<(usize, usize, f64)> = Vec::new();
+    let mut found: Vec<(usize, usize, f64, f64)> = Vec::new();
     for (at, &(_, n)) in order.iter().enumerate() {
         let end = actors[n].body.com[0] + reach(n);
         for &(begin, m) in &order[at + 1..] {
@@ -79,29 +81,36 @@ pub(super) fn pairs<'a>(
             let apart = length(sub(actors[n].body.com, actors[m].body.com));
             let either = is_free(&actors[n]) || is_free(&actors[m]);
             if either && apart <= reach(n) + reach(m) {
-                found.push((n.min(m), n.max(m), fastest[n] + fastest[m]));
+                found.push((n.min(m), n.max(m), fastest[n] + fastest[m], 0.0));
             }
         }
     }
     for (n, actor) in actors.iter().enumerate().filter(|(_, a)| is_free(a)) {
         for (w, wall) in walls.iter().enumerate() {
             let far = reach(n);
-            let speed = fastest[n] + wall.speed(far, f64::INFINITY);
+            let wall_speed = wall.speed(far, f64::INFINITY);
+            let speed = fastest[n] + wall_speed;
             let far = far + speed * left;
             let (min, max) = (
                 actor.body.com.map(|x| x - far),
                 actor.body.com.map(|x| x + far),
             );
             if wall.is_near(min, max, touch) {
-                found.push((n, actors.len() + w, speed));
+                found.push((n, actors.len() + w, speed, wall_speed));
             }
         }
     }
     found.sort_by_key(|f| (f.0, f.1));
-    let with_points = found.into_iter().map(|(a, b, speed)| {
+    let with_points = found.into_iter().map(|(a, b, speed, wall_speed)| {
         let (one, two) = (solid(actors, walls, a), solid(actors, walls, b));
         let near = near(&one, &two, touch + speed * left);
-        Pair { a, b, speed, near }
+        Pair {
+            a,
+            b,
+            speed,
+            wall_speed,
+            near,
+        }
     });
     with_points.filter(|pair| !pair.near.is_empty()).collect()
 }

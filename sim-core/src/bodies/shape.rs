@@ -4,7 +4,7 @@ use super::{
     body::{Body, Inertia},
     field::Field,
     points::{Cluster, cluster, of_cuboid},
-    vector::{Vec3, add, along, length, scaled, sub, unit},
+    vector::{Vec3, add, along, length, scaled, solve, sub, unit},
 };
 use crate::{
     colliders::{
@@ -142,6 +142,24 @@ impl Shape {
             mass,
             moments: square.map(|s| trace - s),
         }
+    }
+
+    /// Angular velocity [rad/s] at which particles in the body's frame carry an angular momentum [kg m^2/s]; `own` as in
+    /// [`Shape::new`]. Unlike the moments it knows the products of inertia that [`frame`] leaves between axes that are
+    /// as good as each other.
+    pub fn spin(grains: &[Grain], own: f64, momentum: Vec3) -> Vec3 {
+        let Inertia { mass, moments } = Self::inertia(grains, own);
+        if mass.is_nan() || mass <= 0.0 {
+            return [0.0; 3];
+        }
+        let mut inertia = Mat3::diagonal(moments);
+        for g in grains {
+            for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+                inertia.0[a][b] -= g.mass * g.x[a] * g.x[b];
+                inertia.0[b][a] = inertia.0[a][b];
+            }
+        }
+        solve(&inertia, momentum)
     }
 
     /// Signed distance of a point of the body's frame [m].

@@ -166,7 +166,8 @@ impl World {
             .collect();
         // As particles they carry 2 D_p per mass in their affine part.
         let own = 0.5 * self.scene.dx * self.scene.dx;
-        let spin = rigid.body.spin(&Shape::inertia(&grains, own));
+        let momentum = r.transpose().mul_vec(rigid.body.angular_momentum);
+        let spin = r.mul_vec(Shape::spin(&grains, own, momentum));
         let [x, y, z] = spin;
         let member = |member: &Member| {
             let arm = r.mul_vec(member.place);
