@@ -7,7 +7,7 @@ use std::{
 };
 
 use anyhow::Context;
-use cosplat_server::load::{LoadedScene, load_scene};
+use cosplat_server::load::{LoadedScene, load_scene_with};
 use cosplat_sim_core::{
     assets::ply,
     diagram::diagram,
@@ -22,6 +22,9 @@ use serde::Serialize;
 pub struct Args {
     /// The scene file.
     scene: PathBuf,
+    /// Replace a value of the file, like dx=0.01 or objects.0.friction=0.2; may be given several times.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
@@ -35,7 +38,7 @@ pub struct Args {
 /// # Errors
 /// When the scene cannot be used or the PLY cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let loaded = load_scene(&args.scene)?;
+    let loaded = load_scene_with(&args.scene, &args.settings)?;
     let explanation = Explanation::new(&loaded);
     if let Some(path) = &args.ply {
         let bytes = ply::write(&diagram(&loaded.scene));
@@ -152,6 +155,15 @@ fn probes(scene: &Scene) -> Vec<String> {
         let what = match p.kind {
             ProbeKind::Extent { object } => format!("extent of {}", name(object)),
             ProbeKind::Point { position } => format!("point {}", vector(position)),
+            ProbeKind::Deviation { object, bounds, .. } => match bounds {
+                Some(b) => format!(
+                    "deviation of {} between {} and {}",
+                    name(object),
+                    vector(b.min),
+                    vector(b.max)
+                ),
+                None => format!("deviation of {}", name(object)),
+            },
             ProbeKind::MaterialPoint { object, position } => {
                 format!("material point of {} at {}", name(object), vector(position))
             }

@@ -10,7 +10,7 @@ use std::{
 };
 
 use anyhow::{Context, bail};
-use cosplat_server::load::load_scene;
+use cosplat_server::load::load_scene_with;
 use cosplat_sim_core::{
     ContactEpisode, DtLimit, Isa, ObjectState, ReferenceWorld, Scene, StepReport, Work,
     probe::{Measured, Probes},
@@ -24,6 +24,9 @@ use crate::{progress, signals};
 pub struct Args {
     /// The scene file.
     scene: PathBuf,
+    /// Replace a value of the file, like dx=0.01 or objects.0.friction=0.2; may be given several times.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
     /// Simulated seconds to run; rounded up to whole frames.
     #[arg(long, value_parser = positive)]
     duration: f64,
@@ -129,7 +132,7 @@ struct Summary {
 /// # Errors
 /// When the scene cannot be used or the report cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let loaded = load_scene(&args.scene)?;
+    let loaded = load_scene_with(&args.scene, &args.settings)?;
     let scene = &loaded.scene;
     let warnings: Vec<String> = loaded
         .report
@@ -206,7 +209,8 @@ fn simulate(
             bail!("interrupted after {frame} of {frames} frames, which are in the report");
         }
         let report = world.step(1.0 / scene.frame_rate);
-        let line = line(scene, &report, world.measure(&probes));
+        let measured = world.measure(&probes, report.sim_time);
+        let line = line(scene, &report, measured);
         serde_json::to_writer(&mut *out, &line)?;
         out.write_all(b"\n")?;
         summary.frames = frame + 1;
@@ -351,10 +355,10 @@ impl World {
         }
     }
 
-    fn measure<'p>(&self, probes: &'p Probes) -> Vec<(&'p str, Option<Measured>)> {
+    fn measure<'p>(&self, probes: &'p Probes, time: f64) -> Vec<(&'p str, Option<Measured>)> {
         match self {
-            Self::Fast(world) => probes.measure(&world.arrays()),
-            Self::Reference(world) => probes.measure(&world.particles.arrays()),
+            Self::Fast(world) => probes.measure(&world.arrays(), time),
+            Self::Reference(world) => probes.measure(&world.particles.arrays(), time),
         }
     }
 }

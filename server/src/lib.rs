@@ -7,3 +7,4 @@ pub mod load;
 pub mod pace;
 pub mod publish;
 pub mod serve;
+pub mod settings;

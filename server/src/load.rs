@@ -13,6 +13,8 @@ use cosplat_sim_core::{
     scene_file::{BuildReport, SceneErrors, SceneFile, build_with_meshes},
 };
 
+use crate::settings::{self, SettingError};
+
 /// A scene file, built.
 #[derive(Clone, Debug)]
 pub struct LoadedScene {
@@ -45,6 +47,9 @@ pub enum LoadError {
         /// All of them.
         errors: SceneErrors,
     },
+    /// A value cannot be replaced.
+    #[error(transparent)]
+    Setting(#[from] SettingError),
 }
 
 /// An asset file that cannot be read.
@@ -68,11 +73,22 @@ struct MeshFile {
 /// # Errors
 /// When the file cannot be read, or with everything that is wrong with it or its assets.
 pub fn load_scene(path: &Path) -> Result<LoadedScene, LoadError> {
+    load_scene_with(path, &[])
+}
+
+/// As [`load_scene`], with single values of the file replaced, see [`settings::apply`].
+///
+/// # Errors
+/// As [`load_scene`], or when a setting cannot be made.
+pub fn load_scene_with(path: &Path, settings: &[String]) -> Result<LoadedScene, LoadError> {
     let text = fs::read_to_string(path).map_err(|source| LoadError::Read {
         path: path.into(),
         source,
     })?;
-    load_text(text, path)
+    if settings.is_empty() {
+        return load_text(text, path);
+    }
+    load_text(settings::apply(&text, settings)?, path)
 }
 
 /// Builds a scene from a text; `path` names it in messages, and asset paths are relative to its folder.

@@ -13,6 +13,7 @@ pub mod command;
 mod contact;
 mod contact_com;
 pub mod diagram;
+pub mod expression;
 pub mod fill;
 mod grid;
 pub mod kinematics;

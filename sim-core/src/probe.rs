@@ -3,8 +3,11 @@
 use std::f64::consts::PI;
 
 use crate::{
+    expression::VectorField,
+    mat3::Mat3,
+    materials::{Coefficients, Material, Trial},
     moments::ParticleArrays,
-    scene::{ProbeKind, Scene},
+    scene::{ProbeKind, Region, Scene},
 };
 
 /// What a probe measured; `None` from [`Probes::measure`] when no particle was there.
@@ -35,6 +38,17 @@ pub enum Measured {
         velocity: [f64; 3],
         /// Deformation gradient, row-major.
         deformation: [[f64; 3]; 3],
+        /// Cauchy stress [Pa], row-major.
+        stress: [[f64; 3]; 3],
+    },
+    /// Distances from where the particles should be.
+    Deviation {
+        /// Root of the mean square [m].
+        rms: f64,
+        /// Largest [m].
+        largest: f64,
+        /// How many particles.
+        particles: usize,
     },
 }
 
@@ -57,7 +71,12 @@ struct Ready {
 enum What {
     Extent(std::ops::Range<usize>),
     Point([f64; 3]),
-    Particle(Option<usize>),
+    Particle(Option<(usize, Box<Material>)>),
+    Deviation {
+        /// Particles with their positions at rest [m].
+        particles: Vec<(usize, [f64; 3])>,
+        position: VectorField,
+    },
 }
 
 impl Probes {
@@ -72,7 +91,27 @@ impl Probes {
                     let distance =
                         |p: &usize| distance_squared(scene.particles.position[*p], position);
                     let range = particles_of(scene, object);
-                    What::Particle(range.min_by(|a, b| distance(a).total_cmp(&distance(b))))
+                    let nearest = range.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+                    What::Particle(nearest.and_then(|p| {
+                        let parts = scene.parts();
+                        let part = parts.iter().find(|part| part.particles.contains(&p))?;
+                        Some((p, Box::new(part.material.clone())))
+                    }))
+                }
+                ProbeKind::Deviation {
+                    object,
+                    ref position,
+                    bounds,
+                } => {
+                    let region = bounds.map(Region::Box);
+                    let rest = &scene.particles.position;
+                    let particles = particles_of(scene, object).map(|p| (p, rest[p]));
+                    What::Deviation {
+                        particles: particles
+                            .filter(|(_, x)| region.is_none_or(|region| region.contains(*x)))
+                            .collect(),
+                        position: position.clone(),
+                    }
                 }
             },
         });
@@ -87,23 +126,24 @@ impl Probes {
         }
     }
 
-    /// Names and values, in the order of the scene.
+    /// Names and values at the simulated time `time` [s], in the order of the scene.
     pub fn measure<T: Copy + Into<f64>>(
         &self,
         particles: &ParticleArrays<'_, T>,
+        time: f64,
     ) -> Vec<(&str, Option<Measured>)> {
         let measured = self.probes.iter().map(|probe| {
             let value = match &probe.what {
                 What::Extent(range) => extent(particles, range.clone()),
                 What::Point(position) => self.around(particles, *position),
-                What::Particle(p) => {
-                    p.filter(|&p| particles.volume[p] > 0.0)
-                        .map(|p| Measured::MaterialPoint {
-                            position: wide(particles.position[p]),
-                            velocity: wide(particles.velocity[p]),
-                            deformation: particles.deformation[p].map(wide),
-                        })
-                }
+                What::Particle(found) => found
+                    .as_ref()
+                    .filter(|(p, _)| particles.volume[*p] > 0.0)
+                    .map(|(p, material)| material_point(particles, *p, material)),
+                What::Deviation {
+                    particles: chosen,
+                    position,
+                } => deviation(particles, chosen, |x| position.at(x, time)),
             };
             (probe.name.as_str(), value)
         });
@@ -156,6 +196,51 @@ fn distance_squared(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|i| (a[i] - b[i]) * (a[i] - b[i])).sum()
 }
 
+fn material_point<T: Copy + Into<f64>>(
+    particles: &ParticleArrays<'_, T>,
+    p: usize,
+    material: &Material,
+) -> Measured {
+    let state = Trial {
+        f: Mat3(particles.elastic[p].map(wide)),
+        memory: particles.memory[p].into(),
+        gradient: Mat3(particles.affine[p].map(wide)),
+        dt: 0.0,
+    };
+    let response = material.law.respond(&state, &Coefficients::new(material));
+    let [xx, xy, xz, yy, yz, zz] = response.tau.map(|tau| tau / response.j);
+    Measured::MaterialPoint {
+        position: wide(particles.position[p]),
+        velocity: wide(particles.velocity[p]),
+        deformation: particles.deformation[p].map(wide),
+        stress: [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]],
+    }
+}
+
+fn deviation<T: Copy + Into<f64>>(
+    particles: &ParticleArrays<'_, T>,
+    chosen: &[(usize, [f64; 3])],
+    expected: impl Fn([f64; 3]) -> [f64; 3],
+) -> Option<Measured> {
+    let (mut sum, mut largest, mut count) = (0.0, 0.0, 0);
+    for &(p, rest) in chosen.iter().filter(|(p, _)| particles.volume[*p] > 0.0) {
+        let squared = distance_squared(wide(particles.position[p]), expected(rest));
+        sum += squared;
+        // NaN stays.
+        largest = if squared > largest || squared.is_nan() {
+            squared
+        } else {
+            largest
+        };
+        count += 1;
+    }
+    (count > 0).then(|| Measured::Deviation {
+        rms: (sum / count as f64).sqrt(),
+        largest: largest.sqrt(),
+        particles: count,
+    })
+}
+
 fn extent<T: Copy + Into<f64>>(
     particles: &ParticleArrays<'_, T>,
     range: std::ops::Range<usize>,
@@ -200,6 +285,17 @@ name = "corner"
 kind = "material_point"
 object = "box"
 position = [1, 1, 1]
+[[probes]]
+name = "moved"
+kind = "deviation"
+object = "box"
+position = ["X + 0.03*t", "Y", "Z - 0.04*t"]
+[[probes]]
+name = "half"
+kind = "deviation"
+object = "box"
+box = { min = [0, -1, -1], max = [1, 1, 1] }
+position = ["X", "Y", "Z"]
 "#;
 
     #[test]
@@ -217,9 +313,12 @@ position = [1, 1, 1]
             memory: &vec![0.0; count],
         };
         let probes = Probes::new(&scene);
-        let values = probes.measure(&particles);
+        let values = probes.measure(&particles, 2.0);
         let names: Vec<&str> = values.iter().map(|v| v.0).collect();
-        assert_eq!(names, ["size", "inside", "nowhere", "corner"]);
+        assert_eq!(
+            names,
+            ["size", "inside", "nowhere", "corner", "moved", "half"]
+        );
         // Particles sit half a spacing (0.025 m) inside the faces, give or take a tenth of the spacing.
         let Some(Measured::Extent { min, max }) = values[0].1 else {
             panic!("{values:?}")
@@ -240,6 +339,7 @@ position = [1, 1, 1]
         let Some(Measured::MaterialPoint {
             position,
             deformation,
+            stress,
             ..
         }) = values[3].1
         else {
@@ -250,5 +350,18 @@ position = [1, 1, 1]
             "{position:?}"
         );
         assert_eq!(deformation[0][0], 2.0);
+        // The elastic part is undeformed.
+        assert_eq!(stress, [[0.0; 3]; 3]);
+        // After 2 s 0.06 m and 0.08 m aside.
+        let Some(Measured::Deviation { rms, largest, .. }) = values[4].1 else {
+            panic!("{values:?}")
+        };
+        assert!((rms - 0.1).abs() < 1e-12 && (largest - 0.1).abs() < 1e-12);
+        let expected = Measured::Deviation {
+            rms: 0.0,
+            largest: 0.0,
+            particles: count / 2,
+        };
+        assert_eq!(values[5].1, Some(expected));
     }
 }

@@ -10,7 +10,7 @@ pub use boundaries::*;
 pub use coherence::*;
 pub use contact::*;
 
-use crate::{assets::Gaussians, materials::Material};
+use crate::{assets::Gaussians, expression::VectorField, materials::Material};
 
 /// How many particles each Gaussian is bound to.
 pub const BINDING_NEIGHBORS: usize = 8;
@@ -89,6 +89,10 @@ pub struct Object {
     pub linear_velocity: [f64; 3],
     /// Initial velocity gradient about the centre of mass [1/s], row-major: spin plus affine part.
     pub velocity_gradient: [[f64; 3]; 3],
+    /// Initial velocity [m/s] on top of these, over the position at rest; without effect on rigid matter.
+    pub velocity: Option<VectorField>,
+    /// Force per mass on every particle [m/s^2], over its position at rest and time.
+    pub body_force: Option<VectorField>,
 }
 
 /// Particles of an object with a material of their own.
@@ -211,7 +215,7 @@ pub struct Probe {
 }
 
 /// What a probe measures.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ProbeKind {
     /// Smallest and largest particle position of an object [m].
     Extent {
@@ -223,7 +227,16 @@ pub enum ProbeKind {
         /// Where [m].
         position: [f64; 3],
     },
-    /// Position, velocity and deformation gradient of the particle that is nearest to `position` at rest.
+    /// Distance of an object's particles from where they should be.
+    Deviation {
+        /// Object id.
+        object: usize,
+        /// Where a particle should be [m], over its position at rest and time.
+        position: VectorField,
+        /// Only particles that are in this box at rest [m].
+        bounds: Option<Aabb>,
+    },
+    /// Position, velocity, deformation gradient and stress of the particle that is nearest to `position` at rest.
     MaterialPoint {
         /// Object id.
         object: usize,

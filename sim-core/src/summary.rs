@@ -185,7 +185,9 @@ fn body_summary(scene: &Scene, object: &Object) -> Option<BodySummary> {
         poisson_ratio: m.poisson_ratio,
         density_kg_m3: m.density,
         sound_speed: ((lambda + 2.0 * mu) / m.density).sqrt(),
-        dt: scene.cfl * critical_dt(m, m.density, scene.dx, rest),
+        dt: scene.cfl
+            * scene.conditions.time_step_kept(m.law.is_fluid())
+            * critical_dt(m, m.density, scene.dx, rest),
     })
 }
 

@@ -119,6 +119,8 @@ pub fn add_box(
         world_from_asset: [0.0, 0.0, 0.0, 1.0],
         linear_velocity: [0.0; 3],
         velocity_gradient: [[0.0; 3]; 3],
+        velocity: None,
+        body_force: None,
     });
     scene.objects.len() - 1
 }

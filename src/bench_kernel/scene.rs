@@ -161,6 +161,8 @@ pub fn scene(material: Material, layout: &Layout, with_gaussians: bool) -> Scene
             world_from_asset: [0.0, 0.0, 0.0, 1.0],
             linear_velocity: VELOCITY,
             velocity_gradient: [[0.0, -SPIN, 0.0], [SPIN, 0.0, 0.0], [0.0; 3]],
+            velocity: None,
+            body_force: None,
         }],
         contact: Contact::default(),
         colliders: vec![Collider::fixed(

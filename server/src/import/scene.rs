@@ -114,7 +114,8 @@ fn head(parts: &Parts, notes: &mut Notes) -> String {
         String::new()
     };
     let rpic = match config.rpic_damping {
-        0.0 => String::new(),
+        pic if pic < -0.001 => "transfer = \"pic\" # rpic_damping is negative\n".into(),
+        none if none <= 0.0 => String::new(),
         rpic => format!("rpic_damping = {rpic:?} # per substep, as in the original\n"),
     };
     let per_cell = particles_per_cell(config, options.compat, notes);

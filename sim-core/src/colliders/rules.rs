@@ -7,6 +7,7 @@ use super::{
     pose::{from_rotation_vector, rotate},
 };
 use crate::{
+    expression::VectorField,
     mat3::{cross, dot},
     scene::{ImpulseAmount, Scene, TimeSpan},
 };
@@ -115,12 +116,34 @@ struct Impulse {
     span: TimeSpan,
 }
 
+#[derive(Clone, Debug)]
+struct Acceleration {
+    /// Number of its first particle.
+    first: usize,
+    /// Its particles at rest [m].
+    rest: Vec<[f64; 3]>,
+    /// In SI units.
+    field: VectorField,
+    /// Metres per unit.
+    unit: f64,
+}
+
+impl Acceleration {
+    /// Where a particle was at rest [m], if it is one of them.
+    fn rest(&self, id: u32) -> Option<[f64; 3]> {
+        self.rest
+            .get((id as usize).checked_sub(self.first)?)
+            .copied()
+    }
+}
+
 /// Everything prescribed for particles of a scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Rules {
     prescribed: Vec<Prescribed>,
     releases: Vec<Release>,
     impulses: Vec<Impulse>,
+    accelerations: Vec<Acceleration>,
 }
 
 /// What commands hold at present, per object; plain data, part of the world's state.
@@ -192,7 +215,16 @@ impl Rules {
                 },
             }
         });
+        let accelerations = scene.objects.iter().filter_map(|object| {
+            Some(Acceleration {
+                first: object.particles.start,
+                rest: scene.particles.position[object.particles.clone()].to_vec(),
+                field: object.body_force.clone()?,
+                unit,
+            })
+        });
         Self {
+            accelerations: accelerations.collect(),
             prescribed: prescribed.collect(),
             releases: releases.collect(),
             impulses: impulses.collect(),
@@ -204,6 +236,7 @@ impl Rules {
         self.prescribed.iter().any(|r| r.members.contains(id))
             || self.releases.iter().any(|r| r.members.contains(id))
             || self.impulses.iter().any(|r| r.members.contains(id))
+            || self.accelerations.iter().any(|a| a.rest(id).is_some())
             || pins.iter().flatten().any(|p| p.contains(id))
     }
 
@@ -213,6 +246,7 @@ impl Rules {
         self.prescribed.iter().any(|r| later(&r.span, &r.members))
             || self.releases.iter().any(|r| later(&r.span, &r.members))
             || self.impulses.iter().any(|r| later(&r.span, &r.members))
+            || self.accelerations.iter().any(|a| a.rest(id).is_some())
     }
 
     /// Whether there is no rule at all.
@@ -220,6 +254,7 @@ impl Rules {
         self.prescribed.is_empty()
             && self.releases.is_empty()
             && self.impulses.is_empty()
+            && self.accelerations.is_empty()
             && pins.iter().all(Option::is_none)
     }
 
@@ -243,7 +278,7 @@ impl Rules {
             || self.prescribed.iter().any(|r| substep.is_in(&r.span))
     }
 
-    /// Velocity that impulses add to a particle in a substep [units/s].
+    /// Velocity that impulses and body forces add to a particle in a substep [units/s].
     pub fn push(&self, substep: &Substep, id: u32) -> [f64; 3] {
         let mut change = [0.0; 3];
         for impulse in &self.impulses {
@@ -254,13 +289,21 @@ impl Rules {
                 }
             }
         }
+        for force in &self.accelerations {
+            if let Some(rest) = force.rest(id) {
+                let acceleration = force.field.at(rest, substep.time);
+                for a in 0..3 {
+                    change[a] += substep.dt * acceleration[a] / force.unit;
+                }
+            }
+        }
         change
     }
 
-    /// Whether an impulse acts in a substep.
+    /// Whether an impulse or a body force acts in a substep.
     pub fn push_in(&self, substep: &Substep) -> bool {
         let acts = |i: &Impulse| overlap(&i.span, substep.time, substep.time + substep.dt) > 0.0;
-        self.impulses.iter().any(acts)
+        !self.accelerations.is_empty() || self.impulses.iter().any(acts)
     }
 
     /// Momentum that impulses give to every object from `start` to `end` [kg m/s].

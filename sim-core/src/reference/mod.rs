@@ -18,6 +18,7 @@ use crate::{
         touch::{ANCHOR, Touch},
     },
     command::Command,
+    expression::GRADIENT_STEP,
     mat3::Mat3,
     materials::{Coefficients, Material, Trial},
     moments::{ParticleArrays, bodies_of, object_moments, total_momentum},
@@ -111,6 +112,19 @@ impl Particles {
                 object.linear_velocity,
                 Mat3(object.velocity_gradient),
             );
+            if let Some(field) = &object.velocity {
+                let h = GRADIENT_STEP * scene.dx;
+                for p in object.particles.clone() {
+                    let x = scene.particles.position[p];
+                    let (own, grown) = (field.at(x, 0.0), field.gradient(x, 0.0, h));
+                    for a in 0..3 {
+                        particles.velocity[p][a] += own[a];
+                        for b in 0..3 {
+                            particles.affine[p][a][b] += grown[a][b];
+                        }
+                    }
+                }
+            }
         }
         particles
     }

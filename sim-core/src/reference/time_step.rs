@@ -82,7 +82,8 @@ pub(super) fn time_step(
             continue;
         }
         let rho0 = part.material.density;
-        let sound = critical_dt(material, rho0, scene.dx, &bounds);
+        let kept = scene.conditions.time_step_kept(material.law.is_fluid());
+        let sound = kept * critical_dt(material, rho0, scene.dx, &bounds);
         for (dt, limit) in [
             (scene.cfl * sound, DtLimit::Sound),
             (MAX_TRAVEL * scene.dx / speed, DtLimit::Velocity),

@@ -229,15 +229,27 @@ pub enum DomainPolicy {
     Stop,
 }
 
-/// Everything prescribed for particles, what the domain's faces do, and damping.
+/// How velocities travel between particles and grid.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Transfer {
+    /// Velocity and affine velocity `C`: linear fields come back as they went (Jiang et al. 2015).
+    #[default]
+    Apic,
+    /// Velocity alone: every transfer averages (Harlow 1964).
+    Pic,
+}
+
+/// Everything prescribed for particles, what the domain's faces do, transfers and damping.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Conditions {
     /// See [`DomainPolicy`].
     pub domain_policy: DomainPolicy,
     /// Rate at which all velocities decay towards rest [1/s], >= 0.
     pub damping: f64,
-    /// Part of the strain rate of `C` that every transfer to the grid drops, 0..=1 (the RPIC damping of PhysGaussian):
-    /// 0 is APIC, at 1 only the rotation is left. Below -0.001 all of `C` is dropped, which is PIC.
+    /// See [`Transfer`].
+    pub transfer: Transfer,
+    /// Part of the strain rate of `C` that every APIC transfer to the grid drops, 0..=1 (the RPIC damping of
+    /// PhysGaussian): at 1 only the rotation is left. PIC has nothing that it could drop.
     pub rpic_damping: f64,
     /// Particles with a prescribed velocity; a later one wins where several act.
     pub prescribed: Vec<PrescribedMotion>,
@@ -255,14 +267,23 @@ impl Conditions {
 
     /// What a transfer makes of the affine velocity, `C' = a C + b C^T`, as `[a, b]`; none where it keeps it.
     pub fn affine_kept(&self) -> Option<[f64; 2]> {
-        let d = self.rpic_damping;
-        if d < -0.001 {
+        if self.transfer == Transfer::Pic {
             return Some([0.0; 2]);
         }
+        let d = self.rpic_damping;
         (d > 0.0).then(|| {
             let half = 0.5 * d.min(1.0);
             [1.0 - half, -half]
         })
+    }
+
+    /// What is left of a stable time step where transfers keep only a share `k` of the strain rate of `C`.
+    ///
+    /// The affine mode of an isolated particle then has `C' = k C - dt omega^2 e` and `e' = e + dt C'`, which is stable
+    /// for `(omega dt)^2 < 2 (1 + k)`, and where viscosity damps it for `dt` less by `(1 + k) / 2`.
+    pub fn time_step_kept(&self, viscous: bool) -> f64 {
+        let share = self.affine_kept().map_or(1.0, |[a, b]| 0.5 * (1.0 + a + b));
+        if viscous { share } else { share.sqrt() }
     }
 }
 

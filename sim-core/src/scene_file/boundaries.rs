@@ -17,7 +17,7 @@ use super::{
 use crate::scene::{
     Aabb, Collider, ColliderMotion, ColliderShape, Conditions, DomainPolicy, ImpulseAmount,
     Keyframe, PinnedRegion, Pose, PrescribedMotion, Region, RegionImpulse, Scene, Selection,
-    SequentialRelease, Surface, TimeSpan, TriangleMesh,
+    SequentialRelease, Surface, TimeSpan, Transfer, TriangleMesh,
 };
 
 /// Layers of a release when the file does not say: what the first program with such a release always uses.
@@ -260,15 +260,23 @@ pub(super) fn pinned_region(table: Table) -> Option<PinnedRegion> {
     })
 }
 
-/// `damping`, `rpic_damping` and the arrays `[[prescribed]]`, `[[impulses]]` and `[[releases]]`.
+/// `damping`, `transfer`, `rpic_damping` and the arrays `[[prescribed]]`, `[[impulses]]` and `[[releases]]`.
 pub(super) fn conditions(root: &Table, policy: DomainPolicy, objects: &Names) -> ConditionSpecs {
     let damping = root.get("damping").and_then(|e| e.number(l::DAMPING));
     let rpic_damping = root
         .get("rpic_damping")
         .and_then(|e| e.number(l::RPIC_DAMPING));
+    let transfer = root.get("transfer").and_then(|e| {
+        let transfer = e.choice(&[("apic", Transfer::Apic), ("pic", Transfer::Pic)])?;
+        if transfer == Transfer::Pic && rpic_damping.is_some_and(|d| d > 0.0) {
+            e.error("`pic` drops all that `rpic_damping` could, expected one of the two");
+        }
+        Some(transfer)
+    });
     let mut found = ConditionSpecs {
         domain_policy: policy,
         damping: damping.unwrap_or(0.0),
+        transfer: transfer.unwrap_or_default(),
         rpic_damping: rpic_damping.unwrap_or(0.0),
         ..Default::default()
     };
@@ -471,6 +479,7 @@ pub(super) fn build_conditions(
     let mut conditions = Conditions {
         domain_policy: specs.domain_policy,
         damping: specs.damping,
+        transfer: specs.transfer,
         rpic_damping: specs.rpic_damping,
         ..Default::default()
     };

@@ -441,6 +441,7 @@ impl<'f> Builder<'f> {
         let numerics = sampling::Numerics {
             dx,
             particles_per_cell: file.particles_per_cell,
+            jitter: file.jitter,
             seed: file.seed,
         };
         let mut sampled = Vec::new();
@@ -546,6 +547,8 @@ fn push(scene: &mut Scene, part: &Part, sampled: &sampling::Sampled, body_from_a
             .to_array(),
         linear_velocity: spec.linear_velocity,
         velocity_gradient: std::array::from_fn(|i| std::array::from_fn(|j| gradient(i, j))),
+        velocity: spec.velocity.clone(),
+        body_force: spec.body_force.clone(),
     });
 }
 

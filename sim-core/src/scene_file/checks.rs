@@ -17,6 +17,10 @@ use crate::{
 
 /// Part of an object's particles that may lie inside another object before it is called overlap.
 const TOUCHING: f64 = 0.03;
+/// Largest component of an initial velocity [m/s].
+const MAX_SPEED: f64 = 1e4;
+/// Largest component of a body force per mass at time 0 [m/s^2].
+const MAX_ACCELERATION: f64 = 1e9;
 
 /// Adds warnings to the report; `at` is the place of each object in the file.
 pub(super) fn check(
@@ -53,6 +57,22 @@ pub(super) fn check(
                 scene.domain.max
             );
             errors.push(Finding::new(at, message));
+        }
+        for (key, field, largest) in [
+            ("velocity", &object.velocity, MAX_SPEED),
+            ("body_force", &object.body_force, MAX_ACCELERATION),
+        ] {
+            let Some(field) = field else { continue };
+            let allowed = |v: &f64| v.abs() <= largest;
+            let bad = |x: &&[f64; 3]| !field.at(**x, 0.0).iter().all(allowed);
+            if let Some(x) = positions.iter().find(bad) {
+                let value = field.at(*x, 0.0);
+                let message = format!(
+                    "object `{}`: {key} is {value:?} at {x:.4?} and time 0, expected at most {largest:?} along each axis",
+                    object.name
+                );
+                errors.push(Finding::new(at, message));
+            }
         }
         if let Some(message) = thin(scene, object) {
             warn(at, message);

@@ -15,6 +15,7 @@ mod objects;
 mod parse;
 mod placement;
 mod probes;
+mod quality;
 mod reader;
 mod regions;
 mod report;
@@ -29,6 +30,7 @@ pub use build::{Load, LoadMesh, build, build_with_meshes};
 pub use contact::ContactSpec;
 pub use drop::{DropOptions, drop_scene, guess_up};
 pub use error::{At, Finding, SceneErrors};
+pub use quality::{Quality, QualityNumbers};
 pub use report::{AssetReport, BuildReport};
 pub use spec::*;
 
@@ -54,6 +56,8 @@ impl ObjectSpec {
 
 #[cfg(test)]
 mod boundary_tests;
+#[cfg(test)]
+mod formula_tests;
 #[cfg(test)]
 mod grouping_tests;
 #[cfg(test)]

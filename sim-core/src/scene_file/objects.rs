@@ -162,6 +162,18 @@ fn object(
         let rows: Vec<_> = rows.iter().map(|row| row.numbers::<3>(l::RATE)).collect();
         Some([rows[0]?, rows[1]?, rows[2]?])
     });
+    let [velocity, body_force] = ["velocity", "body_force"].map(|key| {
+        let entry = table.get(key)?;
+        let rigid = key == "velocity"
+            && (fidelity == Fidelity::Rigid
+                || matches!(&material, Some(Some(material)) if material.law.is_rigid()));
+        if rigid {
+            entry.error("cannot be had by one body: give `linear_velocity` and `angular_velocity`");
+        } else if fidelity == Fidelity::Static {
+            entry.error("has no effect on an object that is only shown");
+        }
+        entry.formulas()
+    });
     let (surface, coherence) = (contact::surface(table), contact::coherence(table));
     let object = ObjectSpec {
         name: name?,
@@ -179,6 +191,8 @@ fn object(
         linear_velocity: linear_velocity.unwrap_or_default(),
         angular_velocity: angular_velocity.unwrap_or_default(),
         velocity_gradient: velocity_gradient.unwrap_or_default(),
+        velocity,
+        body_force,
     };
     Some(object)
 }
@@ -392,9 +406,21 @@ fn shape(table: Table) -> Option<Geometry> {
         Some(Kind::Sphere) => length("radius").map(|radius| Shape::Sphere { radius }),
         Some(Kind::Cylinder) => {
             let (radius, height) = (length("radius"), length("height"));
-            radius
-                .zip(height)
-                .map(|(radius, height)| Shape::Cylinder { radius, height })
+            let inner = table.get("inner_radius");
+            let inner_radius = inner.as_ref().and_then(|e| e.number(l::LENGTH));
+            let inner_radius = inner_radius.unwrap_or(0.0);
+            if let (Some(inner), Some(radius)) = (inner, radius)
+                && inner_radius >= radius
+            {
+                inner.error(format!(
+                    "is {inner_radius} m, expected less than the radius, which is {radius} m"
+                ));
+            }
+            radius.zip(height).map(|(radius, height)| Shape::Cylinder {
+                radius,
+                inner_radius,
+                height,
+            })
         }
         Some(Kind::Slab) => {
             let size = table.required("size").and_then(|e| e.numbers(l::LENGTH));
@@ -404,7 +430,7 @@ fn shape(table: Table) -> Option<Geometry> {
         }
         None => {
             // The keys are known, whatever the kind was meant to be.
-            for key in ["size", "radius", "height", "thickness"] {
+            for key in ["size", "radius", "inner_radius", "height", "thickness"] {
                 table.get(key);
             }
             None

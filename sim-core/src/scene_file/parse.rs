@@ -3,12 +3,15 @@
 use toml::de::DeTable;
 
 use super::{
-    boundaries, contact,
+    boundaries::{self, aabb},
+    contact,
     error::{At, Finding, SceneErrors, suggest},
     limits as l,
     objects::{self, Names},
     placement,
+    quality::Quality,
     reader::{Context, Entry, Table},
+    shapes::JITTER,
     spec::{AssetSource, AssetSpec, ProbeKindSpec, ProbeSpec, Resolution, SceneFile},
 };
 use crate::assets::generate::BUILTINS;
@@ -52,12 +55,18 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
     let gravity = table
         .get("gravity")
         .and_then(|e| e.numbers(l::ACCELERATION));
-    let (resolution, resolution_at) = resolution(table);
+    let quality = table.get("quality").and_then(|e| e.choice(&Quality::ALL));
+    let preset = quality.unwrap_or_default().numbers();
+    let (resolution, resolution_at) = resolution(table, preset.resolution);
     let number = |key, bounds, default| {
         let value = table.get(key).and_then(|e| e.number(bounds));
         value.unwrap_or(default)
     };
-    let particles_per_cell = number("particles_per_cell", l::PARTICLES_PER_CELL, 8.0);
+    let particles_per_cell = number(
+        "particles_per_cell",
+        l::PARTICLES_PER_CELL,
+        preset.particles_per_cell,
+    );
     if particles_per_cell < 4.0
         && let Some(entry) = table.get("particles_per_cell")
     {
@@ -67,8 +76,17 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         warnings.push(Finding::new(&entry.at, message));
     }
     let frame_rate = number("frame_rate", l::FRAME_RATE, 60.0);
-    let cfl = number("cfl", l::CFL, 0.5);
-    let tolerance = number("tolerance", l::TOLERANCE, 0.01);
+    let cfl = number("cfl", l::CFL, preset.cfl);
+    if cfl > 1.0
+        && let Some(entry) = table.get("cfl")
+    {
+        let message = format!(
+            "{cfl} of the stability limit blows up what flies alone, and leaves it to the guard; expected 1 or less"
+        );
+        warnings.push(Finding::new(&entry.at, message));
+    }
+    let tolerance = number("tolerance", l::TOLERANCE, preset.tolerance);
+    let jitter = number("jitter", l::JITTER, JITTER);
     let seed = table
         .get("seed")
         .and_then(|e| e.integer(0, i64::MAX as u64));
@@ -104,6 +122,7 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         frame_rate,
         cfl,
         tolerance,
+        jitter,
         seed: seed.unwrap_or(0),
         domain,
         assets,
@@ -117,8 +136,8 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
     }
 }
 
-fn resolution(table: &Table) -> (Resolution, At) {
-    let default = (Resolution::CellsPerObject(16.0), At::default());
+fn resolution(table: &Table, preset: Resolution) -> (Resolution, At) {
+    let default = (preset, At::default());
     let Some((key, entry)) = table.one_of(&["dx", "cells_per_object"]) else {
         return default;
     };
@@ -185,12 +204,14 @@ fn probe(table: Table, names: &mut Names, objects: &Names) -> Option<ProbeSpec> 
         Extent,
         Point,
         MaterialPoint,
+        Deviation,
     }
     let kind = table.required("kind").and_then(|e| {
         e.choice(&[
             ("extent", Kind::Extent),
             ("point", Kind::Point),
             ("material_point", Kind::MaterialPoint),
+            ("deviation", Kind::Deviation),
         ])
     });
     let object = || {
@@ -212,10 +233,22 @@ fn probe(table: Table, names: &mut Names, objects: &Names) -> Option<ProbeSpec> 
                 .zip(position)
                 .map(|(object, position)| ProbeKindSpec::MaterialPoint { object, position })
         }
+        Some(Kind::Deviation) => {
+            let position = table.required("position").and_then(|e| e.formulas());
+            let bounds = table.get("box").map(|e| e.table().and_then(aabb));
+            object()
+                .zip(position)
+                .map(|(object, position)| ProbeKindSpec::Deviation {
+                    object,
+                    position,
+                    bounds: bounds.flatten(),
+                })
+        }
         None => {
             // The keys are known, whatever the kind was meant to be.
-            table.get("object");
-            table.get("position");
+            for key in ["object", "position", "box"] {
+                table.get(key);
+            }
             None
         }
     };

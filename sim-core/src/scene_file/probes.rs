@@ -9,8 +9,9 @@ use crate::scene::{Object, Probe, ProbeKind};
 /// Notes probes of objects that do not exist; `names` are those of all objects.
 pub(super) fn check(probes: &[ProbeSpec], names: &[&str], errors: &mut Vec<Finding>) {
     for probe in probes {
-        let (ProbeKindSpec::Extent { object } | ProbeKindSpec::MaterialPoint { object, .. }) =
-            &probe.kind
+        let (ProbeKindSpec::Extent { object }
+        | ProbeKindSpec::Deviation { object, .. }
+        | ProbeKindSpec::MaterialPoint { object, .. }) = &probe.kind
         else {
             continue;
         };
@@ -31,6 +32,15 @@ pub(super) fn probe(spec: &ProbeSpec, objects: &[Object]) -> Probe {
         },
         ProbeKindSpec::Point { position } => ProbeKind::Point {
             position: *position,
+        },
+        ProbeKindSpec::Deviation {
+            object,
+            position,
+            bounds,
+        } => ProbeKind::Deviation {
+            object: number(object),
+            position: position.clone(),
+            bounds: *bounds,
         },
         ProbeKindSpec::MaterialPoint { object, position } => ProbeKind::MaterialPoint {
             object: number(object),

@@ -8,6 +8,7 @@ use toml::{
 };
 
 use super::error::{At, Finding, suggest};
+use crate::expression::{Expression, VectorField};
 
 /// Valid closed range of a number and its unit, for the message.
 #[derive(Clone, Copy, Debug)]
@@ -172,6 +173,29 @@ impl<'c, 't> Entry<'c, 't> {
         let values: Vec<_> = entries.iter().map(|e| e.number(bounds)).collect();
         let values: Vec<f64> = values.into_iter().collect::<Option<_>>()?;
         values.try_into().ok()
+    }
+
+    /// Three formulas in the position at rest and time.
+    pub fn formulas(&self) -> Option<VectorField> {
+        let entries = self.array()?;
+        if entries.len() != 3 {
+            self.error(format!(
+                "has {} elements, expected 3 formulas",
+                entries.len()
+            ));
+            return None;
+        }
+        let formula = |entry: &Self| {
+            let text = match entry.value {
+                DeValue::Integer(number) => number.as_str(),
+                DeValue::Float(number) => number.as_str(),
+                _ => entry.text()?,
+            };
+            let parsed = Expression::parse(text);
+            parsed.map_err(|found| entry.error(found)).ok()
+        };
+        let [x, y, z] = [0, 1, 2].map(|n| formula(&entries[n]));
+        Some(VectorField::new([x?, y?, z?]))
     }
 
     pub fn is_text(&self) -> bool {

@@ -38,6 +38,8 @@ pub(super) struct Numerics {
     pub dx: f64,
     /// Particles per filled cell.
     pub particles_per_cell: f64,
+    /// See [`SceneFile::jitter`](super::SceneFile::jitter).
+    pub jitter: f64,
     /// Seed.
     pub seed: u64,
 }
@@ -73,7 +75,10 @@ pub(super) fn sample(
         });
     };
     let (particles, fill) = match rest {
-        Rest::Shape(shape) => (shape.particles(spacing, numerics.seed), None),
+        Rest::Shape(shape) => (
+            shape.particles(spacing, numerics.jitter, numerics.seed),
+            None,
+        ),
         Rest::Filled { closed_below } => {
             let options = FillOptions {
                 dx: numerics.dx,

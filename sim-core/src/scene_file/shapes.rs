@@ -12,9 +12,9 @@ use crate::{
     scene::{Aabb, RestParticles},
 };
 
-/// Particles are moved off their lattice site by at most this part of the spacing along each axis: enough to
-/// break the alignment with the grid, too little to leave the shape or to bring two of them together.
-const JITTER: f64 = 0.1;
+/// Particles are moved off their lattice site by at most this part of the spacing along each axis unless the file says
+/// otherwise: enough to break the alignment with the grid, too little to leave the shape or to bring two of them together.
+pub(super) const JITTER: f64 = 0.1;
 
 impl Shape {
     /// The shape with all lengths multiplied.
@@ -25,8 +25,13 @@ impl Shape {
                 size: size.map(|s| s * f),
             },
             Self::Sphere { radius } => Self::Sphere { radius: radius * f },
-            Self::Cylinder { radius, height } => Self::Cylinder {
+            Self::Cylinder {
+                radius,
+                inner_radius,
+                height,
+            } => Self::Cylinder {
                 radius: radius * f,
+                inner_radius: inner_radius * f,
                 height: height * f,
             },
             Self::Slab { size, thickness } => Self::Slab {
@@ -42,7 +47,11 @@ impl Shape {
         match *self {
             Self::Box { size: [x, y, z] } => x * y * z,
             Self::Sphere { radius } => 4.0 / 3.0 * PI * radius.powi(3),
-            Self::Cylinder { radius, height } => PI * radius * radius * height,
+            Self::Cylinder {
+                radius,
+                inner_radius,
+                height,
+            } => PI * (radius * radius - inner_radius * inner_radius) * height,
             Self::Slab {
                 size: [x, z],
                 thickness,
@@ -57,7 +66,11 @@ impl Shape {
         match *self {
             Self::Box { size } => of_box(size),
             Self::Sphere { radius } => 4.0 * PI * radius * radius,
-            Self::Cylinder { radius, height } => 2.0 * PI * radius * (radius + height),
+            Self::Cylinder {
+                radius,
+                inner_radius,
+                height,
+            } => 2.0 * PI * (radius + inner_radius) * (radius - inner_radius + height),
             Self::Slab {
                 size: [x, z],
                 thickness,
@@ -70,7 +83,18 @@ impl Shape {
         match *self {
             Self::Box { size } => generate::surface_box(size, style),
             Self::Sphere { radius } => generate::surface_sphere(radius, style),
-            Self::Cylinder { radius, height } => generate::surface_cylinder(radius, height, style),
+            Self::Cylinder {
+                radius,
+                inner_radius,
+                height,
+            } if inner_radius > 0.0 => {
+                let (r, h) = ([inner_radius, radius], 0.5 * height);
+                let profile = [[r[0], -h], [r[1], -h], [r[1], h], [r[0], h], [r[0], -h]];
+                generate::surface_of_revolution(&profile, style)
+            }
+            Self::Cylinder { radius, height, .. } => {
+                generate::surface_cylinder(radius, height, style)
+            }
             Self::Slab { size, thickness } => generate::surface_slab(size, thickness, style),
         }
     }
@@ -80,7 +104,7 @@ impl Shape {
         let (half, top) = match *self {
             Self::Box { size: [x, y, z] } => ([x / 2.0, y / 2.0, z / 2.0], y / 2.0),
             Self::Sphere { radius: r } => ([r, r, r], r),
-            Self::Cylinder { radius, height } => ([radius, height / 2.0, radius], height / 2.0),
+            Self::Cylinder { radius, height, .. } => ([radius, height / 2.0, radius], height / 2.0),
             Self::Slab {
                 size: [x, z],
                 thickness,
@@ -93,17 +117,33 @@ impl Shape {
         }
     }
 
+    /// Where a particle goes when no site of the lattice is inside.
+    fn inner_point(&self) -> [f64; 3] {
+        match *self {
+            Self::Cylinder {
+                radius,
+                inner_radius,
+                ..
+            } if inner_radius > 0.0 => [0.5 * (radius + inner_radius), 0.0, 0.0],
+            _ => [0.0; 3],
+        }
+    }
+
     fn contains(&self, [x, y, z]: [f64; 3]) -> bool {
         match *self {
             Self::Sphere { radius } => x * x + y * y + z * z <= radius * radius,
-            Self::Cylinder { radius, .. } => x * x + z * z <= radius * radius,
+            Self::Cylinder {
+                radius,
+                inner_radius,
+                ..
+            } => (inner_radius * inner_radius..=radius * radius).contains(&(x * x + z * z)),
             Self::Box { .. } | Self::Slab { .. } => true,
         }
     }
 
-    /// A jittered lattice of particles at about `spacing` [m]; equal volumes whose sum is the exact volume,
-    /// and the exact centre of mass of the lattice.
-    pub fn particles(&self, spacing: f64, seed: u64) -> RestParticles {
+    /// A lattice of particles at about `spacing` [m], each up to `jitter` spacings off its site; equal volumes whose sum
+    /// is the exact volume, and the exact centre of mass of the lattice.
+    pub fn particles(&self, spacing: f64, jitter: f64, seed: u64) -> RestParticles {
         let Aabb { min, max } = self.bounds();
         // A whole number of sites per side: the outermost ones sit half a spacing inside the faces.
         let sites = [0, 1, 2].map(|i| ((max[i] - min[i]) / spacing).round().max(1.0));
@@ -121,7 +161,10 @@ impl Shape {
                 }
             }
         }
-        jitter(&mut position, step, seed);
+        if position.is_empty() {
+            position.push(self.inner_point());
+        }
+        shake(&mut position, step.map(|s| s * jitter), seed);
         let volume = self.volume() / position.len() as f64;
         RestParticles {
             volume: vec![volume; position.len()],
@@ -130,14 +173,11 @@ impl Shape {
     }
 }
 
-/// Moves every point a little, and their mean not at all.
-fn jitter(position: &mut [[f64; 3]], step: [f64; 3], seed: u64) {
+/// Moves every point by at most `reach` [m] along each axis, and their mean not at all.
+fn shake(position: &mut [[f64; 3]], reach: [f64; 3], seed: u64) {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let mut unit = || (rng.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0;
-    let shifts: Vec<[f64; 3]> = position
-        .iter()
-        .map(|_| step.map(|s| s * JITTER * unit()))
-        .collect();
+    let shifts: Vec<[f64; 3]> = position.iter().map(|_| reach.map(|s| s * unit())).collect();
     let mean: [f64; 3] =
         std::array::from_fn(|a| shifts.iter().map(|s| s[a]).sum::<f64>() / shifts.len() as f64);
     for (p, shift) in position.iter_mut().zip(&shifts) {
@@ -151,13 +191,19 @@ fn jitter(position: &mut [[f64; 3]], step: [f64; 3], seed: u64) {
 mod tests {
     use super::*;
 
-    const SHAPES: [Shape; 4] = [
+    const SHAPES: [Shape; 5] = [
         Shape::Box {
             size: [0.2, 0.31, 0.4],
         },
         Shape::Sphere { radius: 0.15 },
         Shape::Cylinder {
             radius: 0.1,
+            inner_radius: 0.0,
+            height: 0.3,
+        },
+        Shape::Cylinder {
+            radius: 0.1,
+            inner_radius: 0.06,
             height: 0.3,
         },
         Shape::Slab {
@@ -170,7 +216,7 @@ mod tests {
     fn particles_have_the_exact_volume_and_the_wanted_density() {
         for shape in SHAPES {
             let spacing = 0.01;
-            let particles = shape.particles(spacing, 3);
+            let particles = shape.particles(spacing, JITTER, 3);
             let total: f64 = particles.volume.iter().sum();
             // Summation of n equal numbers: relative error below n epsilon.
             assert!((total / shape.volume() - 1.0).abs() < 1e-10, "{shape:?}");
@@ -182,7 +228,7 @@ mod tests {
     #[test]
     fn particles_stay_inside_and_centred() {
         for shape in SHAPES {
-            let particles = shape.particles(0.01, 3);
+            let particles = shape.particles(0.01, JITTER, 3);
             let Aabb { min, max } = shape.bounds();
             for a in 0..3 {
                 let n = particles.position.len() as f64;
@@ -197,15 +243,15 @@ mod tests {
     #[test]
     fn the_seed_moves_the_particles_and_repeats() {
         let shape = SHAPES[0];
-        let a = shape.particles(0.02, 1).position;
-        assert_eq!(a, shape.particles(0.02, 1).position);
-        assert_ne!(a, shape.particles(0.02, 2).position);
+        let a = shape.particles(0.02, JITTER, 1).position;
+        assert_eq!(a, shape.particles(0.02, JITTER, 1).position);
+        assert_ne!(a, shape.particles(0.02, JITTER, 2).position);
     }
 
     #[test]
     fn a_shape_smaller_than_the_spacing_still_has_a_particle() {
         for shape in SHAPES {
-            assert!(!shape.particles(10.0, 0).position.is_empty());
+            assert!(!shape.particles(10.0, JITTER, 0).position.is_empty());
         }
     }
 }

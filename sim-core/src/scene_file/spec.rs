@@ -7,10 +7,11 @@ use super::{
     error::{At, Finding},
 };
 use crate::{
+    expression::VectorField,
     materials::Material,
     scene::{
         Aabb, Coherence, Collider, ContactSurface, DomainPolicy, Fidelity, PinnedRegion,
-        PrescribedMotion, Region, RegionImpulse, SequentialRelease,
+        PrescribedMotion, Region, RegionImpulse, SequentialRelease, Transfer,
     },
 };
 
@@ -29,10 +30,12 @@ pub struct SceneFile {
     pub particles_per_cell: f64,
     /// Published frames per simulated second [1/s].
     pub frame_rate: f64,
-    /// Fraction of the stability limit, 0 < cfl <= 1.
+    /// Fraction of the stability limit, 0 < cfl <= 1.5.
     pub cfl: f64,
     /// See [`Scene::tolerance`](crate::scene::Scene::tolerance).
     pub tolerance: f64,
+    /// How far particles sit off their lattice at most, in spacings, 0..=0.5.
+    pub jitter: f64,
     /// Seed of everything sampled.
     pub seed: u64,
     /// Domain; derived from the objects when absent.
@@ -180,6 +183,10 @@ pub struct ObjectSpec {
     pub angular_velocity: [f64; 3],
     /// Initial affine velocity on top of the spin [1/s], row-major.
     pub velocity_gradient: [[f64; 3]; 3],
+    /// Initial velocity on top of these [m/s].
+    pub velocity: Option<VectorField>,
+    /// Acceleration [m/s^2].
+    pub body_force: Option<VectorField>,
 }
 
 /// What an object looks like at rest.
@@ -255,6 +262,8 @@ pub enum Shape {
     Cylinder {
         /// Radius [m].
         radius: f64,
+        /// Radius of the hole along the axis [m], 0 <= inner_radius < radius.
+        inner_radius: f64,
         /// Height [m].
         height: f64,
     },
@@ -306,6 +315,8 @@ pub struct ConditionSpecs {
     pub domain_policy: DomainPolicy,
     /// See [`Conditions::damping`](crate::scene::Conditions::damping).
     pub damping: f64,
+    /// See [`Conditions::transfer`](crate::scene::Conditions::transfer).
+    pub transfer: Transfer,
     /// See [`Conditions::rpic_damping`](crate::scene::Conditions::rpic_damping).
     pub rpic_damping: f64,
     /// See [`Conditions::prescribed`](crate::scene::Conditions::prescribed).
@@ -350,6 +361,15 @@ pub enum ProbeKindSpec {
     Point {
         /// Where [m].
         position: [f64; 3],
+    },
+    /// An object against where it should be.
+    Deviation {
+        /// Object name.
+        object: String,
+        /// Where its particles should be [m].
+        position: VectorField,
+        /// Only particles that are in this box at rest [m].
+        bounds: Option<Aabb>,
     },
     /// A particle of an object.
     MaterialPoint {

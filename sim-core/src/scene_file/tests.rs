@@ -60,12 +60,50 @@ fn a_short_file_is_a_scene_with_documented_defaults() {
     assert_eq!(scene.objects[0].fidelity, Fidelity::Mpm);
 }
 
+/// The ball without its `dx`, with other lines at the top.
+fn ball_with(lines: &str) -> String {
+    BALL.replace("dx = 0.05", lines)
+}
+
+#[test]
+fn quality_sets_resolution_density_step_and_tolerance_and_keys_of_the_file_win() {
+    for (name, quality) in Quality::ALL {
+        let file = SceneFile::parse(&ball_with(&format!("quality = {name:?}")))
+            .unwrap_or_else(|e| panic!("{e}"));
+        let numbers = QualityNumbers {
+            resolution: file.resolution,
+            particles_per_cell: file.particles_per_cell,
+            cfl: file.cfl,
+            tolerance: file.tolerance,
+        };
+        assert_eq!(numbers, quality.numbers(), "{name}");
+        let own = "dx = 0.04\ncfl = 0.3\nparticles_per_cell = 5\ntolerance = 0.2";
+        let both = ball_with(&format!("quality = {name:?}\n{own}"));
+        let file = SceneFile::parse(&both).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(file.resolution, Resolution::Dx(0.04), "{name}");
+        assert_eq!(
+            (file.cfl, file.particles_per_cell, file.tolerance),
+            (0.3, 5.0, 0.2)
+        );
+    }
+    let [none, balanced] =
+        ["", "quality = \"balanced\""].map(|l| built(&ball_with(l)).0.particles.position.len());
+    assert_eq!(none, balanced, "balanced is the default");
+}
+
+#[test]
+fn an_unknown_quality_names_the_known_ones() {
+    let words = ["balnced", "balanced"];
+    assert_one_error(&ball_with("quality = \"balnced\""), 2, "quality", &words);
+    assert_one_error(&ball_with("quality = 2"), 2, "quality", &["a string"]);
+}
+
 #[test]
 fn every_error_is_reported_at_once_with_its_line_and_field() {
     let text = r#"version = 1
 gravty = [0, -9.81, 0]
 dx = nan
-cfl = 1.5
+cfl = 1.6
 seed = -1
 [[objects]]
 name = "a"
@@ -89,7 +127,7 @@ surface = "stiky"
     let expected = [
         (2, "gravty", "did you mean `gravity`?"),
         (3, "dx", "is NaN m, expected 1e-6 to 1000.0 m"),
-        (4, "cfl", "is 1.5, expected 0.01 to 1.0"),
+        (4, "cfl", "is 1.6, expected 0.01 to 1.5"),
         (5, "seed", "-1"),
         (8, "objects[0].shape.kind", "did you mean `sphere`?"),
         (9, "objects[0].material.preset", "did you mean `rubber`?"),

@@ -2,6 +2,7 @@
 
 use super::{State, Workspace, World, error::MAX_CELLS, fidelity::Standing, published::Published};
 use crate::{
+    expression::GRADIENT_STEP,
     materials::Law,
     particles::{Extremes, position_in_cells},
     report::StepReport,
@@ -112,16 +113,23 @@ impl World {
             for p in part.particles.clone() {
                 let x = scene.particles.position[p];
                 let r: [f64; 3] = std::array::from_fn(|a| x[a] - com[a]);
+                let field = object.velocity.as_ref();
+                let (own, grown) = field.map_or(([0.0; 3], [[0.0; 3]; 3]), |field| {
+                    (
+                        field.at(x, 0.0),
+                        field.gradient(x, 0.0, GRADIENT_STEP * scene.dx),
+                    )
+                });
                 let v = std::array::from_fn(|a| {
                     let turn: f64 = (0..3).map(|b| g[a][b] * r[b]).sum();
-                    ((object.linear_velocity[a] + turn) / scene.dx) as f32
+                    ((object.linear_velocity[a] + own[a] + turn) / scene.dx) as f32
                 });
                 newcomers.push(Newcomer {
                     id: p as u32,
                     part: id as u32,
                     x: x.map(|x| x / scene.dx),
                     v,
-                    c: std::array::from_fn(|n| g[n / 3][n % 3] as f32),
+                    c: std::array::from_fn(|n| (g[n / 3][n % 3] + grown[n / 3][n % 3]) as f32),
                     mass: (scene.particles.volume[p] * part.material.density / unit) as f32,
                 });
             }

@@ -112,11 +112,12 @@ impl World {
     }
 
     fn critical_dt(&self, part: usize, bounds: &DeformationBounds) -> f64 {
-        critical_dt(
-            &self.state.materials[part],
-            self.parts[part].material.density,
-            self.scene.dx,
-            bounds,
-        )
+        let material = &self.state.materials[part];
+        let density = self.parts[part].material.density;
+        let kept = self
+            .scene
+            .conditions
+            .time_step_kept(material.law.is_fluid());
+        kept * critical_dt(material, density, self.scene.dx, bounds)
     }
 }

@@ -1,6 +1,7 @@
 //! Damping: velocities decay at the stated rate, whatever the substep.
 
 use super::*;
+use crate::scene::{Conditions, Transfer};
 
 /// A box in free flight.
 fn flight(damping: f64, gravity: f64, cfl: f64) -> Scene {
@@ -71,10 +72,19 @@ fn both_solvers_damp_alike() {
     }
 }
 
+/// What transfers drop in the runs of a table.
+fn dropping(transfer: Transfer, rpic_damping: f64) -> Conditions {
+    Conditions {
+        transfer,
+        rpic_damping,
+        ..Conditions::default()
+    }
+}
+
 /// A single particle whose affine velocity is `gradient`, after one short substep of both solvers.
-fn affine_after(rpic_damping: f64, gradient: [[f64; 3]; 3]) -> [[[f64; 3]; 3]; 2] {
+fn affine_after(conditions: Conditions, gradient: [[f64; 3]; 3]) -> [[[f64; 3]; 3]; 2] {
     let mut scene = empty(0.1);
-    scene.conditions.rpic_damping = rpic_damping;
+    scene.conditions = conditions;
     let soft = elastic(Law::FixedCorotated, 1e3, 0.3);
     add_box(&mut scene, soft, [0.013, 0.024, 0.035], 0.05, [1; 3]);
     scene.objects[0].velocity_gradient = gradient;
@@ -93,18 +103,21 @@ fn affine_after(rpic_damping: f64, gradient: [[f64; 3]; 3]) -> [[[f64; 3]; 3]; 2
 fn rpic_damping_drops_strain_rate_and_keeps_rotation() {
     let g: [[f64; 3]; 3] = [[0.3, -1.2, 0.4], [2.0, -0.5, 0.9], [-0.7, 0.1, 0.6]];
     // A lone particle without stress gets back from the grid what it gave.
-    for (damping, a, b) in [
-        (0.0, 1.0, 0.0),
-        (0.3, 0.85, -0.15),
-        (1.0, 0.5, -0.5),
-        (-0.5, 0.0, 0.0),
+    for (transfer, damping, a, b) in [
+        (Transfer::Apic, 0.0, 1.0, 0.0),
+        (Transfer::Apic, 0.3, 0.85, -0.15),
+        (Transfer::Apic, 1.0, 0.5, -0.5),
+        (Transfer::Pic, 0.0, 0.0, 0.0),
     ] {
-        for c in affine_after(damping, g) {
+        for c in affine_after(dropping(transfer, damping), g) {
             for (i, row) in c.iter().enumerate() {
                 for (j, c) in row.iter().enumerate() {
                     let expected = a * g[i][j] + b * g[j][i];
                     // Some roundings to single precision of numbers up to 2.
-                    assert!((c - expected).abs() < 3e-6, "{damping}: {c} {expected}");
+                    assert!(
+                        (c - expected).abs() < 3e-6,
+                        "{transfer:?} {damping}: {c} {expected}"
+                    );
                 }
             }
         }
@@ -112,11 +125,11 @@ fn rpic_damping_drops_strain_rate_and_keeps_rotation() {
 }
 
 /// Share of the energy that is left of a free cube's motion after some frames.
-fn energy_left(rpic_damping: f64, gradient: [[f64; 3]; 3], frames: u32) -> f64 {
+fn energy_left(conditions: Conditions, gradient: [[f64; 3]; 3], frames: u32) -> f64 {
     let mut scene = flight(0.0, 0.0, 0.5);
     scene.objects[0].linear_velocity = [0.0; 3];
     scene.objects[0].velocity_gradient = gradient;
-    scene.conditions.rpic_damping = rpic_damping;
+    scene.conditions = conditions;
     let mut world = World::new(scene).expect("valid scene");
     let energy = |report: &StepReport| report.kinetic_energy + report.elastic_energy;
     let start = energy(world.report());
@@ -127,13 +140,58 @@ fn energy_left(rpic_damping: f64, gradient: [[f64; 3]; 3], frames: u32) -> f64 {
 }
 
 #[test]
-fn rpic_damping_takes_vibrations_and_leaves_spin() {
+fn rpic_damping_takes_vibrations_and_leaves_spin_that_pic_takes_too() {
     let spun = spin([1.0, -2.0, 1.0]);
     let sheared = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0; 3]];
-    assert!(energy_left(1.0, spun, 30) > 0.98);
-    assert!(energy_left(-1.0, spun, 30) < energy_left(1.0, spun, 30) - 0.01);
-    let [kept, dropped] = [0.0, 1.0].map(|d| energy_left(d, sheared, 6));
+    let [apic, rpic, pic] = [
+        dropping(Transfer::Apic, 0.0),
+        dropping(Transfer::Apic, 1.0),
+        dropping(Transfer::Pic, 0.0),
+    ];
+    let spin_kept = energy_left(rpic.clone(), spun, 30);
+    assert!(spin_kept > 0.98, "{spin_kept}");
+    assert!(energy_left(pic, spun, 30) < spin_kept - 0.01);
+    let [kept, dropped] = [apic, rpic].map(|c| energy_left(c, sheared, 6));
     assert!(dropped < 0.8 * kept, "{dropped} {kept}");
+}
+
+#[test]
+fn a_lone_particle_is_stable_up_to_the_limit_of_its_transfer_and_not_beyond() {
+    for conditions in [
+        dropping(Transfer::Apic, 0.0),
+        dropping(Transfer::Apic, 0.5),
+        dropping(Transfer::Apic, 1.0),
+        dropping(Transfer::Pic, 0.0),
+    ] {
+        let mut scene = empty(0.1);
+        scene.cfl = 1.0;
+        scene.conditions = conditions;
+        let soft = elastic(Law::FixedCorotated, 1e5, 0.3);
+        add_box(&mut scene, soft, [0.013, 0.024, 0.035], 0.05, [1; 3]);
+        let largest = |factor: f64| {
+            let mut world = ReferenceWorld::new(&scene);
+            let dt = factor * world.time_step().dt;
+            world.particles.elastic[0] = [
+                [1.0 + 1e-6, 0.0, 0.0],
+                [0.0, 1.0 + 1e-6, 0.0],
+                [0.0, 0.0, 1.0 + 1e-6],
+            ];
+            let mut largest = 0.0_f64;
+            for _ in 0..1000 {
+                world.step_with(&[dt], &[]);
+                largest = largest.max((world.particles.elastic[0][0][0] - 1.0).abs());
+                if largest > 0.01 {
+                    break;
+                }
+            }
+            largest
+        };
+        // Below it the orbit of APIC overshoots by 1 / sqrt(1 - 0.95^2) = 3.2 and all others decay; 5 % above, the fastest
+        // root of z^2 - (1 + k - (omega dt)^2) z + k = 0 is -1.2 or less (k = 0), so 1e-6 is 0.01 within 60 substeps.
+        let (below, above) = (largest(0.95), largest(1.05));
+        assert!(below < 5e-6, "{:?}: {below:e}", scene.conditions);
+        assert!(above > 0.01, "{:?}: {above:e}", scene.conditions);
+    }
 }
 
 #[test]
