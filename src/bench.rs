@@ -11,6 +11,8 @@ mod table1;
 #[path = "bench_transport.rs"]
 mod transport;
 
+use crate::bench_validate;
+
 /// Measure this machine.
 #[derive(clap::Args)]
 pub struct Args {
@@ -25,6 +27,7 @@ enum What {
     Physgaussian(physgaussian::Args),
     Table1(table1::Args),
     Transport(transport::Args),
+    Validate(bench_validate::Args),
 }
 
 /// Runs the measurement.
@@ -38,5 +41,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         What::Physgaussian(args) => physgaussian::run(args),
         What::Table1(args) => table1::run(args),
         What::Transport(args) => transport::run(args),
+        What::Validate(args) => bench_validate::run(args),
     }
 }

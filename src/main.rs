@@ -1,16 +1,19 @@
 //! The `cosplat` command line: one file per subcommand.
 
 mod bench;
+mod bench_validate;
 mod ctl;
 mod demo;
 mod explain;
 mod import;
+mod machine;
 mod progress;
 mod record;
 mod recover;
 mod serve;
 mod signals;
 mod simulate;
+mod trial;
 mod view;
 
 use std::process::ExitCode;

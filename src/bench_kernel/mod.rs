@@ -16,9 +16,9 @@ use std::path::PathBuf;
 use anyhow::ensure;
 use cosplat_sim_core::Isa;
 
-use crate::progress;
+use crate::{machine::Run, progress};
 use measure::{Case, Measured, measure};
-use report::{Run, line, sentence};
+use report::{line, sentence};
 
 /// Measure particle-substeps per second, and how many times faster that is than a plain scalar loop.
 #[derive(clap::Args)]

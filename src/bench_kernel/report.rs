@@ -1,12 +1,13 @@
 //! What was measured, as JSON lines, sentences and Markdown tables.
 
-use std::{fmt::Write as _, fs, path::Path, process::Command};
+use std::{fmt::Write as _, fs, path::Path};
 
 use anyhow::{Context, bail};
 use cosplat_sim_core::Isa;
 use serde_json::{Value, json};
 
 use super::measure::{Measured, Quartiles};
+use crate::machine::Run;
 
 /// Lines of a Markdown file between which tables go.
 const MARKERS: [&str; 2] = [
@@ -30,60 +31,6 @@ const LARGE: f64 = 0.9;
 const AVX2: f64 = 0.55;
 /// Asked of two threads: multiple of the speed of one.
 const TWO_THREADS: f64 = 1.7;
-
-/// Where and with what was measured.
-pub struct Run {
-    machine: String,
-    commit: String,
-    flags: String,
-    date: String,
-    load: String,
-}
-
-/// First line that a program prints, or "unknown".
-fn said(program: &str, args: &[&str]) -> String {
-    let output = Command::new(program).args(args).output();
-    let text = output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned());
-    text.ok()
-        .filter(|text| !text.is_empty())
-        .unwrap_or_else(|| "unknown".into())
-}
-
-impl Run {
-    /// This process, here and now.
-    pub fn here() -> Self {
-        let cpu = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let field = |key: &str| {
-            let line = cpu.lines().find(|line| line.starts_with(key));
-            let value = line.and_then(|line| line.split(':').nth(1));
-            value.map_or("unknown", str::trim).to_owned()
-        };
-        let cores = std::thread::available_parallelism().map_or(0, usize::from);
-        let built = if cfg!(debug_assertions) {
-            "dev profile"
-        } else {
-            "release profile"
-        };
-        let target = if cfg!(target_feature = "avx2") {
-            "compiled for AVX2 or more"
-        } else {
-            "baseline target"
-        };
-        let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
-        Self {
-            machine: format!(
-                "{} (family {}, model {}), {cores} cores",
-                field("model name"),
-                field("cpu family"),
-                field("model\t"),
-            ),
-            commit: said("git", &["describe", "--always", "--dirty", "--exclude=*"]),
-            flags: format!("{built}, {} {target}", std::env::consts::ARCH),
-            date: said("date", &["-u", "+%Y-%m-%d %H:%M UTC"]),
-            load: load.split(' ').next().unwrap_or("unknown").to_owned(),
-        }
-    }
-}
 
 impl Measured {
     fn rate(&self) -> Quartiles {
