@@ -11,7 +11,7 @@ mod table1;
 #[path = "bench_transport.rs"]
 mod transport;
 
-use crate::bench_validate;
+use crate::{bench_stability, bench_validate};
 
 /// Measure this machine.
 #[derive(clap::Args)]
@@ -25,6 +25,7 @@ enum What {
     Fidelity(fidelity::Args),
     Kernel(kernel::Args),
     Physgaussian(physgaussian::Args),
+    Stability(bench_stability::Args),
     Table1(table1::Args),
     Transport(transport::Args),
     Validate(bench_validate::Args),
@@ -39,6 +40,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         What::Fidelity(args) => fidelity::run(args),
         What::Kernel(args) => kernel::run(args),
         What::Physgaussian(args) => physgaussian::run(args),
+        What::Stability(args) => bench_stability::run(args),
         What::Table1(args) => table1::run(args),
         What::Transport(args) => transport::run(args),
         What::Validate(args) => bench_validate::run(args),

@@ -1,7 +1,9 @@
 //! The `cosplat` command line: one file per subcommand.
 
 mod bench;
+mod bench_stability;
 mod bench_validate;
+mod chart;
 mod ctl;
 mod demo;
 mod explain;

@@ -1,0 +1,317 @@
+//! The entries of the catalogue.
+
+use anyhow::Context;
+
+use super::Failure;
+use crate::trial::{Outcome, SceneText};
+
+/// The scene of that name.
+macro_rules! scene {
+    ($name:literal) => {
+        SceneText {
+            path: concat!("scenes/stability/", $name, ".toml"),
+            text: include_str!(concat!("../../../scenes/stability/", $name, ".toml")),
+        }
+    };
+}
+
+/// Settings of a run.
+type Variants = &'static [(&'static str, &'static [(&'static str, &'static str)])];
+
+/// All contact methods on the grid, and the default one with PIC.
+const CONTACT: Variants = &[
+    ("single_field", &[("contact", "single_field")]),
+    ("multi_field", &[("contact", "multi_field")]),
+    ("two_scale", &[]),
+    ("two_scale, pic", &[("transfer", "pic")]),
+];
+/// All transfers.
+const TRANSFER: Variants = &[
+    ("apic", &[]),
+    ("rpic", &[("rpic_damping", "1")]),
+    ("pic", &[("transfer", "pic")]),
+];
+
+/// Relative velocity of the second object against the first, along an axis [m/s].
+fn relative(outcome: &Outcome, axis: usize) -> anyhow::Result<f64> {
+    let v = |object| outcome.last(&format!("/objects/{object}/linear_velocity/{axis}"));
+    Ok(v(1)? - v(0)?)
+}
+
+/// The first and the last value of a series.
+fn ends(outcome: &Outcome, pointer: &str) -> anyhow::Result<[f64; 2]> {
+    let series = outcome.series(pointer);
+    let ends = series.first().zip(series.last());
+    let (first, last) = ends.with_context(|| format!("nothing at {pointer}"))?;
+    Ok([first.1, last.1])
+}
+
+/// The catalogue.
+pub const ALL: [Failure; 18] = [
+    Failure {
+        name: "sticky when touching",
+        scene: scene!("apart"),
+        measured: "speed of parting kept after 1 s",
+        ideal: "1",
+        duration: 1.0,
+        variants: CONTACT,
+        read: |o| Ok(relative(o, 1)? / 0.1),
+        remedy: "a field per object: `multi_field` or `two_scale`; no transfer cures it",
+    },
+    Failure {
+        name: "sticky at a distance",
+        scene: scene!("apart"),
+        measured: "speed of parting kept after 1 s, from one cell apart",
+        ideal: "1",
+        duration: 1.0,
+        variants: &[
+            (
+                "single_field",
+                &[
+                    ("contact", "single_field"),
+                    ("objects.1.translation", "[0, 0.2, 0]"),
+                ],
+            ),
+            (
+                "multi_field",
+                &[
+                    ("contact", "multi_field"),
+                    ("objects.1.translation", "[0, 0.2, 0]"),
+                ],
+            ),
+            ("two_scale", &[("objects.1.translation", "[0, 0.2, 0]")]),
+            (
+                "two_scale, pic",
+                &[
+                    ("transfer", "pic"),
+                    ("objects.1.translation", "[0, 0.2, 0]"),
+                ],
+            ),
+        ],
+        read: |o| Ok(relative(o, 1)? / 0.1),
+        remedy: "as above",
+    },
+    Failure {
+        name: "drag while passing",
+        scene: scene!("past"),
+        measured: "speed of passing kept after 1 s, half a cell apart",
+        ideal: "1",
+        duration: 1.0,
+        variants: CONTACT,
+        read: |o| Ok(relative(o, 0)? / 0.1),
+        remedy: "normals of patches and a tested gap: `two_scale`",
+    },
+    Failure {
+        name: "early contact",
+        scene: scene!("meet"),
+        measured: "distance at which balls slow by 1 % [dx]",
+        ideal: "0",
+        duration: 0.4,
+        variants: CONTACT,
+        read: |o| {
+            let series = o.series("/objects/0/linear_velocity/0");
+            let slowed = series.iter().find(|(_, v)| *v < 0.495);
+            let (t, _) = slowed.context("the balls never slowed")?;
+            Ok((0.2 - t) / 0.05)
+        },
+        remedy: "a tested gap: `two_scale`; finer `dx` for the others",
+    },
+    Failure {
+        name: "loss in a collision",
+        scene: scene!("meet"),
+        measured: "speed of parting over speed of approach, 8 cells across",
+        ideal: "near 1 (elastic)",
+        duration: 0.6,
+        variants: CONTACT,
+        read: |o| relative(o, 0),
+        remedy: "finer `dx`, or state `restitution`; APIC rather than PIC",
+    },
+    Failure {
+        name: "dissipation of spin",
+        scene: scene!("spin"),
+        measured: "kinetic energy kept after 1 s (1.6 turns)",
+        ideal: "1",
+        duration: 1.0,
+        variants: TRANSFER,
+        read: |o| {
+            let [first, last] = ends(o, "/kinetic_energy")?;
+            Ok(last / first)
+        },
+        remedy: "`apic`; `rpic_damping` where vibration alone should die",
+    },
+    Failure {
+        name: "dissipation of vibration",
+        scene: scene!("ring"),
+        measured: "energy kept after 0.5 s (about 5 periods)",
+        ideal: "1",
+        duration: 0.5,
+        variants: TRANSFER,
+        read: |o| {
+            let [k0, k1] = ends(o, "/kinetic_energy")?;
+            let [e0, e1] = ends(o, "/elastic_energy")?;
+            Ok((k1 + e1) / (k0 + e0))
+        },
+        remedy: "`apic`, finer `dx`",
+    },
+    Failure {
+        name: "volume gain by spin",
+        scene: scene!("spin"),
+        measured: "growth along the axis after 4 s (6.4 turns) [%]",
+        ideal: "-0.03 (centrifugal)",
+        duration: 4.0,
+        variants: &[("apic", &[])],
+        read: |o| {
+            let (min, max) = (
+                o.series("/probes/size/min/1"),
+                o.series("/probes/size/max/1"),
+            );
+            let height = |n: usize| Some(max.get(n)?.1 - min.get(n)?.1);
+            let first = height(0).context("no frame")?;
+            let last = height(min.len() - 1).context("no frame")?;
+            Ok(100.0 * (last / first - 1.0))
+        },
+        remedy: "`F` follows the particles to second order; what is left is within a tenth of a cell",
+    },
+    Failure {
+        name: "jitter at rest",
+        scene: scene!("rest"),
+        measured: "rms speed after 2 s [mm/s]",
+        ideal: "0",
+        duration: 2.0,
+        variants: TRANSFER,
+        read: |o| Ok(1e3 * (2.0 * o.last("/kinetic_energy")? / o.last("/objects/0/mass")?).sqrt()),
+        remedy: "`fidelity = \"auto\"` lets it sleep; a little `damping`",
+    },
+    Failure {
+        name: "numerical fracture",
+        scene: scene!("hang"),
+        measured: "longest that the bar gets within 1 s, over its length",
+        ideal: "about 1.6",
+        duration: 1.0,
+        variants: &[
+            ("8 per cell", &[("particles_per_cell", "8")]),
+            ("27 per cell", &[("particles_per_cell", "27")]),
+            (
+                "27 per cell, pic",
+                &[("particles_per_cell", "27"), ("transfer", "pic")],
+            ),
+        ],
+        read: |o| {
+            let (min, max) = (
+                o.series("/probes/size/min/1"),
+                o.series("/probes/size/max/1"),
+            );
+            let lengths = min.iter().zip(&max).map(|(low, high)| high.1 - low.1);
+            Ok(lengths.fold(0.0, f64::max) / 0.8)
+        },
+        remedy: "27 `particles_per_cell` where matter stretches beyond two",
+    },
+    Failure {
+        name: "locking as nu -> 0.5",
+        scene: scene!("lock"),
+        measured: "deflection of the tip after 1.5 s [mm]",
+        ideal: "as at 0.3",
+        duration: 1.5,
+        variants: &[
+            ("nu 0.3", &[]),
+            ("nu 0.45", &[("objects.0.material.poisson_ratio", "0.45")]),
+            ("nu 0.49", &[("objects.0.material.poisson_ratio", "0.49")]),
+        ],
+        read: |o| Ok(-1e3 * o.last("/probes/tip/position/1")?),
+        remedy: "built in: particles share their volume over the grid from 0.4 on; finer `dx` for the rest",
+    },
+    Failure {
+        name: "flat foot",
+        scene: scene!("roll"),
+        measured: "distance rolled in 0.5 s over that of a rigid ball",
+        ideal: "1",
+        duration: 0.5,
+        variants: TRANSFER,
+        // A ball that does not slip goes 5/14 g sin(theta) t^2.
+        read: |o| Ok(o.last("/objects/0/com/0")? / (5.0 / 14.0 * 3.99 * 0.25)),
+        remedy: "finer `dx`, stiffer matter, `fidelity = \"rigid\"`",
+    },
+    Failure {
+        name: "thin object",
+        scene: scene!("plate"),
+        measured: "height of the ball's centre over the plate after 1 s [dx]",
+        ideal: "about 2.2",
+        duration: 1.0,
+        variants: CONTACT,
+        read: |o| Ok(o.last("/objects/1/com/1")? / 0.05),
+        remedy: "at least two cells of thickness; thin walls as colliders",
+    },
+    Failure {
+        name: "fast impact on a thin wall",
+        scene: scene!("shot"),
+        measured: "farthest particle behind the wall's front [dx]",
+        ideal: "0",
+        duration: 0.04,
+        variants: &[("apic", &[]), ("pic", &[("transfer", "pic")])],
+        read: |o| Ok((o.last("/probes/size/max/0")? + 0.0125) / 0.05),
+        remedy: "built in: the way of every particle is followed through thin colliders",
+    },
+    Failure {
+        name: "mass ratio 1000",
+        scene: scene!("heavy"),
+        measured: "height of the heavy block over the floor after 0.5 s [dx]",
+        ideal: "about 5",
+        duration: 0.5,
+        variants: CONTACT,
+        read: |o| Ok(o.last("/objects/1/com/1")? / 0.05),
+        remedy: "`fidelity = \"rigid\"` for what does not deform",
+    },
+    Failure {
+        name: "crushing",
+        scene: scene!("crush"),
+        measured: "energy after 50 ms over that at the start",
+        ideal: "at most 1",
+        duration: 0.05,
+        variants: &[
+            ("fixed_corotated", &[]),
+            (
+                "neo_hookean",
+                &[("objects.0.material.law", "\"neo_hookean\"")],
+            ),
+            ("fixed_corotated, pic", &[("transfer", "pic")]),
+        ],
+        read: |o| {
+            let [k0, k1] = ends(o, "/kinetic_energy")?;
+            let [e0, e1] = ends(o, "/elastic_energy")?;
+            Ok((k1 + e1) / (k0 + e0))
+        },
+        remedy: "built in: substeps follow the tangent, and the guard takes back what is still too long",
+    },
+    Failure {
+        name: "stiff matter",
+        scene: scene!("stiff"),
+        measured: "substeps for 0.1 s",
+        ideal: "few",
+        duration: 0.1,
+        variants: &[
+            ("1e4 Pa", &[]),
+            ("1e6 Pa", &[("objects.0.material.youngs_modulus_pa", "1e6")]),
+            ("1e8 Pa", &[("objects.0.material.youngs_modulus_pa", "1e8")]),
+            (
+                "1e8 Pa, pic",
+                &[
+                    ("objects.0.material.youngs_modulus_pa", "1e8"),
+                    ("transfer", "pic"),
+                ],
+            ),
+            ("rigid", &[("objects.0.fidelity", "\"rigid\"")]),
+        ],
+        read: |o| o.summary["substeps"].as_f64().context("no substeps"),
+        remedy: "`fidelity = \"rigid\"`, or the softest matter that looks the same",
+    },
+    Failure {
+        name: "particle out of the domain",
+        scene: scene!("away"),
+        measured: "particles taken out and reported, of 512",
+        ideal: "512",
+        duration: 0.5,
+        variants: &[("apic", &[])],
+        read: |o| o.summary["left_domain"].as_f64().context("no count"),
+        remedy: "built in: taken out and reported, or `policy = \"bounce\"`",
+    },
+];

@@ -1,0 +1,299 @@
+//! `cosplat bench stability`: where the method stays stable, what the guard does beyond, and how contact methods and
+//! transfers fail.
+
+mod catalogue;
+mod guard;
+mod maps;
+mod page;
+mod samples;
+mod trial;
+
+use std::{fs, path::PathBuf, time::Instant};
+
+use anyhow::Context;
+use rayon::prelude::*;
+use serde_json::json;
+
+use crate::{
+    chart::{Class, HeatMap, HeatPanel, csv},
+    machine::Run,
+    progress,
+};
+use maps::{Map, NU, Panel, TRANSFERS};
+use trial::Fate;
+
+/// Map where the method stays stable, what the guard does beyond, and how it fails otherwise.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Few settings only, for the test suite.
+    #[arg(long)]
+    quick: bool,
+    /// Print one JSON object per measured field instead of tables.
+    #[arg(long)]
+    json: bool,
+    /// Write pictures and files into this folder, and the tables into the page of its name with .md behind it.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// What a map found: panel by panel, row by row.
+struct Found {
+    map: Map,
+    fates: Vec<Vec<Vec<Fate>>>,
+}
+
+impl Found {
+    fn measure(map: Map) -> Self {
+        let row = |panel: &Panel, row: &maps::Row| -> Vec<Fate> {
+            let ratios = panel.ratios.par_iter();
+            ratios.map(|ratio| row.fate(*ratio)).collect()
+        };
+        let panel = |panel: &Panel| {
+            let rows = panel.rows.par_iter();
+            rows.map(|r| row(panel, r)).collect()
+        };
+        let fates = map.panels.par_iter().map(panel).collect();
+        Self { map, fates }
+    }
+
+    /// Panel, row, ratio, closed form and what happened, field by field.
+    fn fields(&self) -> Vec<(&str, &str, f64, f64, Fate)> {
+        let mut fields = Vec::new();
+        for (panel, fates) in self.map.panels.iter().zip(&self.fates) {
+            for (row, fates) in panel.rows.iter().zip(fates) {
+                for (ratio, fate) in panel.ratios.iter().zip(fates) {
+                    let title = panel.title.as_str();
+                    fields.push((title, row.name.as_str(), *ratio, row.closed_form(), *fate));
+                }
+            }
+        }
+        fields
+    }
+
+    fn csv(&self) -> String {
+        let header = ["panel", "row", "dt_over_dt_crit", "closed_form", "outcome"];
+        let rows: Vec<Vec<String>> = self
+            .fields()
+            .into_iter()
+            .map(|(panel, row, ratio, closed, fate)| {
+                vec![
+                    panel.into(),
+                    row.into(),
+                    format!("{ratio}"),
+                    format!("{closed:.4}"),
+                    fate.name().into(),
+                ]
+            })
+            .collect();
+        csv(&header, &rows)
+    }
+
+    fn picture(&self, caption: &str) -> anyhow::Result<String> {
+        let panels = self.map.panels.iter().zip(&self.fates);
+        let class = |name: &str, letter: &str, tone| Class {
+            name: name.into(),
+            letter: letter.into(),
+            tone,
+        };
+        let picture = HeatMap {
+            title: self.map.title.into(),
+            x: "dt / dt_crit, dt_crit = dx sqrt(rho0 / (3 lambda + 2 mu)) or the law's tangent at rest".into(),
+            y: self.map.y.into(),
+            classes: vec![
+                class("pass", "", 0),
+                class("damped", "d", 1),
+                class("blown up", "x", 2),
+            ],
+            panels: panels
+                .map(|(panel, fates)| HeatPanel {
+                    title: panel.title.clone(),
+                    x: panel.ratios.clone(),
+                    y: panel.rows.iter().map(|row| row.name.clone()).collect(),
+                    fields: fates
+                        .iter()
+                        .map(|row| row.iter().map(|fate| Some(*fate as usize)).collect())
+                        .collect(),
+                    line: Some(panel.rows.iter().map(maps::Row::closed_form).collect()),
+                })
+                .collect(),
+            columns: self.map.columns,
+            line: "limit of a lone particle in closed form".into(),
+            caption: vec![
+                "Double-precision reference solver, which has no guard; fixed dt; strain of 1e-6 at the start. Damped: less \
+                 than a third of it is left at the end."
+                    .into(),
+                caption.into(),
+            ],
+        };
+        picture.svg()
+    }
+}
+
+/// The guard's fields as a picture.
+fn guard_picture(fields: &[guard::Field], caption: &str) -> anyhow::Result<String> {
+    let of = |transfer: &str| {
+        let mut panel = HeatPanel {
+            title: transfer.into(),
+            x: vec![],
+            y: vec![],
+            fields: vec![],
+            line: None,
+        };
+        for field in fields.iter().filter(|f| f.transfer == transfer) {
+            if panel.y.last().map(String::as_str) != Some(field.scene) {
+                panel.y.push(field.scene.into());
+                panel.fields.push(vec![]);
+            }
+            if panel.y.len() == 1 {
+                panel.x.push(field.cfl);
+            }
+            if let Some(row) = panel.fields.last_mut() {
+                row.push(Some(field.class()));
+            }
+        }
+        panel
+    };
+    let picture = HeatMap {
+        title: "With guard: what becomes of scenes past the limit".into(),
+        x: "cfl: dt over the limit of the transfer at the present deformation".into(),
+        y: "scene".into(),
+        classes: guard::CLASSES
+            .map(|(name, letter, tone)| Class {
+                name: name.into(),
+                letter: letter.into(),
+                tone,
+            })
+            .into(),
+        panels: vec![of("apic"), of("pic")],
+        columns: 2,
+        line: String::new(),
+        caption: vec![
+            "The solver that everyone uses, single precision, half a second. dust: 27 lone particles that spread and contract; \
+             drop: a block hits a floor at 3 m/s; pair: two balls meet at 6 m/s."
+                .into(),
+            caption.into(),
+        ],
+    };
+    picture.svg()
+}
+
+/// Measured limits of clusters of 1 to 5 by bisection: transfer, Poisson's ratio, closed form, measured.
+fn limits(quick: bool) -> Vec<(&'static str, f64, f64, f64)> {
+    let nu = if quick { &NU[2..3] } else { &NU[..] };
+    let pairs = TRANSFERS
+        .iter()
+        .flat_map(|t| nu.iter().map(move |nu| (*t, *nu)));
+    let pairs: Vec<_> = pairs.collect();
+    pairs
+        .into_par_iter()
+        .map(|(transfer, nu)| {
+            let row = maps::lone_and_few(transfer, nu, quick);
+            (transfer, nu, row.closed_form(), row.measured_limit())
+        })
+        .collect()
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When a scene cannot be built or run, or a file not written.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let start = Instant::now();
+    let machine = Run::here();
+    let bar = progress::bar("stability", 7);
+    let mut maps = Vec::new();
+    for make in [maps::clusters, maps::blocks, maps::materials] {
+        maps.push(Found::measure(make(args.quick)));
+        bar.inc(1);
+    }
+    maps.push(Found::measure(maps::objects(args.quick)?));
+    bar.inc(1);
+    let limits = limits(args.quick);
+    bar.inc(1);
+    let guarded = guard::fields(args.quick)?;
+    bar.inc(1);
+    let failures = catalogue::measure(args.quick)?;
+    bar.finish_and_clear();
+
+    let tables = [
+        ("limits", page::limits(&limits)),
+        ("guard", page::guard(&guarded)),
+        ("catalogue", page::catalogue(&failures)),
+    ];
+    if args.json {
+        for found in &maps {
+            for (panel, row, ratio, closed, fate) in found.fields() {
+                let line = json!({
+                    "map": found.map.name, "panel": panel, "row": row,
+                    "dt_over_dt_crit": ratio, "closed_form": closed, "outcome": fate.name(),
+                });
+                println!("{line}");
+            }
+        }
+        for (transfer, nu, closed, measured) in &limits {
+            println!(
+                "{}",
+                json!({"limit": transfer, "nu": nu, "closed_form": closed, "measured": measured})
+            );
+        }
+        for field in &guarded {
+            let found = field.found;
+            let line = json!({
+                "guard": field.scene, "transfer": field.transfer, "cfl": field.cfl, "rollbacks": found.rollbacks,
+                "quarantined": found.quarantined, "energy": found.energy, "not_a_number": found.lost,
+            });
+            println!("{line}");
+        }
+        for failure in &failures {
+            println!("{}", failure.json());
+        }
+    } else {
+        for (_, table) in &tables {
+            println!("{table}");
+        }
+    }
+    if let Some(folder) = &args.out {
+        let seconds = start.elapsed().as_secs_f64();
+        let caption = machine.caption(&format!("{} threads", rayon::current_num_threads()));
+        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        let put = |name: String, text: String| {
+            let path = folder.join(name);
+            fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+        };
+        for found in &maps {
+            put(format!("{}.svg", found.map.name), found.picture(&caption)?)?;
+            put(format!("{}.csv", found.map.name), found.csv())?;
+        }
+        put("guard.svg".into(), guard_picture(&guarded, &caption)?)?;
+        put("guard.csv".into(), page::guard_csv(&guarded))?;
+        page::write(
+            &folder.with_extension("md"),
+            &tables,
+            &format!("{caption} It took {seconds:.0} s."),
+        )?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The closed form is the limit of a lone particle in all transfers, on both sides.
+    #[test]
+    fn maps_put_the_limit_where_the_closed_form_says() {
+        let map = Found::measure(maps::clusters(true));
+        for (panel, row, ratio, closed, fate) in map.fields() {
+            let blown = fate == Fate::BlownUp;
+            if panel.starts_with("one particle") {
+                assert_eq!(
+                    blown,
+                    ratio > closed,
+                    "{panel}, nu {row}, {ratio} of the limit"
+                );
+            } else if ratio < closed {
+                assert!(!blown, "{panel}, nu {row}, {ratio} of the limit");
+            }
+        }
+    }
+}

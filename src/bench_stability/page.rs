@@ -1,0 +1,129 @@
+//! Tables, and the page that holds them.
+
+use std::{fmt::Write as _, fs, path::Path};
+
+use anyhow::Context;
+
+use super::{catalogue::Measured, guard::Field};
+use crate::chart::csv;
+
+/// A number with three digits.
+fn short(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".into(),
+        size if !(1e-2..1e4).contains(&size) => format!("{value:.1e}"),
+        size => {
+            let decimals = (2 - size.log10().floor() as i32).clamp(0, 4) as usize;
+            format!("{value:.decimals$}")
+        }
+    }
+}
+
+/// Measured limits of clusters against the closed form.
+pub fn limits(limits: &[(&str, f64, f64, f64)]) -> String {
+    let mut text = String::from(
+        "| transfer | nu | closed form, over that of APIC | smallest of the samples, measured |\n| --- | --- | --- | --- |\n",
+    );
+    for (transfer, nu, closed, measured) in limits {
+        let _ = writeln!(text, "| {transfer} | {nu} | {closed:.3} | {measured:.2} |");
+    }
+    text
+}
+
+/// What the guard did, scene by scene, where it had to do something or energy grew.
+pub fn guard(fields: &[Field]) -> String {
+    let mut text = String::from(
+        "| scene | transfer | `cfl` | substeps taken back | particles taken out | largest energy over start | not a number |\n\
+         | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for field in fields.iter().filter(|field| field.class() > 0) {
+        let found = field.found;
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {} | {} | {} | {} |",
+            field.scene,
+            field.transfer,
+            field.cfl,
+            found.rollbacks,
+            found.quarantined,
+            short(found.energy),
+            found.lost
+        );
+    }
+    text
+}
+
+/// The same as a file.
+pub fn guard_csv(fields: &[Field]) -> String {
+    let header = [
+        "scene",
+        "transfer",
+        "cfl",
+        "rollbacks",
+        "quarantined",
+        "largest_energy_over_start",
+        "not_a_number",
+    ];
+    let row = |field: &Field| {
+        let found = field.found;
+        vec![
+            field.scene.into(),
+            field.transfer.into(),
+            format!("{}", field.cfl),
+            format!("{}", found.rollbacks),
+            format!("{}", found.quarantined),
+            format!("{}", found.energy),
+            format!("{}", found.lost),
+        ]
+    };
+    csv(&header, &fields.iter().map(row).collect::<Vec<_>>())
+}
+
+/// Failures, scene by scene.
+pub fn catalogue(failures: &[Measured]) -> String {
+    let mut text = String::from(
+        "| failure | scene | measured | without it | found | remedy |\n| --- | --- | --- | --- | --- | --- |\n",
+    );
+    for Measured { failure, runs } in failures {
+        let found: Vec<String> = runs
+            .iter()
+            .map(|run| {
+                let mut text = format!("{}: **{}**", run.variant, short(run.value));
+                if run.quarantined > 0 {
+                    let _ = write!(text, " ({} taken out)", run.quarantined);
+                }
+                text
+            })
+            .collect();
+        let file = failure.scene.path;
+        let _ = writeln!(
+            text,
+            "| {} | [{}](../{file}) | {} | {} | {} | {} |",
+            failure.name,
+            file.rsplit('/').next().unwrap_or(file),
+            failure.measured,
+            failure.ideal,
+            found.join("<br>"),
+            failure.remedy
+        );
+    }
+    text
+}
+
+/// Puts tables, and a line on how they were made, between their markers in a page.
+///
+/// # Errors
+/// When the page cannot be read or written or lacks a marker.
+pub fn write(path: &Path, tables: &[(&str, String)], made: &str) -> anyhow::Result<()> {
+    let mut page =
+        fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let made = ("made", made.to_owned() + "\n");
+    for (name, table) in tables.iter().chain([&made]) {
+        let [begin, end] = ["begin", "end"].map(|which| format!("<!-- {which}: {name} -->"));
+        let missing = || format!("{} lacks {begin} or {end}", path.display());
+        let (head, rest) = page.split_once(&begin).with_context(missing)?;
+        let (_, tail) = rest.split_once(&end).with_context(missing)?;
+        page = format!("{head}{begin}\n\n{table}\n{end}{tail}");
+    }
+    fs::write(path, page).with_context(|| format!("cannot write {}", path.display()))
+}

@@ -1,0 +1,149 @@
+//! What stability is tried on: clusters of few particles, blocks, and objects of scene files.
+
+use std::path::Path;
+
+use cosplat_server::load::load_text;
+use cosplat_sim_core::{
+    Scene,
+    materials::{Law, Material},
+    scene::{Aabb, Conditions, Contact, ContactSurface, Fidelity, Object, RestParticles, Transfer},
+};
+
+/// Cell size of clusters and blocks [m].
+pub const DX: f64 = 0.1;
+
+/// Numbers that look random, the same in every run: a linear congruential generator (Knuth's MMIX).
+pub struct Numbers(pub u64);
+
+impl Numbers {
+    /// The next one, in 0..1.
+    pub fn next(&mut self) -> f64 {
+        let Self(state) = self;
+        *state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 33) as f64 / (1_u64 << 31) as f64
+    }
+}
+
+/// Elastic matter of 1000 kg/m^3.
+pub fn solid(law: Law, poisson_ratio: f64) -> Material {
+    Material {
+        name: law.name().into(),
+        law,
+        youngs_modulus: 1e5,
+        poisson_ratio,
+        density: 1000.0,
+    }
+}
+
+/// How much of the strain rate of `C` transfers keep, by the name on the maps.
+pub fn conditions(transfer: &str) -> Conditions {
+    let (transfer, rpic_damping) = match transfer {
+        "pic" => (Transfer::Pic, 0.0),
+        "rpic" => (Transfer::Apic, 1.0),
+        _ => (Transfer::Apic, 0.0),
+    };
+    Conditions {
+        transfer,
+        rpic_damping,
+        ..Conditions::default()
+    }
+}
+
+/// One object of particles of equal volume, in free space.
+fn free(material: Material, position: Vec<[f64; 3]>, volume: f64) -> Scene {
+    let count = position.len();
+    Scene {
+        name: "sample".into(),
+        gravity: [0.0; 3],
+        dx: DX,
+        frame_rate: 60.0,
+        cfl: 0.5,
+        tolerance: 0.01,
+        seed: 0,
+        domain: Aabb {
+            min: [-100.0; 3],
+            max: [100.0; 3],
+        },
+        objects: vec![Object {
+            name: "sample".into(),
+            material,
+            regions: vec![],
+            surface: ContactSurface::default(),
+            coherence: None,
+            fidelity: Fidelity::Mpm,
+            particles: 0..count,
+            gaussians: 0..0,
+            world_from_asset: [0.0, 0.0, 0.0, 1.0],
+            linear_velocity: [0.0; 3],
+            velocity_gradient: [[0.0; 3]; 3],
+            velocity: None,
+            body_force: None,
+        }],
+        contact: Contact::default(),
+        colliders: vec![],
+        pinned_regions: vec![],
+        conditions: Conditions::default(),
+        particles: RestParticles {
+            position,
+            volume: vec![volume; count],
+        },
+        gaussians: Default::default(),
+        binding: Default::default(),
+        probes: vec![],
+    }
+}
+
+/// `count` particles at random places in a box of one and a half cells.
+pub fn cluster(material: Material, count: usize, seed: u64) -> Scene {
+    let mut numbers = Numbers(seed.wrapping_add(77));
+    numbers.next();
+    let mut at = || std::array::from_fn(|_| 1.5 * DX * numbers.next());
+    let position = (0..count).map(|_| at()).collect();
+    free(material, position, DX.powi(3) / 8.0)
+}
+
+/// A cube of three cells' edge with `per_axis` particles per cell along each axis, askew to the grid.
+pub fn block(material: Material, per_axis: usize) -> Scene {
+    let h = DX / per_axis as f64;
+    let n = 3 * per_axis;
+    let place = |i: usize, shift: f64| (i as f64 + 0.5) * h + shift * DX;
+    let mut position = Vec::with_capacity(n * n * n);
+    for i in 0..n {
+        for j in 0..n {
+            for k in 0..n {
+                position.push([place(i, 0.13), place(j, 0.24), place(k, 0.41)]);
+            }
+        }
+    }
+    free(material, position, h * h * h)
+}
+
+/// Objects of scene files, by the name on the maps.
+pub const OBJECTS: [(&str, &str); 3] = [
+    (
+        "ball, 8 cells across",
+        "cells_per_object = 8\n[[objects]]\nname = \"ball\"\nshape = { kind = \"sphere\", radius = 0.1, gaussian_spacing = 0.05 }\n",
+    ),
+    (
+        "slab, 2 cells thick",
+        "dx = 0.02\n[[objects]]\nname = \"slab\"\nshape = { kind = \"slab\", size = [0.2, 0.2], thickness = 0.04, gaussian_spacing = 0.05 }\n",
+    ),
+    (
+        "vase, 16 cells tall",
+        "cells_per_object = 16\n[[objects]]\nname = \"vase\"\nbuiltin = \"vase\"\n",
+    ),
+];
+
+/// An object of rubber-like matter as a scene file makes it, in free space.
+///
+/// # Errors
+/// When the scene cannot be built, which would be a defect of this program.
+pub fn object(text: &str, poisson_ratio: f64) -> anyhow::Result<Scene> {
+    let text = format!(
+        "version = 1\ngravity = [0, 0, 0]\n{text}material = {{ law = \"neo_hookean\", youngs_modulus_pa = 1e5, \
+         poisson_ratio = {poisson_ratio}, density_kg_m3 = 1000 }}\n"
+    );
+    Ok(load_text(text, Path::new("sample.toml"))?.scene)
+}
