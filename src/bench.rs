@@ -11,7 +11,7 @@ mod table1;
 #[path = "bench_transport.rs"]
 mod transport;
 
-use crate::{bench_stability, bench_validate};
+use crate::{bench_precision, bench_stability, bench_validate};
 
 /// Measure this machine.
 #[derive(clap::Args)]
@@ -25,6 +25,7 @@ enum What {
     Fidelity(fidelity::Args),
     Kernel(kernel::Args),
     Physgaussian(physgaussian::Args),
+    Precision(bench_precision::Args),
     Stability(bench_stability::Args),
     Table1(table1::Args),
     Transport(transport::Args),
@@ -40,6 +41,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         What::Fidelity(args) => fidelity::run(args),
         What::Kernel(args) => kernel::run(args),
         What::Physgaussian(args) => physgaussian::run(args),
+        What::Precision(args) => bench_precision::run(args),
         What::Stability(args) => bench_stability::run(args),
         What::Table1(args) => table1::run(args),
         What::Transport(args) => transport::run(args),

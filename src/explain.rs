@@ -1,5 +1,7 @@
 //! `cosplat explain`: what a scene file means, in scene units, and a picture of what cannot be seen.
 
+mod precision;
+
 use std::{
     fmt::{self, Write},
     fs,
@@ -15,6 +17,7 @@ use cosplat_sim_core::{
     scene_file::{AssetReport, AssetSource},
     summary::{Extent, ObjectSummary, SceneSummary},
 };
+use precision::PrecisionHint;
 use serde::Serialize;
 
 /// Print what a scene file means: boxes, masses, materials, time step, cost.
@@ -56,6 +59,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 struct Explanation {
     #[serde(flatten)]
     summary: SceneSummary,
+    precision: Option<PrecisionHint>,
     assets: Vec<Asset>,
     colliders: Vec<Collider>,
     pinned_regions: Vec<Extent>,
@@ -90,8 +94,10 @@ struct Collider {
 impl Explanation {
     fn new(loaded: &LoadedScene) -> Self {
         let LoadedScene { scene, report, .. } = loaded;
+        let summary = SceneSummary::new(scene);
         Self {
-            summary: SceneSummary::new(scene),
+            precision: PrecisionHint::new(&summary),
+            summary,
             assets: report.assets.iter().map(asset).collect(),
             colliders: colliders(scene),
             pinned_regions: scene
@@ -210,6 +216,9 @@ impl fmt::Display for Explanation {
                 s.particle_updates_per_second / 1e6,
                 s.memory_bytes as f64 / 1e6
             )?;
+        }
+        if let Some(hint) = &self.precision {
+            write!(f, "{hint}")?;
         }
         writeln!(f, "domain     {}", extent(&s.domain))?;
         for asset in &self.assets {

@@ -1,6 +1,7 @@
 //! The `cosplat` command line: one file per subcommand.
 
 mod bench;
+mod bench_precision;
 mod bench_stability;
 mod bench_validate;
 mod chart;

@@ -83,3 +83,40 @@ fn the_kernel_bench_compares_solver_yardstick_and_reference() {
         }
     }
 }
+
+/// The bar is first order in the cell size: the free end is known to within a cell only.
+#[test]
+fn the_precision_bench_shows_that_finer_grids_cost_more_and_err_less() {
+    let output = Command::new(env!("CARGO_BIN_EXE_cosplat"))
+        .args(["bench", "precision", "--quick", "--case", "bar", "--json"])
+        .output()
+        .expect("cosplat runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    let lines: Vec<Value> = String::from_utf8_lossy(&output.stdout)
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("one JSON object per line"))
+        .collect();
+    let of = |setting: &str| {
+        let line = lines.iter().find(|line| line["setting"] == setting);
+        let line = line.unwrap_or_else(|| panic!("{setting} is missing: {lines:?}"));
+        let number = |key: &str| line[key].as_f64().expect("a number");
+        [
+            number("error"),
+            number("particle_updates_per_simulated_second"),
+        ]
+    };
+    let (coarse, draft, default) = (
+        of("cells per object 8"),
+        of("quality preset draft"),
+        of("default"),
+    );
+    assert!(coarse[1] < draft[1] && draft[1] < default[1], "cost");
+    // First order halves the error; the gates are those of the bar among the cases with a known answer.
+    let ratio = coarse[0] / default[0];
+    assert!((1.7..2.3).contains(&ratio), "{ratio}");
+    assert!(coarse[0] > draft[0] && draft[0] > default[0], "error");
+    assert!(lines.iter().all(|line| line.get("failed").is_none()));
+    let command = lines[0]["command"].as_str().expect("a command");
+    assert!(command.starts_with("cosplat simulate scenes/precision/bar.toml"));
+}

@@ -1,0 +1,136 @@
+//! Sliding, collision, bouncing.
+
+use anyhow::Context;
+
+use super::scene;
+use crate::{
+    bench_precision::case::{Case, Family},
+    trial::Outcome,
+};
+
+/// A block on an inclined plane.
+pub const INCLINE: Case = Case {
+    name: "incline",
+    title: "Block, sliding down a plane with friction",
+    error: "acceleration after settling, relative error",
+    against: "g (sin 24 - tan 15 cos 24), fitted after 0.1 s",
+    scene: scene!("incline"),
+    duration: 0.5,
+    reference: None,
+    families: || {
+        vec![
+            Family::cells(&["6", "8", "12", "16", "24"]),
+            Family::density(&["1", "2", "4", "8", "27"]),
+            Family::step(),
+            Family::double(&["6", "8"]),
+            Family::presets(),
+        ]
+    },
+    measure: incline,
+};
+
+/// Acceleration along the plane once the block has settled onto it: while it does, its weight and friction build up.
+fn incline(run: &Outcome, _: Option<&Outcome>) -> anyhow::Result<f64> {
+    let (sin, cos) = 24f64.to_radians().sin_cos();
+    let expected = 9.81 * (sin - 15f64.to_radians().tan() * cos);
+    let x = run.series("/objects/0/com/0");
+    let y = run.series("/objects/0/com/1");
+    let way = x.iter().zip(&y);
+    let way: Vec<(f64, f64)> = way
+        .map(|((t, x), (_, y))| (*t, x * cos - y * sin))
+        .filter(|(t, _)| *t > 0.1)
+        .collect();
+    let error = (acceleration(&way) / expected - 1.0).abs();
+    anyhow::ensure!(error.is_finite(), "the way is not a number");
+    Ok(error)
+}
+
+/// Twice the quadratic coefficient of the parabola nearest to points at equal distances in time.
+fn acceleration(way: &[(f64, f64)]) -> f64 {
+    let count = way.len() as f64;
+    let middle = way.iter().map(|(t, _)| t).sum::<f64>() / count;
+    let square = |t: &f64| (t - middle) * (t - middle);
+    let mean = way.iter().map(|(t, _)| square(t)).sum::<f64>() / count;
+    // Squares less their mean are orthogonal to constants and lines.
+    let shape = |t: &f64| square(t) - mean;
+    let above: f64 = way.iter().map(|(t, s)| s * shape(t)).sum();
+    let below: f64 = way.iter().map(|(t, _)| shape(t) * shape(t)).sum();
+    2.0 * above / below
+}
+
+/// Two balls head-on.
+pub const SPHERES: Case = Case {
+    name: "spheres",
+    title: "Two soft balls, meeting head-on",
+    error: "relative speed that is lost",
+    against: "a collision that is perfectly elastic (vibrations keep a few per mille in truth)",
+    scene: scene!("spheres"),
+    duration: 0.35,
+    reference: None,
+    families: || {
+        vec![
+            Family::cells(&["6", "8", "12", "16", "24"]),
+            Family::density(&["1", "2", "4", "8", "27"]),
+            Family::step(),
+            Family::double(&["6", "8"]),
+            Family::contact(),
+            Family::presets(),
+        ]
+    },
+    measure: |run, _| {
+        let left = run.last("/objects/0/linear_velocity/0")?;
+        let right = run.last("/objects/1/linear_velocity/0")?;
+        anyhow::ensure!(right > left, "they have not separated");
+        Ok((1.0 - (right - left) / 0.5).abs())
+    },
+};
+
+/// A ball on the floor.
+pub const BOUNCE: Case = Case {
+    name: "bounce",
+    title: "Soft ball, bouncing off the floor",
+    error: "height that is lost, relative",
+    against: "a bounce that is perfectly elastic (vibrations keep a few per cent in truth)",
+    scene: scene!("bounce"),
+    duration: 0.35,
+    reference: None,
+    families: || {
+        vec![
+            Family::cells(&["6", "8", "12", "16", "24"]),
+            Family::density(&["1", "2", "4", "8", "27"]),
+            Family::step(),
+            Family::double(&["6", "8"]),
+            Family::presets(),
+        ]
+    },
+    measure: bounce,
+};
+
+/// The height that the ball's velocity will take it to, once it flies.
+fn bounce(run: &Outcome, _: Option<&Outcome>) -> anyhow::Result<f64> {
+    let height = run.series("/objects/0/com/1");
+    let speed = run.series("/objects/0/linear_velocity/1");
+    let energy = height.iter().zip(&speed);
+    let (y, v) = energy
+        .map(|(y, v)| (y.1, v.1))
+        .filter(|(_, v)| *v > 0.0)
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .context("the ball does not come up again")?;
+    let top = y + v * v / (2.0 * 9.81) - 0.1;
+    Ok((1.0 - top / 0.05).abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_acceleration_of_a_parabola_is_found_whatever_its_start() {
+        let way = |n: u32| {
+            let t = 0.1 + f64::from(n) / 60.0;
+            (t, 0.3 - 0.2 * t + 0.5 * 1.6 * t * t)
+        };
+        let found = acceleration(&(0..25).map(way).collect::<Vec<_>>());
+        assert!((found - 1.6).abs() < 1e-9, "{found}");
+    }
+}

@@ -1,0 +1,138 @@
+//! What elastic matter does without contact.
+
+use std::f64::consts::PI;
+
+use super::scene;
+use crate::{
+    bench_precision::case::{Case, Family, relative_l2},
+    trial::Outcome,
+};
+
+/// A bar in tension.
+pub const BAR: Case = Case {
+    name: "bar",
+    title: "Bar, held at one end and suddenly pulled",
+    error: "centre of mass, relative L2 error over two periods",
+    against: "the exact solution of the wave equation",
+    scene: scene!("bar"),
+    duration: 2.5,
+    reference: None,
+    families: || {
+        vec![
+            Family::cells(&["8", "16", "32", "64"]),
+            Family::density(&["1", "2", "4", "8", "27"]),
+            Family::step(),
+            Family::double(&["8", "16", "32"]),
+            Family::presets(),
+        ]
+    },
+    measure: bar,
+};
+
+/// Displacement of the centre of mass of a bar of length `l` with wave speed `c`, fixed at one end, when a load `g`
+/// per mass starts at time 0 [m]: the sum over its modes.
+fn bar_displacement(t: f64, l: f64, c: f64, g: f64) -> f64 {
+    let mode = |n: u32| {
+        let k = f64::from(2 * n + 1) * PI / (2.0 * l);
+        let omega = k * c;
+        2.0 * g / (l * k * omega * omega) / (l * k) * (1.0 - (omega * t).cos())
+    };
+    (0..200).map(mode).sum()
+}
+
+fn bar(run: &Outcome, _: Option<&Outcome>) -> anyhow::Result<f64> {
+    let speed = (1e4f64 / 1000.0).sqrt();
+    let path = run.series("/objects/0/com/0");
+    relative_l2(path.iter().map(|(t, x)| {
+        let expected = bar_displacement(*t, 1.0, speed, 0.01);
+        (x - 0.5, expected)
+    }))
+}
+
+/// A free cube with a spin.
+pub const SPIN: Case = Case {
+    name: "spin",
+    title: "Cube, spinning freely",
+    error: "energy, largest relative drift",
+    against: "conservation of kinetic plus elastic energy",
+    scene: scene!("spin"),
+    duration: 0.5,
+    reference: None,
+    families: || {
+        vec![
+            Family::cells(&["6", "8", "12", "16", "24"]),
+            Family::density(&["1", "2", "4", "8", "27"]),
+            Family::step(),
+            Family::double(&["6", "8", "12"]),
+            Family::presets(),
+        ]
+    },
+    measure: |run, _| {
+        let kinetic = run.series("/kinetic_energy");
+        let elastic = run.series("/elastic_energy");
+        let total = kinetic.iter().zip(&elastic).map(|(k, e)| k.1 + e.1);
+        // The moment of inertia of a cube about its axis is m a^2 / 6.
+        let start = 0.5 * 8.0 * 0.2 * 0.2 / 6.0 * 36.0;
+        let drift = total.map(|e| (e / start - 1.0).abs()).fold(0.0, f64::max);
+        anyhow::ensure!(drift > 0.0 && !kinetic.is_empty(), "no energy was reported");
+        Ok(drift)
+    },
+};
+
+/// A beam that bends.
+pub const CANTILEVER: Case = Case {
+    name: "cantilever",
+    title: "Beam, held at one end, bending under its weight",
+    error: "centre of mass, relative L2 error over the way down",
+    against: "a run at four times the default's cells and a quarter of its step",
+    scene: scene!("cantilever"),
+    duration: 1.0,
+    reference: Some(&[("cells_per_object", "64"), ("cfl", "0.5")]),
+    families: || {
+        vec![
+            Family::cells(&["8", "12", "16", "24", "32"]),
+            Family::density(&["1", "2", "4", "8", "27"]),
+            Family::step(),
+            Family::double(&["8", "12", "16", "24"]),
+            Family::presets(),
+        ]
+    },
+    measure: |run, reference| fall(run, reference, "/objects/0/com/1", 0.0),
+};
+
+/// Relative L2 difference of a coordinate's way between two runs.
+pub fn fall(
+    run: &Outcome,
+    reference: Option<&Outcome>,
+    pointer: &str,
+    start: f64,
+) -> anyhow::Result<f64> {
+    let expected = reference.map(|r| r.series(pointer)).unwrap_or_default();
+    let measured = run.series(pointer);
+    anyhow::ensure!(
+        measured.len() == expected.len(),
+        "{} frames, {} in the reference",
+        measured.len(),
+        expected.len()
+    );
+    let pairs = measured.iter().zip(&expected);
+    relative_l2(pairs.map(|(m, e)| (m.1 - start, e.1 - start)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At rest the mean stretch under its weight is g L^2 / (3 c^2), and the bar swings symmetrically about it.
+    #[test]
+    fn the_bar_swings_about_its_static_stretch() {
+        let (l, c, g) = (1.0, 3.0, 0.01);
+        let quarter = l / c;
+        let still = g * l * l / (3.0 * c * c);
+        for t in [0.1, 0.5] {
+            let both = bar_displacement(t, l, c, g) + bar_displacement(2.0 * quarter - t, l, c, g);
+            assert!((both / (2.0 * still) - 1.0).abs() < 1e-6, "{both}");
+        }
+        assert!(bar_displacement(4.0 * quarter, l, c, g).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,32 @@
+//! The cases.
+
+mod contact;
+mod elastic;
+mod fidelity;
+mod flow;
+
+use super::case::Case;
+
+/// All of them.
+pub const ALL: [&Case; 9] = [
+    &elastic::BAR,
+    &elastic::SPIN,
+    &elastic::CANTILEVER,
+    &contact::INCLINE,
+    &contact::SPHERES,
+    &contact::BOUNCE,
+    &flow::DAM_BREAK,
+    &flow::SAND,
+    &fidelity::VASES,
+];
+
+/// A scene of `scenes/precision`.
+macro_rules! scene {
+    ($name:literal) => {
+        crate::trial::SceneText {
+            path: concat!("scenes/precision/", $name, ".toml"),
+            text: include_str!(concat!("../../../scenes/precision/", $name, ".toml")),
+        }
+    };
+}
+use scene;
