@@ -10,6 +10,7 @@ mod demo;
 mod explain;
 mod import;
 mod machine;
+mod page;
 mod progress;
 mod record;
 mod recover;

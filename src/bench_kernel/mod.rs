@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use anyhow::ensure;
 use cosplat_sim_core::Isa;
 
-use crate::{machine::Run, progress};
+use crate::{machine::Run, page, progress};
 use measure::{Case, Measured, measure};
 use report::{line, sentence};
 
@@ -169,7 +169,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     if let Some(path) = &args.table {
         // Better now than after minutes of measuring.
-        report::check(path)?;
+        page::check(path, &[report::PART])?;
     }
     let here = Run::here();
     let turns: usize = plan
@@ -197,7 +197,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     bar.finish_and_clear();
     if let Some(path) = &args.table {
-        report::write(path, &results, &here)?;
+        page::put(path, &[(report::PART, report::tables(&results, &here))])?;
         eprintln!("wrote {}", path.display());
     }
     Ok(())

@@ -1,19 +1,15 @@
 //! What was measured, as JSON lines, sentences and Markdown tables.
 
-use std::{fmt::Write as _, fs, path::Path};
+use std::fmt::Write as _;
 
-use anyhow::{Context, bail};
 use cosplat_sim_core::Isa;
 use serde_json::{Value, json};
 
 use super::measure::{Measured, Quartiles};
 use crate::machine::Run;
 
-/// Lines of a Markdown file between which tables go.
-const MARKERS: [&str; 2] = [
-    "<!-- cosplat bench kernel: begin -->",
-    "<!-- cosplat bench kernel: end -->",
-];
+/// The part of a page that holds the tables.
+pub const PART: &str = "cosplat bench kernel";
 
 /// Asked of one thread at 262,144 particles, 8 per cell, AVX-512: multiples of the yardstick's speed, what that was taken to
 /// mean [million/s], and the yardstick that this follows from [million/s].
@@ -102,44 +98,6 @@ pub fn sentence(name: &str, measured: &Measured) -> String {
     )
 }
 
-/// Where the markers are in a text.
-fn markers(text: &str) -> Option<(usize, usize)> {
-    let begin = text.find(MARKERS[0])? + MARKERS[0].len();
-    let end = begin + text[begin..].find(MARKERS[1])?;
-    Some((begin, end))
-}
-
-/// Whether tables can be written to this file.
-///
-/// # Errors
-/// When it cannot be read or has no markers.
-pub fn check(path: &Path) -> anyhow::Result<()> {
-    let text =
-        fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    if markers(&text).is_none() {
-        bail!(
-            "{} lacks the lines `{}` and `{}`",
-            path.display(),
-            MARKERS[0],
-            MARKERS[1]
-        );
-    }
-    Ok(())
-}
-
-/// Writes the tables between the markers of a Markdown file.
-///
-/// # Errors
-/// When the file cannot be read or written or has no markers.
-pub fn write(path: &Path, results: &[(String, Vec<Measured>)], run: &Run) -> anyhow::Result<()> {
-    check(path)?;
-    let mut text = fs::read_to_string(path)?;
-    if let Some((begin, end)) = markers(&text) {
-        text.replace_range(begin..end, &tables(results, run));
-    }
-    fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
-}
-
 /// `median (q1 to q3)`.
 fn spread(q: Quartiles, digits: usize) -> String {
     format!(
@@ -158,7 +116,7 @@ fn verdict(found: Option<Quartiles>, asked: f64) -> String {
 }
 
 /// All tables.
-fn tables(results: &[(String, Vec<Measured>)], run: &Run) -> String {
+pub fn tables(results: &[(String, Vec<Measured>)], run: &Run) -> String {
     let mut text = format!(
         "\n\nMachine: {}. Commit `{}`, {}, {}; load average at the start {}.\n\n",
         run.machine, run.commit, run.flags, run.date, run.load

@@ -8,11 +8,14 @@ mod steps;
 #[cfg(test)]
 mod tests;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 
 use crate::{machine::Run, progress, signals};
+
+/// Runs of each setting, unless one says otherwise.
+const ROUNDS: u64 = 7;
 
 /// Chart the error of results against what they cost.
 #[derive(clap::Args)]
@@ -30,8 +33,21 @@ pub struct Args {
     #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "docs")]
     write: Option<PathBuf>,
     /// Runs of each setting, in turns.
-    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u64).range(1..=101))]
+    #[arg(long, default_value_t = ROUNDS, value_parser = clap::value_parser!(u64).range(1..=101))]
     rounds: u64,
+}
+
+impl Args {
+    /// Everything at full size, written into a folder of documents.
+    pub fn documents(folder: &Path) -> Self {
+        Self {
+            cases: Vec::new(),
+            rounds: ROUNDS,
+            quick: false,
+            json: false,
+            write: Some(folder.to_owned()),
+        }
+    }
 }
 
 /// Runs the measurement. A setting that fails is shown failing; a case whose reference run fails is left out and

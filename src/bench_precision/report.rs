@@ -2,7 +2,7 @@
 
 use std::{fmt::Write as _, fs, path::Path};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use serde_json::json;
 
 use super::{
@@ -13,6 +13,7 @@ use super::{
 use crate::{
     chart::{Emphasis, Figure, Panel, Point, Series, cost_over_front, csv, pareto},
     machine::Run,
+    page,
 };
 
 /// How far from the front the default may be: a factor in cost or in error.
@@ -20,28 +21,18 @@ pub const WITHIN: f64 = 1.2;
 /// How many threads every run had.
 pub const THREADS: &str = "1 thread";
 
-/// The lines between which a part of the page stands.
-fn markers(part: &str) -> [String; 2] {
-    ["begin", "end"].map(|edge| format!("<!-- {edge}: cosplat bench precision {part} -->"))
-}
+/// The page, in the folder of documents, and its parts.
+const PAGE: &str = "precision.md";
+const SUMMARY: &str = "cosplat bench precision summary";
+const CHARTS: &str = "cosplat bench precision charts";
+const STEPS: &str = "cosplat bench precision steps";
 
 /// Whether the page can be written.
 ///
 /// # Errors
 /// When it cannot be read or lacks a marker.
 pub fn check(folder: &Path) -> anyhow::Result<()> {
-    let path = folder.join("precision.md");
-    let page =
-        fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    for marker in ["summary", "charts", "steps"]
-        .iter()
-        .flat_map(|p| markers(p))
-    {
-        if !page.contains(&marker) {
-            bail!("{} lacks the line {marker}", path.display());
-        }
-    }
-    Ok(())
+    page::check(&folder.join(PAGE), &[SUMMARY, CHARTS, STEPS])
 }
 
 /// The runs that succeeded, with the coordinates of a chart: cost or updates, and error.
@@ -302,21 +293,6 @@ fn figures(result: &CaseResult, here: &Run) -> String {
     csv(&header, &rows)
 }
 
-/// Replaces a part of the page.
-fn put(folder: &Path, part: &str, text: &str) -> anyhow::Result<()> {
-    let path = folder.join("precision.md");
-    let page =
-        fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    let [begin, end] = markers(part);
-    let parts = page
-        .split_once(&begin)
-        .and_then(|(head, rest)| Some((head, rest.split_once(&end)?.1)));
-    let (head, tail) =
-        parts.with_context(|| format!("{} has no lines {begin} and {end}", path.display()))?;
-    let page = format!("{head}{begin}\n\n{text}\n{end}{tail}");
-    fs::write(&path, page).with_context(|| format!("cannot write {}", path.display()))
-}
-
 /// Writes the page's tables of all cases, and that of resolutions, which `cosplat explain` reads. `failed` are
 /// those that could not be measured.
 ///
@@ -332,8 +308,10 @@ pub fn write_all(
     if !failed.is_empty() {
         let _ = write!(text, "\nNot measured: {}.\n", failed.join(", "));
     }
-    put(folder, "summary", &text)?;
-    put(folder, "charts", &charts(results))?;
+    page::put(
+        &folder.join(PAGE),
+        &[(SUMMARY, text), (CHARTS, charts(results))],
+    )?;
     let file = folder.join("precision/resolution.csv");
     fs::write(&file, resolutions(results))
         .with_context(|| format!("cannot write {}", file.display()))
@@ -344,7 +322,7 @@ pub fn write_all(
 /// # Errors
 /// When a file cannot be written.
 pub fn write_steps(folder: &Path, rows: &[steps::Row], here: &Run) -> anyhow::Result<()> {
-    put(folder, "steps", &steps::table(rows))?;
+    page::put(&folder.join(PAGE), &[(STEPS, steps::table(rows))])?;
     steps::write(folder, rows, here)
 }
 

@@ -4,11 +4,15 @@
 mod catalogue;
 mod guard;
 mod maps;
-mod page;
 mod samples;
+mod tables;
 mod trial;
 
-use std::{fs, path::PathBuf, time::Instant};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use anyhow::Context;
 use rayon::prelude::*;
@@ -17,7 +21,7 @@ use serde_json::json;
 use crate::{
     chart::{Class, HeatMap, HeatPanel, csv},
     machine::Run,
-    progress,
+    page, progress,
 };
 use maps::{Map, NU, Panel, TRANSFERS};
 use trial::Fate;
@@ -31,10 +35,30 @@ pub struct Args {
     /// Print one JSON object per measured field instead of tables.
     #[arg(long)]
     json: bool,
-    /// Write pictures and files into this folder, and the tables into the page of its name with .md behind it.
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    /// Write pictures and figures into DIR/stability and tables into DIR/stability.md.
+    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "docs")]
+    write: Option<PathBuf>,
 }
+
+impl Args {
+    /// Everything at full size, written into a folder of documents.
+    pub fn documents(folder: &Path) -> Self {
+        Self {
+            quick: false,
+            json: false,
+            write: Some(folder.to_owned()),
+        }
+    }
+}
+
+/// The page, in the folder of documents, and its parts.
+const PAGE: &str = "stability.md";
+const PARTS: [&str; 3] = [
+    "cosplat bench stability limits",
+    "cosplat bench stability guard",
+    "cosplat bench stability catalogue",
+];
+const MADE: &str = "cosplat bench stability made";
 
 /// What a map found: panel by panel, row by row.
 struct Found {
@@ -198,6 +222,10 @@ fn limits(quick: bool) -> Vec<(&'static str, f64, f64, f64)> {
 /// # Errors
 /// When a scene cannot be built or run, or a file not written.
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    if let Some(folder) = &args.write {
+        let parts: Vec<_> = PARTS.into_iter().chain([MADE]).collect();
+        page::check(&folder.join(PAGE), &parts)?;
+    }
     let start = Instant::now();
     let machine = Run::here();
     let bar = progress::bar("stability", 7);
@@ -216,9 +244,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     bar.finish_and_clear();
 
     let tables = [
-        ("limits", page::limits(&limits)),
-        ("guard", page::guard(&guarded)),
-        ("catalogue", page::catalogue(&failures)),
+        tables::limits(&limits),
+        tables::guard(&guarded),
+        tables::catalogue(&failures),
     ];
     if args.json {
         for found in &maps {
@@ -248,14 +276,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             println!("{}", failure.json());
         }
     } else {
-        for (_, table) in &tables {
+        for table in &tables {
             println!("{table}");
         }
     }
-    if let Some(folder) = &args.out {
+    if let Some(folder) = &args.write {
+        let page = folder.join(PAGE);
+        let folder = folder.join("stability");
         let seconds = start.elapsed().as_secs_f64();
         let caption = machine.caption(&format!("{} threads", rayon::current_num_threads()));
-        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
         let put = |name: String, text: String| {
             let path = folder.join(name);
             fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
@@ -265,12 +295,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             put(format!("{}.csv", found.map.name), found.csv())?;
         }
         put("guard.svg".into(), guard_picture(&guarded, &caption)?)?;
-        put("guard.csv".into(), page::guard_csv(&guarded))?;
-        page::write(
-            &folder.with_extension("md"),
-            &tables,
-            &format!("{caption} It took {seconds:.0} s."),
-        )?;
+        put("guard.csv".into(), tables::guard_csv(&guarded))?;
+        let made = format!("{caption} It took {seconds:.0} s.");
+        let parts: Vec<_> = PARTS
+            .into_iter()
+            .zip(tables)
+            .chain([(MADE, made)])
+            .collect();
+        page::put(&page, &parts)?;
     }
     Ok(())
 }

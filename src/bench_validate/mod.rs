@@ -4,11 +4,14 @@ mod cases;
 mod recorded;
 mod report;
 
-use std::{path::PathBuf, time::Instant};
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use anyhow::bail;
 
-use crate::progress;
+use crate::{page, progress};
 pub use report::{Gate, Row};
 
 /// Run cases with a known answer and hold the results against it.
@@ -26,9 +29,22 @@ pub struct Args {
     /// Print one JSON object per row instead of a table.
     #[arg(long)]
     json: bool,
-    /// Replace the table between the markers of this Markdown file.
-    #[arg(long, value_name = "FILE.md")]
+    /// Replace the table in DIR/validation.md.
+    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "docs")]
     write: Option<PathBuf>,
+}
+
+impl Args {
+    /// Everything at full size, written into a folder of documents.
+    pub fn documents(folder: &Path) -> Self {
+        Self {
+            list: false,
+            cases: Vec::new(),
+            quick: false,
+            json: false,
+            write: Some(folder.to_owned()),
+        }
+    }
 }
 
 /// How large a case is run.
@@ -69,6 +85,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
         return Ok(());
     }
+    if let Some(folder) = &args.write {
+        page::check(&folder.join(report::PAGE), &[report::PART])?;
+    }
     let known = || cases::ALL.map(|case| case.name).join(", ");
     for wanted in &args.cases {
         if !cases::ALL.iter().any(|case| case.is(wanted)) {
@@ -99,8 +118,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if !args.json {
         println!("{}", report::table(&results));
     }
-    if let Some(path) = &args.write {
-        report::write(path, &results)?;
+    if let Some(folder) = &args.write {
+        page::put(
+            &folder.join(report::PAGE),
+            &[(report::PART, report::table(&results))],
+        )?;
     }
     let surprises: Vec<String> = results
         .iter()

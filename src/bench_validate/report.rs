@@ -1,8 +1,7 @@
 //! Results: rows, gates, the table.
 
-use std::{fmt::Write, path::Path};
+use std::fmt::Write;
 
-use anyhow::Context;
 use serde::Serialize;
 
 use super::Case;
@@ -165,25 +164,9 @@ pub fn table(results: &[Result<'_>]) -> String {
     text
 }
 
-const BEGIN: &str = "<!-- begin: cosplat bench validate -->";
-const END: &str = "<!-- end: cosplat bench validate -->";
-
-/// Replaces what stands between the markers of a page by the table.
-///
-/// # Errors
-/// When the page cannot be read or written or has no markers.
-pub fn write(path: &Path, results: &[Result<'_>]) -> anyhow::Result<()> {
-    let page =
-        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let (head, rest) = page
-        .split_once(BEGIN)
-        .with_context(|| format!("{} has no line {BEGIN}", path.display()))?;
-    let (_, tail) = rest
-        .split_once(END)
-        .with_context(|| format!("{} has no line {END}", path.display()))?;
-    let page = format!("{head}{BEGIN}\n\n{}\n{END}{tail}", table(results));
-    std::fs::write(path, page).with_context(|| format!("cannot write {}", path.display()))
-}
+/// The page, in the folder of documents, and its part that holds the table.
+pub const PAGE: &str = "validation.md";
+pub const PART: &str = "cosplat bench validate";
 
 /// A gate without the digits of its arithmetic.
 fn rounded(gate: f64) -> String {

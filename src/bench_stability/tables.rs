@@ -1,8 +1,6 @@
-//! Tables, and the page that holds them.
+//! Tables.
 
-use std::{fmt::Write as _, fs, path::Path};
-
-use anyhow::Context;
+use std::fmt::Write as _;
 
 use super::{catalogue::Measured, guard::Field};
 use crate::chart::csv;
@@ -108,22 +106,4 @@ pub fn catalogue(failures: &[Measured]) -> String {
         );
     }
     text
-}
-
-/// Puts tables, and a line on how they were made, between their markers in a page.
-///
-/// # Errors
-/// When the page cannot be read or written or lacks a marker.
-pub fn write(path: &Path, tables: &[(&str, String)], made: &str) -> anyhow::Result<()> {
-    let mut page =
-        fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let made = ("made", made.to_owned() + "\n");
-    for (name, table) in tables.iter().chain([&made]) {
-        let [begin, end] = ["begin", "end"].map(|which| format!("<!-- {which}: {name} -->"));
-        let missing = || format!("{} lacks {begin} or {end}", path.display());
-        let (head, rest) = page.split_once(&begin).with_context(missing)?;
-        let (_, tail) = rest.split_once(&end).with_context(missing)?;
-        page = format!("{head}{begin}\n\n{table}\n{end}{tail}");
-    }
-    fs::write(path, page).with_context(|| format!("cannot write {}", path.display()))
 }
