@@ -5,6 +5,8 @@ use cosplat_server::load::load_text;
 use cosplat_sim_core::{Work, World, scene::ContactMethod};
 use serde::Serialize;
 
+use crate::progress;
+
 /// Count operations per substep for every contact method as particles and objects grow, with fitted exponents.
 #[derive(clap::Args)]
 pub struct Args {
@@ -25,6 +27,8 @@ const SUBSTEPS: f64 = 4.0;
 const EDGE: f64 = 0.4;
 /// Cells along the edge of one of many bodies.
 const CELLS: f64 = 3.0;
+/// Particles of one of many bodies: eight per cell.
+const OF_MANY: u64 = 216;
 /// Strength of the coherence constraint where the paper has one [1/s].
 const COHERENCE: f64 = 50.0;
 
@@ -121,19 +125,24 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         many_bodies: vec![],
         exponents: vec![],
     };
+    let sizes = (3..8).map(|n| 10_u64.pow(n));
+    let sizes: Vec<u64> = sizes.filter(|n| *n <= args.particles).collect();
+    let crowds = [2, 10, 30, 100, 300, 1000, 3000, 10_000];
+    let crowds: Vec<u64> = crowds.into_iter().filter(|n| *n <= args.objects).collect();
+    let methods = ContactMethod::NAMES.len();
+    // In particles: what takes the time.
+    let length = sizes.iter().sum::<u64>() + OF_MANY * crowds.iter().sum::<u64>();
+    let bar = progress::bar("table 1", methods as u64 * length);
     for (name, _) in ContactMethod::NAMES {
-        let mut wanted = 1000;
-        while wanted <= args.particles {
-            table
-                .two_bodies
-                .push(count(name, &two_bodies(name, wanted))?);
-            wanted *= 10;
+        for &wanted in &sizes {
+            let row = count(name, &two_bodies(name, wanted))?;
+            table.two_bodies.push(row);
+            bar.inc(wanted);
         }
-        for objects in [2, 10, 30, 100, 300, 1000, 3000, 10_000] {
-            if objects <= args.objects {
-                let text = many_bodies(name, objects);
-                table.many_bodies.push(count(name, &text)?);
-            }
+        for &objects in &crowds {
+            let row = count(name, &many_bodies(name, objects))?;
+            table.many_bodies.push(row);
+            bar.inc(OF_MANY * objects);
         }
         for (k, operation) in Counts::NAMES.into_iter().enumerate() {
             let of = |rows: &[Row], size: fn(&Row) -> usize| {
@@ -149,6 +158,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             });
         }
     }
+    bar.finish_and_clear();
     match args.json {
         true => println!("{}", serde_json::to_string(&table)?),
         false => print!("{}", table.text()),
