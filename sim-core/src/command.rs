@@ -122,6 +122,14 @@ pub enum CommandError {
         /// The id sent.
         object: usize,
     },
+    /// Contact between spheres moves particles, which a rigid object does not have.
+    #[error(
+        "object {object} cannot become rigid: contact = \"com_sphere\" is for objects that deform"
+    )]
+    RigidSphere {
+        /// The object.
+        object: usize,
+    },
     /// A number is NaN or infinite.
     #[error("{field} is {value}, expected a finite number")]
     NotFinite {

@@ -118,6 +118,13 @@ pub struct Part {
 }
 
 impl Object {
+    /// Whether some of it moves as a body.
+    pub(crate) fn has_rigid_matter(&self) -> bool {
+        let regions = self.regions.iter().map(|region| &region.material);
+        let mut materials = std::iter::once(&self.material).chain(regions);
+        self.fidelity == Fidelity::Rigid || materials.any(|material| material.law.is_rigid())
+    }
+
     /// The object outside its regions, then its regions; `id` is the object's id.
     pub fn parts(&self, id: usize) -> impl Iterator<Item = Part> {
         let end = self

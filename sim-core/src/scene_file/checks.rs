@@ -12,7 +12,7 @@ use super::{
 use crate::{
     colliders::Boundaries,
     fill::FillReport,
-    scene::{Aabb, Fidelity, Object, Scene, Selection},
+    scene::{Aabb, ContactMethod, Fidelity, Object, Scene, Selection},
 };
 
 /// Part of an object's particles that may lie inside another object before it is called overlap.
@@ -73,6 +73,15 @@ pub(super) fn check(
                 );
                 errors.push(Finding::new(at, message));
             }
+        }
+        let spheres = scene.contact.method == ContactMethod::ComSphere;
+        if spheres && object.fidelity != Fidelity::Static && object.has_rigid_matter() {
+            let message = format!(
+                "object `{}` is rigid, and contact = \"com_sphere\" is for objects that deform; \
+                 expected \"two_scale\", \"multi_field\" or \"single_field\"",
+                object.name
+            );
+            errors.push(Finding::new(at, message));
         }
         if let Some(message) = thin(scene, object) {
             warn(at, message);

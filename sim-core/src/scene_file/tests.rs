@@ -356,3 +356,16 @@ object = "a"
 "#;
     assert_one_error(text, 4, "materials.own.poisson_ratio", &["is 0.7"]);
 }
+
+#[test]
+fn a_rigid_object_does_not_meet_as_a_sphere() {
+    let text = format!("contact = \"com_sphere\"\n{BALL}fidelity = \"rigid\"\n");
+    let file = SceneFile::parse(&text).unwrap_or_else(|e| panic!("{e}"));
+    let SceneErrors(found) = build(&file, &mut no_assets).expect_err("rigid");
+    assert_eq!(found.len(), 1, "{found:#?}");
+    assert!(
+        found[0].message.contains("`ball` is rigid"),
+        "{}",
+        found[0].message
+    );
+}

@@ -12,7 +12,7 @@ use crate::{
         limits::{DeformationBounds, critical_dt},
     },
     particles::{NO_PARTICLE, position_in_cells},
-    scene::{Fidelity, Pose},
+    scene::{ContactMethod, Fidelity, Pose},
     simd::LANES,
 };
 
@@ -280,6 +280,9 @@ impl World {
             substeps * substeps
         };
         match material.law {
+            Law::Rigid if self.scene.contact.method == ContactMethod::ComSphere => {
+                Err(CommandError::RigidSphere { object })
+            }
             Law::Rigid => Ok(()),
             Law::Fluid {
                 bulk_modulus,

@@ -2,7 +2,7 @@
 
 use super::boundary_checks;
 use crate::{
-    scene::{Fidelity, Scene},
+    scene::{ContactMethod, Fidelity, Scene},
     simd::Isa,
 };
 
@@ -55,6 +55,15 @@ pub enum WorldError {
         end: usize,
         /// Where it must begin.
         expected: usize,
+    },
+    /// Contact between spheres moves particles, which a rigid object does not have.
+    #[error(
+        "object {object} is rigid, and contact = \"com_sphere\" is for objects that deform; expected \"two_scale\", \
+         \"multi_field\" or \"single_field\""
+    )]
+    RigidSphere {
+        /// Object id.
+        object: usize,
     },
     /// Parallel arrays differ in length.
     #[error(
@@ -164,6 +173,9 @@ fn validate_objects(scene: &Scene) -> Result<(), WorldError> {
         }
         if o.fidelity == Fidelity::Static {
             continue;
+        }
+        if scene.contact.method == ContactMethod::ComSphere && o.has_rigid_matter() {
+            return Err(WorldError::RigidSphere { object });
         }
         let mut end = o.regions.first().map_or(range.end, |r| r.particles.start);
         for (region, r) in o.regions.iter().enumerate() {

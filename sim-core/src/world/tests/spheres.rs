@@ -1,9 +1,11 @@
 //! Contact by spheres about centres of mass: what it promises, and where it is known to fail.
 
 use crate::{
-    World,
+    World, WorldError,
+    command::{Action, CommandError},
     materials::Law,
-    scene::{ContactMethod, Scene},
+    report::Level,
+    scene::{ContactMethod, Fidelity, Scene},
     test_scenes::{add_box, elastic, empty},
 };
 
@@ -146,4 +148,34 @@ fn known_failure_an_off_centre_hit_sets_nothing_spinning() {
     // Along that line it is at least central: the total angular momentum stays.
     let change = after.angular_momentum[2] - before.angular_momentum[2];
     assert!(change.abs() < 1e-4 * before.angular_momentum[2].abs());
+}
+
+#[test]
+fn rigid_objects_are_refused() {
+    let mut scene = boxes(&[([0.4; 3], [0.0; 3], [0.0; 3])], 0.5);
+    let mut world = World::new(scene.clone()).expect("valid scene");
+    let rigid = elastic(Law::Rigid, 0.0, 0.0);
+    let action = Action::SetMaterial {
+        object: 0,
+        region: None,
+        material: rigid.clone(),
+    };
+    let refused = Err(CommandError::RigidSphere { object: 0 });
+    assert_eq!(world.check(&action), refused);
+    // Nor does anything fall asleep that would then have no particles to move.
+    scene.objects[0].fidelity = Fidelity::Auto;
+    let mut still = World::new(scene.clone()).expect("valid scene");
+    for _ in 0..RATE as usize {
+        let report = still.step(1.0 / RATE, &[]);
+        assert_eq!(report.objects[0].level, Level::Mpm);
+    }
+    world.step(1.0 / RATE, &[]);
+    for made in [
+        (rigid, Fidelity::Mpm),
+        (scene.objects[0].material.clone(), Fidelity::Rigid),
+    ] {
+        (scene.objects[0].material, scene.objects[0].fidelity) = made;
+        let error = World::new(scene.clone()).expect_err("rigid");
+        assert_eq!(error, WorldError::RigidSphere { object: 0 });
+    }
 }
