@@ -10,6 +10,7 @@ mod resting;
 mod rigid;
 mod robustness;
 mod rules;
+mod shape_match;
 mod sleep;
 mod spheres;
 mod stand_in;
