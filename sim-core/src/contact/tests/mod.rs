@@ -4,6 +4,7 @@ mod bits;
 mod closed;
 mod disks;
 mod frames;
+mod pairs;
 mod separation;
 mod stacks;
 
