@@ -386,9 +386,8 @@ impl Placed<'_> {
             // Most floors: nothing to turn.
             let off: [f64; 3] = std::array::from_fn(|a| x[a] - self.start.translation[a]);
             // Unfused on purpose: without the instruction each fused operation is a call.
-            let [x, y, z] = [0, 1, 2].map(|a: usize| off[a] * normal[a]);
             return Distance {
-                value: x + y + z,
+                value: off[0] * normal[0] + off[1] * normal[1] + off[2] * normal[2],
                 normal,
             };
         }

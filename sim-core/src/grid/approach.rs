@@ -108,12 +108,17 @@ fn approach(
 fn is_out_of_range(body: &Placed<'_>, block: [i32; 3], x: &[F32x16; 3]) -> bool {
     let (mut centre, mut radius) = ([0.0; 3], 0.0);
     for a in 0..3 {
-        // Unused lanes are at the block's centre and do no harm.
-        let (mut min, mut max) = (x[a].0[0], x[a].0[0]);
-        for &x in &x[a].0 {
-            min = if x < min { x } else { min };
-            max = if x > max { x } else { max };
+        // Unused lanes are at the block's centre and do no harm. Halving, not one after the other, so that several lanes
+        // go at once.
+        let (mut min, mut max) = (x[a].0, x[a].0);
+        for half in [8, 4, 2, 1] {
+            for n in 0..half {
+                let (low, high) = (min[n + half], max[n + half]);
+                min[n] = if low < min[n] { low } else { min[n] };
+                max[n] = if high > max[n] { high } else { max[n] };
+            }
         }
+        let (min, max) = (min[0], max[0]);
         centre[a] = 0.5 * (min + max);
         radius += f64::from(max - min).powi(2);
     }
@@ -124,38 +129,62 @@ fn is_out_of_range(body: &Placed<'_>, block: [i32; 3], x: &[F32x16; 3]) -> bool 
 
 /// Tells the nodes -2..=5 how near the particles are that reach them: those of the cells around them.
 fn spread(cells: &[Nearest; CELLS * CELLS * CELLS]) -> Box<[Nearest; NODES]> {
-    // One axis after the other.
-    let mut columns = [Nearest::NONE; CELLS * CELLS * TILE];
+    // One axis after the other, with cells by their rank in place of what they hold.
+    let mut columns = [u64::MAX; CELLS * CELLS * TILE];
     let mut is_used = [false; CELLS * CELLS];
     for (row, used) in is_used.iter_mut().enumerate() {
         for k in 0..CELLS {
-            let nearest = &cells[CELLS * row + k];
-            if *nearest != Nearest::NONE {
-                *used = true;
-                for to in &mut columns[TILE * row + k..][..3] {
-                    to.take(nearest);
-                }
+            let rank = rank(cells, CELLS * row + k);
+            *used |= rank != u64::MAX;
+            for to in &mut columns[TILE * row + k..][..3] {
+                *to = rank.min(*to);
             }
         }
     }
-    let mut slabs = [Nearest::NONE; CELLS * TILE * TILE];
+    let mut slabs = [u64::MAX; CELLS * TILE * TILE];
     for row in (0..CELLS * CELLS).filter(|&row| is_used[row]) {
         let (i, j) = (row / CELLS, row % CELLS);
-        for to in j..j + 3 {
-            for k in 0..TILE {
-                slabs[TILE * (TILE * i + to) + k].take(&columns[TILE * row + k]);
-            }
+        let from = &columns[TILE * row..][..TILE];
+        for to in slabs[TILE * (TILE * i + j)..][..3 * TILE].chunks_exact_mut(TILE) {
+            take_ranks(to, from);
+        }
+    }
+    let mut ranks = [u64::MAX; NODES];
+    for i in (0..CELLS).filter(|i| is_used[CELLS * i..][..CELLS].contains(&true)) {
+        let from = &slabs[TILE * TILE * i..][..TILE * TILE];
+        for to in ranks[TILE * TILE * i..][..3 * TILE * TILE].chunks_exact_mut(TILE * TILE) {
+            take_ranks(to, from);
         }
     }
     let mut nodes = Box::new([Nearest::NONE; NODES]);
-    for i in (0..CELLS).filter(|i| is_used[CELLS * i..][..CELLS].contains(&true)) {
-        for to in i..i + 3 {
-            for n in 0..TILE * TILE {
-                nodes[TILE * TILE * to + n].take(&slabs[TILE * TILE * i + n]);
-            }
+    for (node, rank) in nodes.iter_mut().zip(ranks) {
+        if rank != u64::MAX {
+            *node = cells[rank as u32 as usize];
         }
     }
     nodes
+}
+
+/// Orders cells by gap, then by number, which is the low half; the largest of all where there is no gap.
+fn rank(cells: &[Nearest; CELLS * CELLS * CELLS], cell: usize) -> u64 {
+    let gap = cells[cell].gap;
+    if gap == f32::INFINITY {
+        return u64::MAX;
+    }
+    // Integers in the order of the floats: negative ones turned round, below the others.
+    let bits = gap.to_bits();
+    let order = if gap.is_sign_negative() {
+        !bits
+    } else {
+        bits | 1 << 31
+    };
+    u64::from(order) << 32 | cell as u64
+}
+
+fn take_ranks(to: &mut [u64], from: &[u64]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = (*to).min(*from);
+    }
 }
 
 impl<'a> Acting<'a> {
@@ -245,7 +274,7 @@ mod tests {
     fn a_node_sees_the_nearest_of_all_cells_around_it_and_no_other() {
         let mut cells = [Nearest::NONE; CELLS * CELLS * CELLS];
         for (n, cell) in cells.iter_mut().enumerate().filter(|(n, _)| n % 7 < 2) {
-            cell.gap = (n * 37 % 101) as f32;
+            cell.gap = (n * 37 % 101) as f32 - 30.0;
         }
         let nodes = spread(&cells);
         for n in 0..NODES {
