@@ -54,6 +54,34 @@ pub struct Scene {
     pub probes: Vec<Probe>,
 }
 
+impl Scene {
+    /// No matter, no gravity and no boundary in a domain of 200 m, at half the stability limit: to be filled.
+    pub fn empty(name: impl Into<String>, dx: f64) -> Self {
+        Self {
+            name: name.into(),
+            gravity: [0.0; 3],
+            dx,
+            frame_rate: 60.0,
+            cfl: 0.5,
+            tolerance: 0.01,
+            seed: 0,
+            domain: Aabb {
+                min: [-100.0; 3],
+                max: [100.0; 3],
+            },
+            objects: vec![],
+            contact: Contact::default(),
+            colliders: vec![],
+            pinned_regions: vec![],
+            conditions: Conditions::default(),
+            particles: RestParticles::default(),
+            gaussians: Gaussians::default(),
+            binding: Binding::default(),
+            probes: vec![],
+        }
+    }
+}
+
 /// Axis-aligned box [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
@@ -118,6 +146,25 @@ pub struct Part {
 }
 
 impl Object {
+    /// A body of matter at rest that nothing is special about.
+    pub fn new(name: impl Into<String>, material: Material, particles: Range<usize>) -> Self {
+        Self {
+            name: name.into(),
+            material,
+            regions: vec![],
+            surface: ContactSurface::default(),
+            coherence: None,
+            fidelity: Fidelity::Mpm,
+            particles,
+            gaussians: 0..0,
+            world_from_asset: [0.0, 0.0, 0.0, 1.0],
+            linear_velocity: [0.0; 3],
+            velocity_gradient: [[0.0; 3]; 3],
+            velocity: None,
+            body_force: None,
+        }
+    }
+
     /// Whether some of it moves as a body.
     pub(crate) fn has_rigid_matter(&self) -> bool {
         let regions = self.regions.iter().map(|region| &region.material);

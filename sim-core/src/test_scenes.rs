@@ -1,38 +1,13 @@
 //! Small scenes built in code, for tests of this crate.
 
 use crate::{
-    assets::Gaussians,
     materials::{Law, Material},
-    scene::{
-        Aabb, Binding, Collider, ColliderShape, Conditions, Contact, ContactSurface, Fidelity,
-        Object, Pose, RestParticles, Scene, Surface, TriangleMesh,
-    },
+    scene::{Collider, ColliderShape, Object, Pose, Scene, Surface, TriangleMesh},
 };
 
 /// A scene without objects, gravity or boundaries in a cube of 200 m.
 pub fn empty(dx: f64) -> Scene {
-    Scene {
-        name: "test".into(),
-        gravity: [0.0; 3],
-        dx,
-        frame_rate: 60.0,
-        cfl: 0.5,
-        tolerance: 0.01,
-        seed: 0,
-        domain: Aabb {
-            min: [-100.0; 3],
-            max: [100.0; 3],
-        },
-        objects: vec![],
-        contact: Contact::default(),
-        colliders: vec![],
-        pinned_regions: vec![],
-        conditions: Conditions::default(),
-        particles: RestParticles::default(),
-        gaussians: Gaussians::default(),
-        binding: Binding::default(),
-        probes: vec![],
-    }
+    Scene::empty("test", dx)
 }
 
 /// A material of density 1000 kg/m^3.
@@ -107,21 +82,9 @@ pub fn add_box(
             }
         }
     }
-    scene.objects.push(Object {
-        regions: vec![],
-        name: format!("box{}", scene.objects.len()),
-        material,
-        surface: ContactSurface::default(),
-        coherence: None,
-        fidelity: Fidelity::Mpm,
-        particles: start..scene.particles.position.len(),
-        gaussians: 0..0,
-        world_from_asset: [0.0, 0.0, 0.0, 1.0],
-        linear_velocity: [0.0; 3],
-        velocity_gradient: [[0.0; 3]; 3],
-        velocity: None,
-        body_force: None,
-    });
+    let name = format!("box{}", scene.objects.len());
+    let particles = start..scene.particles.position.len();
+    scene.objects.push(Object::new(name, material, particles));
     scene.objects.len() - 1
 }
 

@@ -5,8 +5,7 @@ use cosplat_sim_core::{
     assets::Gaussians,
     materials::{Law, Material},
     scene::{
-        Aabb, BINDING_NEIGHBORS, Binding, Collider, ColliderShape, Conditions, Contact,
-        ContactSurface, Fidelity, Object, Pose, RestParticles, Surface,
+        BINDING_NEIGHBORS, Binding, Collider, ColliderShape, Object, Pose, RestParticles, Surface,
     },
 };
 
@@ -137,34 +136,16 @@ pub fn scene(material: Material, layout: &Layout, with_gaussians: bool) -> Scene
         .iter()
         .map(|x| x.map(|x| x as f32))
         .collect();
+    let block = Object {
+        gaussians: 0..visible,
+        linear_velocity: VELOCITY,
+        velocity_gradient: [[0.0, -SPIN, 0.0], [SPIN, 0.0, 0.0], [0.0; 3]],
+        ..Object::new("block", material, 0..count)
+    };
     Scene {
-        name: "kernel".into(),
         gravity: [0.0, 0.0, GRAVITY],
-        dx: DX,
-        frame_rate: 60.0,
-        cfl: 0.5,
-        tolerance: 0.01,
         seed,
-        domain: Aabb {
-            min: [-100.0; 3],
-            max: [100.0; 3],
-        },
-        objects: vec![Object {
-            name: "block".into(),
-            material,
-            regions: vec![],
-            surface: ContactSurface::default(),
-            coherence: None,
-            fidelity: Fidelity::Mpm,
-            particles: 0..count,
-            gaussians: 0..visible,
-            world_from_asset: [0.0, 0.0, 0.0, 1.0],
-            linear_velocity: VELOCITY,
-            velocity_gradient: [[0.0, -SPIN, 0.0], [SPIN, 0.0, 0.0], [0.0; 3]],
-            velocity: None,
-            body_force: None,
-        }],
-        contact: Contact::default(),
+        objects: vec![block],
         colliders: vec![Collider::fixed(
             "floor",
             ColliderShape::HalfSpace {
@@ -173,8 +154,6 @@ pub fn scene(material: Material, layout: &Layout, with_gaussians: bool) -> Scene
             Pose::IDENTITY,
             Surface::Slip,
         )],
-        pinned_regions: vec![],
-        conditions: Conditions::default(),
         particles: RestParticles {
             position,
             volume: vec![step.iter().product(); count],
@@ -193,7 +172,7 @@ pub fn scene(material: Material, layout: &Layout, with_gaussians: bool) -> Scene
                 .collect(),
             weight: vec![[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]; visible],
         },
-        probes: vec![],
+        ..Scene::empty("kernel", DX)
     }
 }
 

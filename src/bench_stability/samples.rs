@@ -6,7 +6,7 @@ use cosplat_server::load::load_text;
 use cosplat_sim_core::{
     Scene,
     materials::{Law, Material},
-    scene::{Aabb, Conditions, Contact, ContactSurface, Fidelity, Object, RestParticles, Transfer},
+    scene::{Conditions, Object, RestParticles, Transfer},
 };
 
 /// Cell size of clusters and blocks [m].
@@ -55,43 +55,12 @@ pub fn conditions(transfer: &str) -> Conditions {
 fn free(material: Material, position: Vec<[f64; 3]>, volume: f64) -> Scene {
     let count = position.len();
     Scene {
-        name: "sample".into(),
-        gravity: [0.0; 3],
-        dx: DX,
-        frame_rate: 60.0,
-        cfl: 0.5,
-        tolerance: 0.01,
-        seed: 0,
-        domain: Aabb {
-            min: [-100.0; 3],
-            max: [100.0; 3],
-        },
-        objects: vec![Object {
-            name: "sample".into(),
-            material,
-            regions: vec![],
-            surface: ContactSurface::default(),
-            coherence: None,
-            fidelity: Fidelity::Mpm,
-            particles: 0..count,
-            gaussians: 0..0,
-            world_from_asset: [0.0, 0.0, 0.0, 1.0],
-            linear_velocity: [0.0; 3],
-            velocity_gradient: [[0.0; 3]; 3],
-            velocity: None,
-            body_force: None,
-        }],
-        contact: Contact::default(),
-        colliders: vec![],
-        pinned_regions: vec![],
-        conditions: Conditions::default(),
+        objects: vec![Object::new("sample", material, 0..count)],
         particles: RestParticles {
             position,
             volume: vec![volume; count],
         },
-        gaussians: Default::default(),
-        binding: Default::default(),
-        probes: vec![],
+        ..Scene::empty("sample", DX)
     }
 }
 
