@@ -19,6 +19,22 @@ pub struct SceneText {
     pub text: &'static str,
 }
 
+/// `scene_text!("validate/bar")` is `scenes/validate/bar.toml` of the repository.
+macro_rules! scene_text {
+    ($name:literal) => {
+        crate::trial::SceneText {
+            path: concat!("scenes/", $name, ".toml"),
+            text: include_str!(concat!(
+                env!("CARGO_MANIFEST_DIR"),
+                "/scenes/",
+                $name,
+                ".toml"
+            )),
+        }
+    };
+}
+pub(crate) use scene_text;
+
 /// A run to be made.
 #[derive(Clone, Debug)]
 pub struct Trial {

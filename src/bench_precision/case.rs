@@ -97,6 +97,17 @@ impl Family {
         }
     }
 
+    /// What every scene of matter is charted over; double precision over cells of its own, as it is slow.
+    pub fn usual(cells: &[&str], double: &[&str]) -> Vec<Self> {
+        vec![
+            Self::cells(cells),
+            Self::density(&["1", "2", "4", "8", "27"]),
+            Self::step(),
+            Self::double(double),
+            Self::presets(),
+        ]
+    }
+
     /// Cells along the longest side of the smallest object.
     pub fn cells(values: &[&str]) -> Self {
         Self::sweep(CELLS, "cells_per_object", values, "16")

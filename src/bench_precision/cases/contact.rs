@@ -2,10 +2,9 @@
 
 use anyhow::Context;
 
-use super::scene;
 use crate::{
     bench_precision::case::{Case, Family},
-    trial::Outcome,
+    trial::{Outcome, scene_text},
 };
 
 /// A block on an inclined plane.
@@ -14,18 +13,10 @@ pub const INCLINE: Case = Case {
     title: "Block, sliding down a plane with friction",
     error: "acceleration after settling, relative error",
     against: "g (sin 24 - tan 15 cos 24), fitted after 0.1 s",
-    scene: scene!("incline"),
+    scene: scene_text!("precision/incline"),
     duration: 0.5,
     reference: None,
-    families: || {
-        vec![
-            Family::cells(&["6", "8", "12", "16", "24"]),
-            Family::density(&["1", "2", "4", "8", "27"]),
-            Family::step(),
-            Family::double(&["6", "8"]),
-            Family::presets(),
-        ]
-    },
+    families: || Family::usual(&["6", "8", "12", "16", "24"], &["6", "8"]),
     measure: incline,
 };
 
@@ -64,18 +55,13 @@ pub const SPHERES: Case = Case {
     title: "Two soft balls, meeting head-on",
     error: "relative speed that is lost",
     against: "a collision that is perfectly elastic (vibrations keep a few per mille in truth)",
-    scene: scene!("spheres"),
+    scene: scene_text!("precision/spheres"),
     duration: 0.35,
     reference: None,
     families: || {
-        vec![
-            Family::cells(&["6", "8", "12", "16", "24"]),
-            Family::density(&["1", "2", "4", "8", "27"]),
-            Family::step(),
-            Family::double(&["6", "8"]),
-            Family::contact(),
-            Family::presets(),
-        ]
+        let mut families = Family::usual(&["6", "8", "12", "16", "24"], &["6", "8"]);
+        families.push(Family::contact());
+        families
     },
     measure: |run, _| {
         let left = run.last("/objects/0/linear_velocity/0")?;
@@ -91,18 +77,10 @@ pub const BOUNCE: Case = Case {
     title: "Soft ball, bouncing off the floor",
     error: "height that is lost, relative",
     against: "a bounce that is perfectly elastic (vibrations keep a few per cent in truth)",
-    scene: scene!("bounce"),
+    scene: scene_text!("precision/bounce"),
     duration: 0.35,
     reference: None,
-    families: || {
-        vec![
-            Family::cells(&["6", "8", "12", "16", "24"]),
-            Family::density(&["1", "2", "4", "8", "27"]),
-            Family::step(),
-            Family::double(&["6", "8"]),
-            Family::presets(),
-        ]
-    },
+    families: || Family::usual(&["6", "8", "12", "16", "24"], &["6", "8"]),
     measure: bounce,
 };
 

@@ -2,10 +2,9 @@
 
 use std::f64::consts::PI;
 
-use super::scene;
 use crate::{
     bench_precision::case::{Case, Family, relative_l2},
-    trial::Outcome,
+    trial::{Outcome, scene_text},
 };
 
 /// A bar in tension.
@@ -14,18 +13,10 @@ pub const BAR: Case = Case {
     title: "Bar, held at one end and suddenly pulled",
     error: "centre of mass, relative L2 error over two periods",
     against: "the exact solution of the wave equation",
-    scene: scene!("bar"),
+    scene: scene_text!("precision/bar"),
     duration: 2.5,
     reference: None,
-    families: || {
-        vec![
-            Family::cells(&["8", "16", "32", "64"]),
-            Family::density(&["1", "2", "4", "8", "27"]),
-            Family::step(),
-            Family::double(&["8", "16", "32"]),
-            Family::presets(),
-        ]
-    },
+    families: || Family::usual(&["8", "16", "32", "64"], &["8", "16", "32"]),
     measure: bar,
 };
 
@@ -55,18 +46,10 @@ pub const SPIN: Case = Case {
     title: "Cube, spinning freely",
     error: "energy, largest relative drift",
     against: "conservation of kinetic plus elastic energy",
-    scene: scene!("spin"),
+    scene: scene_text!("precision/spin"),
     duration: 0.5,
     reference: None,
-    families: || {
-        vec![
-            Family::cells(&["6", "8", "12", "16", "24"]),
-            Family::density(&["1", "2", "4", "8", "27"]),
-            Family::step(),
-            Family::double(&["6", "8", "12"]),
-            Family::presets(),
-        ]
-    },
+    families: || Family::usual(&["6", "8", "12", "16", "24"], &["6", "8", "12"]),
     measure: |run, _| {
         let kinetic = run.series("/kinetic_energy");
         let elastic = run.series("/elastic_energy");
@@ -85,18 +68,10 @@ pub const CANTILEVER: Case = Case {
     title: "Beam, held at one end, bending under its weight",
     error: "centre of mass, relative L2 error over the way down",
     against: "a run at four times the default's cells and a quarter of its step",
-    scene: scene!("cantilever"),
+    scene: scene_text!("precision/cantilever"),
     duration: 1.0,
     reference: Some(&[("cells_per_object", "64"), ("cfl", "0.5")]),
-    families: || {
-        vec![
-            Family::cells(&["8", "12", "16", "24", "32"]),
-            Family::density(&["1", "2", "4", "8", "27"]),
-            Family::step(),
-            Family::double(&["8", "12", "16", "24"]),
-            Family::presets(),
-        ]
-    },
+    families: || Family::usual(&["8", "12", "16", "24", "32"], &["8", "12", "16", "24"]),
     measure: |run, reference| fall(run, reference, "/objects/0/com/1", 0.0),
 };
 

@@ -1,9 +1,8 @@
 //! What automatic fidelity saves and changes.
 
-use super::scene;
 use crate::{
     bench_precision::case::{Case, Family},
-    trial::Outcome,
+    trial::{Outcome, scene_text},
 };
 
 /// Two vases that collide and come to rest.
@@ -12,7 +11,7 @@ pub const VASES: Case = Case {
     title: "Two rubber vases, colliding and coming to rest, automatic fidelity",
     error: "COM, largest error over longest way",
     against: "the same run with everything modelled (fidelity = \"mpm\")",
-    scene: scene!("vases"),
+    scene: scene_text!("precision/vases"),
     duration: 2.5,
     reference: Some(&[("objects.0.fidelity", "mpm"), ("objects.1.fidelity", "mpm")]),
     families: || {

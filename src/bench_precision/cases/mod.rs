@@ -19,14 +19,3 @@ pub const ALL: [&Case; 9] = [
     &flow::SAND,
     &fidelity::VASES,
 ];
-
-/// A scene of `scenes/precision`.
-macro_rules! scene {
-    ($name:literal) => {
-        crate::trial::SceneText {
-            path: concat!("scenes/precision/", $name, ".toml"),
-            text: include_str!(concat!("../../../scenes/precision/", $name, ".toml")),
-        }
-    };
-}
-use scene;

@@ -3,17 +3,7 @@
 use anyhow::Context;
 
 use super::Failure;
-use crate::trial::{Outcome, SceneText};
-
-/// The scene of that name.
-macro_rules! scene {
-    ($name:literal) => {
-        SceneText {
-            path: concat!("scenes/stability/", $name, ".toml"),
-            text: include_str!(concat!("../../../scenes/stability/", $name, ".toml")),
-        }
-    };
-}
+use crate::trial::{Outcome, scene_text};
 
 /// Settings of a run.
 type Variants = &'static [(&'static str, &'static [(&'static str, &'static str)])];
@@ -50,7 +40,7 @@ fn ends(outcome: &Outcome, pointer: &str) -> anyhow::Result<[f64; 2]> {
 pub const ALL: [Failure; 18] = [
     Failure {
         name: "sticky when touching",
-        scene: scene!("apart"),
+        scene: scene_text!("stability/apart"),
         measured: "speed of parting kept after 1 s",
         ideal: "1",
         duration: 1.0,
@@ -60,7 +50,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "sticky at a distance",
-        scene: scene!("apart"),
+        scene: scene_text!("stability/apart"),
         measured: "speed of parting kept after 1 s, from one cell apart",
         ideal: "1",
         duration: 1.0,
@@ -93,7 +83,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "drag while passing",
-        scene: scene!("past"),
+        scene: scene_text!("stability/past"),
         measured: "speed of passing kept after 1 s, half a cell apart",
         ideal: "1",
         duration: 1.0,
@@ -103,7 +93,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "early contact",
-        scene: scene!("meet"),
+        scene: scene_text!("stability/meet"),
         measured: "distance at which balls slow by 1 % [dx]",
         ideal: "0",
         duration: 0.4,
@@ -118,7 +108,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "loss in a collision",
-        scene: scene!("meet"),
+        scene: scene_text!("stability/meet"),
         measured: "speed of parting over speed of approach, 8 cells across",
         ideal: "near 1 (elastic)",
         duration: 0.6,
@@ -128,7 +118,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "dissipation of spin",
-        scene: scene!("spin"),
+        scene: scene_text!("stability/spin"),
         measured: "kinetic energy kept after 1 s (1.6 turns)",
         ideal: "1",
         duration: 1.0,
@@ -141,7 +131,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "dissipation of vibration",
-        scene: scene!("ring"),
+        scene: scene_text!("stability/ring"),
         measured: "energy kept after 0.5 s (about 5 periods)",
         ideal: "1",
         duration: 0.5,
@@ -155,7 +145,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "volume gain by spin",
-        scene: scene!("spin"),
+        scene: scene_text!("stability/spin"),
         measured: "growth along the axis after 4 s (6.4 turns) [%]",
         ideal: "-0.03 (centrifugal)",
         duration: 4.0,
@@ -174,7 +164,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "jitter at rest",
-        scene: scene!("rest"),
+        scene: scene_text!("stability/rest"),
         measured: "rms speed after 2 s [mm/s]",
         ideal: "0",
         duration: 2.0,
@@ -184,7 +174,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "numerical fracture",
-        scene: scene!("hang"),
+        scene: scene_text!("stability/hang"),
         measured: "longest that the bar gets within 1 s, over its length",
         ideal: "about 1.6",
         duration: 1.0,
@@ -208,7 +198,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "locking as nu -> 0.5",
-        scene: scene!("lock"),
+        scene: scene_text!("stability/lock"),
         measured: "deflection of the tip after 1.5 s [mm]",
         ideal: "as at 0.3",
         duration: 1.5,
@@ -222,7 +212,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "flat foot",
-        scene: scene!("roll"),
+        scene: scene_text!("stability/roll"),
         measured: "distance rolled in 0.5 s over that of a rigid ball",
         ideal: "1",
         duration: 0.5,
@@ -233,7 +223,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "thin object",
-        scene: scene!("plate"),
+        scene: scene_text!("stability/plate"),
         measured: "height of the ball's centre over the plate after 1 s [dx]",
         ideal: "about 2.2",
         duration: 1.0,
@@ -243,7 +233,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "fast impact on a thin wall",
-        scene: scene!("shot"),
+        scene: scene_text!("stability/shot"),
         measured: "farthest particle behind the wall's front [dx]",
         ideal: "0",
         duration: 0.04,
@@ -253,7 +243,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "mass ratio 1000",
-        scene: scene!("heavy"),
+        scene: scene_text!("stability/heavy"),
         measured: "height of the heavy block over the floor after 0.5 s [dx]",
         ideal: "about 5",
         duration: 0.5,
@@ -263,7 +253,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "crushing",
-        scene: scene!("crush"),
+        scene: scene_text!("stability/crush"),
         measured: "energy after 50 ms over that at the start",
         ideal: "at most 1",
         duration: 0.05,
@@ -284,7 +274,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "stiff matter",
-        scene: scene!("stiff"),
+        scene: scene_text!("stability/stiff"),
         measured: "substeps for 0.1 s",
         ideal: "few",
         duration: 0.1,
@@ -306,7 +296,7 @@ pub const ALL: [Failure; 18] = [
     },
     Failure {
         name: "particle out of the domain",
-        scene: scene!("away"),
+        scene: scene_text!("stability/away"),
         measured: "particles taken out and reported, of 512",
         ideal: "512",
         duration: 0.5,

@@ -3,13 +3,10 @@
 use super::fit::{order, period};
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/bar.toml",
-    text: include_str!("../../../scenes/validate/bar.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/bar");
 /// Length [m].
 const LENGTH: f64 = 25.0;
 /// Period `4 L / c` [s].

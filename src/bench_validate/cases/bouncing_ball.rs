@@ -2,13 +2,10 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{Outcome, SceneText, Trial},
+    trial::{Outcome, SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/bouncing_ball.toml",
-    text: include_str!("../../../scenes/validate/bouncing_ball.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/bouncing_ball");
 const G: f64 = 9.81;
 const RADIUS: f64 = 0.25;
 

@@ -2,13 +2,10 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/cantilever.toml",
-    text: include_str!("../../../scenes/validate/cantilever.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/cantilever");
 /// Free length [m].
 const LENGTH: f64 = 8.0;
 /// Static deflection of the tip after Euler and Bernoulli, and Timoshenko's share of shear [m].

@@ -2,13 +2,10 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{Outcome, SceneText, Trial},
+    trial::{Outcome, SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/cluster.toml",
-    text: include_str!("../../../scenes/validate/cluster.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/cluster");
 const FORM: &str = "omega dt < 2, omega^2 = 4 (3 lambda + 2 mu) / (rho0 dx^2)";
 /// Probes, the lone particle first.
 const PROBES: [&str; 8] = [

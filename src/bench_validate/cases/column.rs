@@ -2,13 +2,10 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/column.toml",
-    text: include_str!("../../../scenes/validate/column.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/column");
 const HEIGHT: f64 = 1.0;
 const WEIGHT: f64 = 1000.0 * 9.81;
 /// Probes, one per cell from 0.1125 m on, where particles are at rest.

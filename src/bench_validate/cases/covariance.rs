@@ -5,21 +5,12 @@ use std::array::from_fn;
 use super::super::recorded::record;
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::SceneText,
+    trial::{SceneText, scene_text},
 };
 
-const SPIN: SceneText = SceneText {
-    path: "scenes/validate/gaussian_spin.toml",
-    text: include_str!("../../../scenes/validate/gaussian_spin.toml"),
-};
-const SHEAR: SceneText = SceneText {
-    path: "scenes/validate/gaussian_shear.toml",
-    text: include_str!("../../../scenes/validate/gaussian_shear.toml"),
-};
-const STRETCH: SceneText = SceneText {
-    path: "scenes/validate/gaussian_stretch.toml",
-    text: include_str!("../../../scenes/validate/gaussian_stretch.toml"),
-};
+const SPIN: SceneText = scene_text!("validate/gaussian_spin");
+const SHEAR: SceneText = scene_text!("validate/gaussian_shear");
+const STRETCH: SceneText = scene_text!("validate/gaussian_stretch");
 
 /// The case.
 pub const CASE: Case = Case {

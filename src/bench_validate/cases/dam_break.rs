@@ -2,13 +2,10 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/dam_break.toml",
-    text: include_str!("../../../scenes/validate/dam_break.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/dam_break");
 /// Width of the column [m].
 const A: f64 = 0.2;
 

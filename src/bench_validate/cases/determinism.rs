@@ -3,13 +3,10 @@
 use super::super::recorded::{Recorded, record};
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/determinism.toml",
-    text: include_str!("../../../scenes/validate/determinism.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/determinism");
 
 /// The case.
 pub const CASE: Case = Case {

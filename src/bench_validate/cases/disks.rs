@@ -2,13 +2,10 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/disks.toml",
-    text: include_str!("../../../scenes/validate/disks.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/disks");
 /// Speed of approach [m/s].
 const APPROACH: f64 = 0.282_842_712;
 /// Moment of contact: `(0.6 sqrt 2 - 0.4) / 0.2 sqrt 2` [s].

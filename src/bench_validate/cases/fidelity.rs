@@ -2,13 +2,10 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{Outcome, SceneText, Trial},
+    trial::{Outcome, SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/fidelity.toml",
-    text: include_str!("../../../scenes/validate/fidelity.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/fidelity");
 /// Half an edge of the cubes [m]; the tolerance is relative to their effective radius, which is no less.
 const RADIUS: f64 = 0.2;
 /// `tolerance` of the scene, the default.

@@ -2,13 +2,10 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/free_fall.toml",
-    text: include_str!("../../../scenes/validate/free_fall.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/free_fall");
 const G: f64 = 9.81;
 
 /// The case.

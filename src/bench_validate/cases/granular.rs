@@ -2,17 +2,11 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{Outcome, SceneText, Trial},
+    trial::{Outcome, SceneText, Trial, scene_text},
 };
 
-const SAND: SceneText = SceneText {
-    path: "scenes/validate/granular.toml",
-    text: include_str!("../../../scenes/validate/granular.toml"),
-};
-const RODS: SceneText = SceneText {
-    path: "scenes/validate/aluminium_rods.toml",
-    text: include_str!("../../../scenes/validate/aluminium_rods.toml"),
-};
+const SAND: SceneText = scene_text!("validate/granular");
+const RODS: SceneText = scene_text!("validate/aluminium_rods");
 /// Width of the column of sand [m].
 const WIDTH: f64 = 0.2;
 

@@ -2,13 +2,10 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/incline.toml",
-    text: include_str!("../../../scenes/validate/incline.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/incline");
 const SLOPE: f64 = 24.0;
 const G: f64 = 9.81;
 

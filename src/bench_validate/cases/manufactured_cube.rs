@@ -3,13 +3,10 @@
 use super::fit::order;
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/manufactured_cube.toml",
-    text: include_str!("../../../scenes/validate/manufactured_cube.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/manufactured_cube");
 /// Amplitude of the displacement [m].
 const AMPLITUDE: f64 = 0.05;
 

@@ -2,17 +2,11 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const STACK: SceneText = SceneText {
-    path: "scenes/validate/stack.toml",
-    text: include_str!("../../../scenes/validate/stack.toml"),
-};
-const HEAVY: SceneText = SceneText {
-    path: "scenes/validate/heavy_on_light.toml",
-    text: include_str!("../../../scenes/validate/heavy_on_light.toml"),
-};
+const STACK: SceneText = scene_text!("validate/stack");
+const HEAVY: SceneText = scene_text!("validate/heavy_on_light");
 const DX: f64 = 0.04;
 /// Of what deforms [1/s]: elastic matter that is loaded at once rings.
 const DAMPING: f64 = 5.0;

@@ -2,17 +2,11 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const DISK: SceneText = SceneText {
-    path: "scenes/validate/rolling_disk.toml",
-    text: include_str!("../../../scenes/validate/rolling_disk.toml"),
-};
-const BALL: SceneText = SceneText {
-    path: "scenes/validate/rolling_ball.toml",
-    text: include_str!("../../../scenes/validate/rolling_ball.toml"),
-};
+const DISK: SceneText = scene_text!("validate/rolling_disk");
+const BALL: SceneText = scene_text!("validate/rolling_ball");
 /// Gravity along and across the slope of 45 degrees [m/s^2].
 const G: f64 = 6.93672;
 const RADIUS: f64 = 0.5;

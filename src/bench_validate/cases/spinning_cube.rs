@@ -4,13 +4,10 @@ use serde_json::Value;
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/spinning_cube.toml",
-    text: include_str!("../../../scenes/validate/spinning_cube.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/spinning_cube");
 
 /// The case.
 pub const CASE: Case = Case {

@@ -2,13 +2,10 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/stickiness.toml",
-    text: include_str!("../../../scenes/validate/stickiness.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/stickiness");
 const DX: f64 = 0.05;
 
 /// The case.

@@ -2,13 +2,10 @@
 
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/taylor_bar.toml",
-    text: include_str!("../../../scenes/validate/taylor_bar.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/taylor_bar");
 const RADIUS: f64 = 3.2e-3;
 
 /// The case.

@@ -3,13 +3,10 @@
 use super::fit::order;
 use crate::{
     bench_validate::{Case, Gate, Row, Size},
-    trial::{SceneText, Trial},
+    trial::{SceneText, Trial, scene_text},
 };
 
-const SCENE: SceneText = SceneText {
-    path: "scenes/validate/vortex.toml",
-    text: include_str!("../../../scenes/validate/vortex.toml"),
-};
+const SCENE: SceneText = scene_text!("validate/vortex");
 
 /// The case.
 pub const CASE: Case = Case {
