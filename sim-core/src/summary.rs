@@ -223,9 +223,9 @@ fidelity = "static"
         for a in 0..3 {
             assert!((steel.com[a] - [1.0, 2.0, 3.0][a]).abs() < 1e-12);
         }
-        // lambda + 2 mu = 1.2 E at nu = 0.25; dt = 0.5 dx sqrt(rho / (3 lambda + 2 mu)), 3 lambda + 2 mu = 2 E.
+        // lambda + 2 mu = 1.2 E at nu = 0.25; dt = 0.8 dx sqrt(rho / (3 lambda + 2 mu)), 3 lambda + 2 mu = 2 E.
         assert!((steel.sound_speed - (2.4e11f64 / 8000.0).sqrt()).abs() < 1e-6);
-        let dt = 0.5 * 0.05 * (8000.0f64 / 4e11).sqrt();
+        let dt = 0.8 * 0.05 * (8000.0f64 / 4e11).sqrt();
         assert!((steel.dt / dt - 1.0).abs() < 1e-12);
         assert_eq!(summary.dt_object.as_deref(), Some("steel"));
         assert_eq!(summary.substeps_per_frame, (1.0 / 60.0 / dt).ceil() as u64);

@@ -120,7 +120,7 @@ impl Family {
 
     /// Fractions of the stability limit.
     pub fn step() -> Self {
-        Self::sweep("cfl", "cfl", &["0.1", "0.25", "0.5", "0.75", "0.95"], "0.5")
+        Self::sweep("cfl", "cfl", &["0.1", "0.25", "0.5", "0.8", "0.95"], "0.8")
     }
 
     /// How objects meet.

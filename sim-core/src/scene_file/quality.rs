@@ -45,7 +45,7 @@ impl Quality {
         };
         match self {
             Self::Draft => numbers(10.0, 8.0, 0.8, 0.03),
-            Self::Balanced => numbers(16.0, 8.0, 0.5, 0.01),
+            Self::Balanced => numbers(16.0, 8.0, 0.8, 0.01),
             Self::Accurate => numbers(32.0, 8.0, 0.5, 0.001),
         }
     }

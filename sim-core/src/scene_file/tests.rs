@@ -50,7 +50,7 @@ fn a_short_file_is_a_scene_with_documented_defaults() {
     assert_eq!(file.gravity, [0.0, -9.81, 0.0]);
     assert_eq!(
         (file.frame_rate, file.cfl, file.particles_per_cell),
-        (60.0, 0.5, 8.0)
+        (60.0, 0.8, 8.0)
     );
     let (scene, report) = built(BALL);
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);

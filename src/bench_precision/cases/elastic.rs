@@ -67,7 +67,7 @@ pub const CANTILEVER: Case = Case {
     name: "cantilever",
     title: "Beam, held at one end, bending under its weight",
     error: "centre of mass, relative L2 error over the way down",
-    against: "a run at four times the default's cells and a quarter of its step",
+    against: "a run at four times the default's cells and a sixth of its step",
     scene: scene_text!("precision/cantilever"),
     duration: 1.0,
     reference: Some(&[("cells_per_object", "64"), ("cfl", "0.5")]),

@@ -21,6 +21,8 @@ pub const CASE: Case = Case {
 const TOE: &str = "the toe is thinner than a cell and stops early on a floor that it sticks to or rubs on: the runout grows \
      towards the reference as cells shrink (docs/validation.md has the numbers).";
 
+const LONG: &str = "the longer the substep the farther the rods run: at cfl 0.5 the heap is 3.7 % low here and its front 11 % short, at 0.8 \
+     6.3 % low and 5.6 % short.";
 const STEEP: &str = "sand runs the farther the taller the column, and more steeply than sand does: 0.39, 1.19 and 3.35 widths for 0.6, 1.2 and \
      2.4 at the same cells. The front is that of a layer as dense as the rest; the cause is not known.";
 
@@ -40,7 +42,7 @@ fn run(size: Size) -> anyhow::Result<Vec<Row>> {
         };
         rows.extend(sand(ratio, dx, why)?);
     }
-    rows.extend(rods(dx_rods)?);
+    rows.extend(rods(dx_rods, coarse)?);
     Ok(rows)
 }
 
@@ -86,7 +88,7 @@ fn sand(ratio: f64, dx: f64, why: Option<&'static str>) -> anyhow::Result<Vec<Ro
     Ok(rows)
 }
 
-fn rods(dx: f64) -> anyhow::Result<Vec<Row>> {
+fn rods(dx: f64, coarse: bool) -> anyhow::Result<Vec<Row>> {
     let trial = Trial::new(&RODS, 0.8)
         .set("dx", dx)
         .set("objects.0.shape.size", format!("[0.2, 0.1, {}]", 4.0 * dx))
@@ -108,7 +110,7 @@ fn rods(dx: f64) -> anyhow::Result<Vec<Row>> {
             0.422,
             outcome.last("/probes/rods/max/0")? + 0.25 * dx,
             0.08,
-            Some(TOE),
+            coarse.then_some(TOE),
         ),
         row(
             "height at the wall",
@@ -118,7 +120,10 @@ fn rods(dx: f64) -> anyhow::Result<Vec<Row>> {
             None,
         ),
     ];
-    for (x, height, why) in [(0.12, 0.0722, None), (0.241, 0.0348, Some(TOE))] {
+    for (x, height, why) in [
+        (0.12, 0.0722, (!coarse).then_some(LONG)),
+        (0.241, 0.0348, Some(TOE)),
+    ] {
         let name = format!("surface at x = {x}");
         rows.push(row(&name, height, surface(&outcome, x)?, 0.05, why));
     }

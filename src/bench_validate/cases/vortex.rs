@@ -41,7 +41,9 @@ fn run(size: Size) -> anyhow::Result<Vec<Row>> {
             source: "exact",
             measured: rms,
             gate: Gate::AtMost(0.012 * (dx / 0.05).powf(1.8)),
-            known_failure: None,
+            known_failure: (dx < 0.02).then_some(
+                "what remains on fine grids is the error of the substep, of first order: 6.7e-4 m at cfl 0.5",
+            ),
             command: trial.command(),
         });
     }
@@ -53,7 +55,7 @@ fn run(size: Size) -> anyhow::Result<Vec<Row>> {
         gate: Gate::AtLeast(1.8),
         known_failure: (size == Size::Full).then_some(
             "below dx = 0.025 m the substep counts: its error is of first order and of the other sign (0.0011 m at \
-             cfl 0.5, 0.0017 m at 0.125, dx = 0.025 m). From 0.1 to 0.025 m the order is 2.06",
+             cfl 0.5, 0.0017 m at 0.125, dx = 0.025 m). From 0.1 to 0.025 m the order is 1.88, at cfl 0.5 2.06",
         ),
         command: "see the rows above".into(),
     });
