@@ -30,7 +30,7 @@ pub struct Args {
     #[arg(long)]
     quick: bool,
     /// Write pictures and figures into DIR/precision and tables into DIR/precision.md.
-    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "docs")]
+    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "docs", conflicts_with = "quick")]
     write: Option<PathBuf>,
     /// Runs of each setting, in turns.
     #[arg(long, default_value_t = ROUNDS, value_parser = clap::value_parser!(u64).range(1..=101))]

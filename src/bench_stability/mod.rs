@@ -36,7 +36,7 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     /// Write pictures and figures into DIR/stability and tables into DIR/stability.md.
-    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "docs")]
+    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "docs", conflicts_with = "quick")]
     write: Option<PathBuf>,
 }
 

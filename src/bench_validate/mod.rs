@@ -29,8 +29,8 @@ pub struct Args {
     /// Print one JSON object per row instead of a table.
     #[arg(long)]
     json: bool,
-    /// Replace the table in DIR/validation.md.
-    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "docs")]
+    /// Replace the table in DIR/validation.md, of all cases at full size.
+    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "docs", conflicts_with_all = ["cases", "list", "quick"])]
     write: Option<PathBuf>,
 }
 
