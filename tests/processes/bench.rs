@@ -4,15 +4,27 @@ use std::process::Command;
 
 use serde_json::Value;
 
-#[test]
-fn the_transport_bench_reports_every_path() {
+/// The JSON objects that `cosplat bench` prints, one per line.
+fn bench(arguments: &[&str]) -> Vec<Value> {
     let output = Command::new(env!("CARGO_BIN_EXE_cosplat"))
-        .args(["bench", "transport", "--rounds", "10", "--json"])
+        .arg("bench")
+        .args(arguments)
         .output()
         .expect("cosplat runs");
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
-    let report: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    String::from_utf8_lossy(&output.stdout)
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("one JSON object per line"))
+        .collect()
+}
+
+#[test]
+fn the_transport_bench_reports_every_path() {
+    let lines = bench(&["transport", "--rounds", "10", "--json"]);
+    let [report] = lines.as_slice() else {
+        panic!("expected one JSON object, found {}", lines.len());
+    };
     let number = |value: &Value| {
         value
             .as_f64()
@@ -39,8 +51,7 @@ fn the_transport_bench_reports_every_path() {
 
 #[test]
 fn the_kernel_bench_compares_solver_yardstick_and_reference() {
-    let args = [
-        "bench",
+    let lines = bench(&[
         "kernel",
         "--materials",
         "neo_hookean,fluid",
@@ -51,17 +62,7 @@ fn the_kernel_bench_compares_solver_yardstick_and_reference() {
         "--rounds",
         "3",
         "--json",
-    ];
-    let output = Command::new(env!("CARGO_BIN_EXE_cosplat"))
-        .args(args)
-        .output()
-        .expect("cosplat runs");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{said}");
-    let lines: Vec<Value> = String::from_utf8_lossy(&output.stdout)
-        .lines()
-        .map(|line| serde_json::from_str(line).expect("one JSON object per line"))
-        .collect();
+    ]);
     assert_eq!(lines.len(), 4);
     for line in &lines {
         assert_eq!(line["particles"], 4096);
@@ -87,16 +88,7 @@ fn the_kernel_bench_compares_solver_yardstick_and_reference() {
 /// The bar is first order in the cell size: the free end is known to within a cell only.
 #[test]
 fn the_precision_bench_shows_that_finer_grids_cost_more_and_err_less() {
-    let output = Command::new(env!("CARGO_BIN_EXE_cosplat"))
-        .args(["bench", "precision", "--quick", "--case", "bar", "--json"])
-        .output()
-        .expect("cosplat runs");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{said}");
-    let lines: Vec<Value> = String::from_utf8_lossy(&output.stdout)
-        .lines()
-        .map(|line| serde_json::from_str(line).expect("one JSON object per line"))
-        .collect();
+    let lines = bench(&["precision", "--quick", "--case", "bar", "--json"]);
     let of = |setting: &str| {
         let line = lines.iter().find(|line| line["setting"] == setting);
         let line = line.unwrap_or_else(|| panic!("{setting} is missing: {lines:?}"));
