@@ -7,7 +7,7 @@ use std::{
     hint::black_box,
     io::{BufRead, BufReader, Read, Write},
     os::unix::net::{UnixListener, UnixStream},
-    process::{Child, Command},
+    process::Command,
     time::{Duration, Instant},
 };
 
@@ -23,6 +23,8 @@ use iceoryx2::{
     port::{listener::Listener, notifier::Notifier, publisher::Publisher, subscriber::Subscriber},
     prelude::*,
 };
+
+use crate::child::Owned;
 
 const SESSION: &str = "bench";
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -101,16 +103,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The other process; killed if it is still there in the end.
-struct Receiver(Child);
-
-impl Drop for Receiver {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 fn send(domain: &Domain, counted: u32, rounds: usize) -> anyhow::Result<Report> {
     let plan = PoolPlan {
         gaussian_count: LARGEST,
@@ -122,7 +114,7 @@ fn send(domain: &Domain, counted: u32, rounds: usize) -> anyhow::Result<Report> 
     let (write, copy) = bandwidth(&ports)?;
 
     let listener = UnixListener::bind(domain.root().join("bench.sock"))?;
-    let _receiver = Receiver(
+    let _receiver = Owned(
         Command::new(std::env::current_exe()?)
             .args(["bench", "transport", "--receiver", "--rounds"])
             .arg(counted.to_string())

@@ -5,6 +5,7 @@ mod bench_precision;
 mod bench_stability;
 mod bench_validate;
 mod chart;
+mod child;
 mod ctl;
 mod demo;
 mod explain;

@@ -2,7 +2,7 @@
 
 use std::{
     fs,
-    process::{Child, Command, Output, Stdio},
+    process::{Command, Output, Stdio},
     sync::atomic::{AtomicU32, Ordering},
     time::{Duration, Instant},
 };
@@ -15,7 +15,7 @@ use cosplat_ipc::{
 };
 use cosplat_recorder::reader::{Event, Recording};
 
-use crate::trial::SceneText;
+use crate::{child::Owned, trial::SceneText};
 
 /// Longest that any single wait may take.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -28,31 +28,20 @@ pub struct Recorded {
     pub commands: usize,
 }
 
-/// A process that does not outlive its owner.
-struct Process(Child);
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-impl Process {
-    fn finish(&mut self, what: &str) -> anyhow::Result<()> {
-        let deadline = Instant::now() + PATIENCE;
-        loop {
-            if let Some(status) = self.0.try_wait()? {
-                ensure!(status.success(), "cosplat {what} ended with {status}");
-                return Ok(());
-            }
-            ensure!(
-                Instant::now() < deadline,
-                "cosplat {what} did not end within {} s",
-                PATIENCE.as_secs()
-            );
-            std::thread::sleep(Duration::from_millis(10));
+/// Waits until a process has ended well.
+fn finish(process: &mut Owned, what: &str) -> anyhow::Result<()> {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        if let Some(status) = process.0.try_wait()? {
+            ensure!(status.success(), "cosplat {what} ended with {status}");
+            return Ok(());
         }
+        ensure!(
+            Instant::now() < deadline,
+            "cosplat {what} did not end within {} s",
+            PATIENCE.as_secs()
+        );
+        std::thread::sleep(Duration::from_millis(10));
     }
 }
 
@@ -99,7 +88,7 @@ fn session(
     };
     fs::write(folder.path().join("scene.toml"), scene.text).context("cannot write the scene")?;
     let (duration, threads) = (duration.to_string(), threads.to_string());
-    let mut server = Process(
+    let mut server = Owned(
         cosplat(&[
             "serve",
             "scene.toml",
@@ -116,7 +105,7 @@ fn session(
         .context("cannot start cosplat serve")?,
     );
     let client = attach(domain, &mut server)?;
-    let mut recorder = Process(
+    let mut recorder = Owned(
         cosplat(&["record", "-o", "run.mcap"])
             .spawn()
             .context("cannot start cosplat record")?,
@@ -132,8 +121,8 @@ fn session(
             all.join(" ")
         );
     }
-    server.finish("serve")?;
-    recorder.finish("record")?;
+    finish(&mut server, "serve")?;
+    finish(&mut recorder, "record")?;
     let mut recorded = Recorded {
         frames: Vec::new(),
         commands: 0,
@@ -149,7 +138,7 @@ fn session(
     Ok(recorded)
 }
 
-fn attach(domain: &Domain, server: &mut Process) -> anyhow::Result<Client> {
+fn attach(domain: &Domain, server: &mut Owned) -> anyhow::Result<Client> {
     let deadline = Instant::now() + PATIENCE;
     loop {
         match Client::connect(domain, "default", "validate", Duration::from_millis(20)) {
