@@ -35,12 +35,15 @@ pub(crate) const GRADIENT_STEP: f64 = 1e-4;
 #[derive(Clone)]
 pub struct Expression {
     text: String,
-    /// In postfix order.
-    code: Vec<Op>,
+    code: Code,
 }
 
+/// A formula as a stack machine runs it, in postfix order.
+#[derive(Clone, Debug, Default)]
+struct Code(Vec<Op>);
+
 /// One instruction of a stack machine.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 enum Op {
     Number(f64),
     Variable(usize),
@@ -65,7 +68,7 @@ impl Expression {
             at: 0,
             depth: 0,
             held: 0,
-            code: Vec::new(),
+            code: Code::default(),
         };
         parser.sum()?;
         match parser.peek() {
@@ -79,30 +82,78 @@ impl Expression {
 
     /// Its value at rest position `x` [m] and time `t` [s]; NaN or infinite where it has none.
     pub fn value(&self, x: [f64; 3], t: f64) -> f64 {
-        let variables = [x[0], x[1], x[2], t];
+        self.code.value([x[0], x[1], x[2], t])
+    }
+}
+
+impl Op {
+    /// Its result from the numbers on top of the stack; of one number, that is `b`.
+    fn of(self, a: f64, b: f64) -> f64 {
+        match self {
+            Self::Number(value) => value,
+            Self::Variable(_) => f64::NAN,
+            Self::Apply(function) => function(b),
+            Self::Negate => -b,
+            Self::Add => a + b,
+            Self::Subtract => a - b,
+            Self::Multiply => a * b,
+            Self::Divide => a / b,
+            Self::Power if b == 2.0 => a * a,
+            Self::Power => a.powf(b),
+        }
+    }
+}
+
+impl Code {
+    fn value(&self, variables: [f64; 4]) -> f64 {
         let mut stack = [0.0; DEPTH];
         let mut top = 0;
-        for op in &self.code {
+        for op in &self.0 {
             match *op {
                 Op::Number(value) => (stack[top], top) = (value, top + 1),
                 Op::Variable(n) => (stack[top], top) = (variables[n], top + 1),
-                Op::Apply(function) => stack[top - 1] = function(stack[top - 1]),
-                Op::Negate => stack[top - 1] = -stack[top - 1],
+                Op::Apply(_) | Op::Negate => stack[top - 1] = op.of(0.0, stack[top - 1]),
                 Op::Add | Op::Subtract | Op::Multiply | Op::Divide | Op::Power => {
-                    let (a, b) = (stack[top - 2], stack[top - 1]);
                     top -= 1;
-                    stack[top - 1] = match op {
-                        Op::Add => a + b,
-                        Op::Subtract => a - b,
-                        Op::Multiply => a * b,
-                        Op::Divide => a / b,
-                        _ if b == 2.0 => a * a,
-                        _ => a.powf(b),
-                    };
+                    stack[top - 1] = op.of(stack[top - 1], stack[top]);
                 }
             }
         }
         stack[0]
+    }
+
+    /// The same at one time `t` [s], with every part that does not depend on the place worked out: the same operations
+    /// on the same numbers, so that values are the same bit for bit.
+    fn at_time(&self, t: f64) -> Self {
+        let mut code: Vec<Op> = Vec::with_capacity(self.0.len());
+        for op in &self.0 {
+            // The last instruction makes the number on top of the stack. When it is a number itself, then the one before
+            // it makes the number below.
+            let known = match (*op, code.as_slice()) {
+                (Op::Number(_) | Op::Variable(_), _) => None,
+                (Op::Apply(_) | Op::Negate, [.., Op::Number(b)]) => Some((1, op.of(0.0, *b))),
+                (Op::Apply(_) | Op::Negate, _) => None,
+                (_, [.., Op::Number(a), Op::Number(b)]) => Some((2, op.of(*a, *b))),
+                _ => None,
+            };
+            match (*op, known) {
+                (Op::Variable(n), _) if VARIABLES[n] == "t" => code.push(Op::Number(t)),
+                (_, Some((count, value))) => {
+                    code.truncate(code.len() - count);
+                    code.push(Op::Number(value));
+                }
+                (op, None) => code.push(op),
+            }
+        }
+        Self(code)
+    }
+
+    /// Its value, if it is one number.
+    fn number(&self) -> Option<f64> {
+        match self.0.as_slice() {
+            [Op::Number(value)] => Some(*value),
+            _ => None,
+        }
     }
 }
 
@@ -115,7 +166,7 @@ struct Parser<'t> {
     depth: usize,
     /// Numbers on the stack at present.
     held: usize,
-    code: Vec<Op>,
+    code: Code,
 }
 
 impl Parser<'_> {
@@ -155,7 +206,7 @@ impl Parser<'_> {
         if self.held > DEPTH {
             return self.fail("is nested too deeply");
         }
-        self.code.push(op);
+        self.code.0.push(op);
         Ok(())
     }
 
@@ -317,6 +368,16 @@ impl VectorField {
         std::array::from_fn(|a| self.0[a].value(x, t))
     }
 
+    /// The field at one time `t` [s]. Its values are those of [`at`](Self::at), bit for bit.
+    pub(crate) fn at_time(&self, t: f64) -> Snapshot {
+        let code = std::array::from_fn(|a| self.0[a].code.at_time(t));
+        let numbers: [Option<f64>; 3] = std::array::from_fn(|a: usize| Code::number(&code[a]));
+        match numbers {
+            [Some(x), Some(y), Some(z)] => Snapshot::Uniform([x, y, z]),
+            _ => Snapshot::Varying(Formulas(code)),
+        }
+    }
+
     /// Its gradient there, row-major, by central differences over `h` [m] to either side.
     pub fn gradient(&self, x: [f64; 3], t: f64, h: f64) -> [[f64; 3]; 3] {
         let mut gradient = [[0.0; 3]; 3];
@@ -332,6 +393,29 @@ impl VectorField {
             }
         }
         gradient
+    }
+}
+
+/// A [`VectorField`] at one time, worked out as far as it can be without a place.
+#[derive(Clone, Debug)]
+pub(crate) enum Snapshot {
+    /// The same everywhere.
+    Uniform([f64; 3]),
+    /// To be evaluated at places.
+    Varying(Formulas),
+}
+
+/// Three formulas in X, Y and Z.
+#[derive(Clone, Debug)]
+pub(crate) struct Formulas([Code; 3]);
+
+impl Formulas {
+    /// The vector at rest position `x` [m].
+    pub fn at(&self, x: [f64; 3]) -> [f64; 3] {
+        // No instruction reads the time any more.
+        self.0
+            .each_ref()
+            .map(|code| code.value([x[0], x[1], x[2], f64::NAN]))
     }
 }
 
@@ -403,6 +487,45 @@ mod tests {
                     "{gradient:?}"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn a_field_at_one_time_is_the_field_then_bit_for_bit() {
+        let places = [[0.3, -0.7, 1.9], [-2.0, 0.0, 0.1]];
+        for text in [
+            "sin(pi*t)*X + 2^t*cos(3*t + Y)/(1 + t^2) - t*Z^(t/2)",
+            "-(t - 0.1)*(X - 2*t)*exp(-(t/0.1)^2)",
+            "t + 0*X",
+            "1/(t - t)",
+            "2*t",
+        ] {
+            let field = VectorField::new([text, "Y", "t"].map(|t| Expression::parse(t).expect(t)));
+            for t in [0.0, 0.137, 2.5] {
+                for x in places {
+                    let then = match field.at_time(t) {
+                        Snapshot::Uniform(vector) => vector,
+                        Snapshot::Varying(formulas) => formulas.at(x),
+                    };
+                    let bits = |v: [f64; 3]| v.map(f64::to_bits);
+                    assert_eq!(bits(then), bits(field.at(x, t)), "{text} at {x:?}, {t} s");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_does_not_depend_on_place_is_one_number_at_one_time() {
+        for (text, operations) in [
+            ("-9.81*(1 - exp(-(t/0.1)^2))", 1),
+            ("2*pi", 1),
+            // The number, X, the product.
+            ("2*pi*t*X", 3),
+            // Not worked out: X may be infinite.
+            ("0*X", 3),
+        ] {
+            let code = Expression::parse(text).expect(text).code;
+            assert_eq!(code.at_time(0.3).0.len(), operations, "{text}");
         }
     }
 }

@@ -7,7 +7,7 @@ use super::{
     pose::{from_rotation_vector, rotate},
 };
 use crate::{
-    expression::VectorField,
+    expression::{Formulas, Snapshot, VectorField},
     mat3::{cross, dot},
     scene::{ImpulseAmount, Scene, TimeSpan},
 };
@@ -129,11 +129,63 @@ struct Acceleration {
 }
 
 impl Acceleration {
-    /// Where a particle was at rest [m], if it is one of them.
-    fn rest(&self, id: u32) -> Option<[f64; 3]> {
-        self.rest
-            .get((id as usize).checked_sub(self.first)?)
-            .copied()
+    /// Which of its particles this is, if it is one of them.
+    fn number(&self, id: u32) -> Option<usize> {
+        let number = (id as usize).checked_sub(self.first)?;
+        (number < self.rest.len()).then_some(number)
+    }
+}
+
+/// What impulses and body forces give to particles in one substep.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Pushes<'a> {
+    /// Velocity change of the members [units/s].
+    impulses: Vec<(&'a Members, [f64; 3])>,
+    forces: Vec<(&'a Acceleration, Force)>,
+    /// Length of the substep [s].
+    dt: f64,
+}
+
+/// A body force in one substep.
+#[derive(Clone, Debug)]
+enum Force {
+    /// The same velocity change for all of its particles [units/s].
+    Same([f64; 3]),
+    /// An acceleration that depends on where a particle is at rest [m/s^2].
+    ByPlace(Formulas),
+}
+
+impl Pushes<'_> {
+    /// Velocity that a particle is given [units/s].
+    pub fn on(&self, id: u32) -> [f64; 3] {
+        let mut change = [0.0; 3];
+        let mut add = |given: [f64; 3]| {
+            for a in 0..3 {
+                change[a] += given[a];
+            }
+        };
+        for (members, given) in &self.impulses {
+            if members.contains(id) {
+                add(*given);
+            }
+        }
+        for (of, force) in &self.forces {
+            let Some(number) = of.number(id) else {
+                continue;
+            };
+            match force {
+                Force::Same(given) => add(*given),
+                Force::ByPlace(formulas) => add(of.change(formulas.at(of.rest[number]), self.dt)),
+            }
+        }
+        change
+    }
+}
+
+impl Acceleration {
+    /// Velocity change [units/s] by an acceleration [m/s^2] within a substep.
+    fn change(&self, acceleration: [f64; 3], dt: f64) -> [f64; 3] {
+        acceleration.map(|x| dt * x / self.unit)
     }
 }
 
@@ -236,7 +288,7 @@ impl Rules {
         self.prescribed.iter().any(|r| r.members.contains(id))
             || self.releases.iter().any(|r| r.members.contains(id))
             || self.impulses.iter().any(|r| r.members.contains(id))
-            || self.accelerations.iter().any(|a| a.rest(id).is_some())
+            || self.accelerations.iter().any(|a| a.number(id).is_some())
             || pins.iter().flatten().any(|p| p.contains(id))
     }
 
@@ -246,7 +298,7 @@ impl Rules {
         self.prescribed.iter().any(|r| later(&r.span, &r.members))
             || self.releases.iter().any(|r| later(&r.span, &r.members))
             || self.impulses.iter().any(|r| later(&r.span, &r.members))
-            || self.accelerations.iter().any(|a| a.rest(id).is_some())
+            || self.accelerations.iter().any(|a| a.number(id).is_some())
     }
 
     /// Whether there is no rule at all.
@@ -278,26 +330,25 @@ impl Rules {
             || self.prescribed.iter().any(|r| substep.is_in(&r.span))
     }
 
-    /// Velocity that impulses and body forces add to a particle in a substep [units/s].
-    pub fn push(&self, substep: &Substep, id: u32) -> [f64; 3] {
-        let mut change = [0.0; 3];
-        for impulse in &self.impulses {
+    /// What impulses and body forces add to velocities in a substep. Formulas are worked out here as far as they do not
+    /// depend on the particle.
+    pub fn pushes(&self, substep: &Substep) -> Pushes<'_> {
+        let impulses = self.impulses.iter().filter_map(|impulse| {
             let lasts = overlap(&impulse.span, substep.time, substep.time + substep.dt);
-            if lasts > 0.0 && impulse.members.contains(id) {
-                for a in 0..3 {
-                    change[a] += lasts * impulse.rate[a];
-                }
-            }
+            (lasts > 0.0).then(|| (&impulse.members, impulse.rate.map(|rate| lasts * rate)))
+        });
+        let forces = self.accelerations.iter().map(|of| {
+            let force = match of.field.at_time(substep.time) {
+                Snapshot::Uniform(acceleration) => Force::Same(of.change(acceleration, substep.dt)),
+                Snapshot::Varying(formulas) => Force::ByPlace(formulas),
+            };
+            (of, force)
+        });
+        Pushes {
+            impulses: impulses.collect(),
+            forces: forces.collect(),
+            dt: substep.dt,
         }
-        for force in &self.accelerations {
-            if let Some(rest) = force.rest(id) {
-                let acceleration = force.field.at(rest, substep.time);
-                for a in 0..3 {
-                    change[a] += substep.dt * acceleration[a] / force.unit;
-                }
-            }
-        }
-        change
     }
 
     /// Whether an impulse or a body force acts in a substep.
@@ -367,8 +418,11 @@ impl Release {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
     use crate::{
+        expression::Expression,
         materials::Law,
         scene::{Conditions, RegionImpulse, Selection, SequentialRelease},
         test_scenes::{add_box, elastic, empty},
@@ -433,13 +487,31 @@ mod tests {
             for dt in [0.1, 0.017, 0.3] {
                 let (mut t, mut v) = (0.0, 0.0);
                 while t < 1.0 {
-                    v += rules.push(&substep(t, dt), 3)[0];
+                    v += rules.pushes(&substep(t, dt)).on(3)[0];
                     t += dt;
                 }
                 assert!((v - 5.0).abs() < 1e-5, "{v} with substeps of {dt} s");
             }
             let given = rules.given(0.0, 1.0);
             assert!((given[0].1[0] - 4.0).abs() < 1e-9, "{given:?}");
+        }
+    }
+
+    #[test]
+    fn a_force_that_is_the_same_everywhere_is_worked_out_once() {
+        let mut scene = empty(0.1);
+        let jelly = elastic(Law::FixedCorotated, 1e5, 0.3);
+        add_box(&mut scene, jelly, [0.0; 3], 0.1, [2, 2, 2]);
+        for (text, once) in [("2*t + pi", true), ("2*t + pi + 0*X", false)] {
+            let parts = [text, "-1", "0"].map(|text| Expression::parse(text).expect(text));
+            scene.objects[0].body_force = Some(VectorField::new(parts));
+            let rules = Rules::new(&scene, scene.dx);
+            let now = substep(0.7, 1e-3);
+            let pushes = rules.pushes(&now);
+            assert_eq!(matches!(pushes.forces[0].1, Force::Same(_)), once, "{text}");
+            // In cells of 0.1 m, and only for the particles of the object.
+            assert_eq!(pushes.on(3), [1e-3 * (1.4 + PI) / 0.1, -1e-3 / 0.1, 0.0]);
+            assert_eq!(pushes.on(8), [0.0; 3]);
         }
     }
 }

@@ -1,9 +1,11 @@
 //! What happens to single particles between grid and grid: contact, prescribed motion, impulses.
 
+use std::sync::Arc;
+
 use super::{
     Boundaries, ON_FACE, Paths, Placed, Substep,
     contact::Contact,
-    rules::{Pins, Rules},
+    rules::{Pins, Pushes, Rules},
     sweep::Way,
 };
 
@@ -30,7 +32,9 @@ pub(crate) struct Touch<'a> {
     /// The one they will make next.
     next: Substep,
     holds_now: bool,
-    acts_next: bool,
+    holds_next: bool,
+    /// What impulses and body forces give in the next substep, when any acts.
+    pushes: Option<Arc<Pushes<'a>>>,
     cell: f64,
     /// Approach speed below which nothing is given back: that of a fall through one cell [units/s].
     resting_speed: f64,
@@ -88,8 +92,9 @@ impl<'a> Touch<'a> {
     ) -> Option<Self> {
         let bodies = boundaries.on_particles(paths, &now);
         let holds_now = rules.hold_in(pins, &now);
-        let acts_next = rules.hold_in(pins, &next) || rules.push_in(&next);
-        let acts = !bodies.is_empty() || holds_now || acts_next;
+        let holds_next = rules.hold_in(pins, &next);
+        let pushed = rules.push_in(&next);
+        let acts = !bodies.is_empty() || holds_now || holds_next || pushed;
         acts.then_some(Self {
             bodies,
             rules,
@@ -97,7 +102,8 @@ impl<'a> Touch<'a> {
             now,
             next,
             holds_now,
-            acts_next,
+            holds_next,
+            pushes: pushed.then(|| Arc::new(rules.pushes(&next))),
             cell: boundaries.cell,
             resting_speed: {
                 let g = dot(gravity, gravity).sqrt() / boundaries.unit;
@@ -115,17 +121,15 @@ impl<'a> Touch<'a> {
                 .copied()
                 .collect(),
             holds_now: self.holds_now && concerned,
-            acts_next: self.acts_next && concerned,
-            ..self.clone_empty()
+            holds_next: self.holds_next && concerned,
+            pushes: self.pushes.clone().filter(|_| concerned),
+            ..*self
         };
-        (!near.bodies.is_empty() || near.holds_now || near.acts_next).then_some(near)
+        (!near.bodies.is_empty() || near.holds_now || near.acts_next()).then_some(near)
     }
 
-    fn clone_empty(&self) -> Self {
-        Self {
-            bodies: Vec::new(),
-            ..*self
-        }
+    fn acts_next(&self) -> bool {
+        self.holds_next || self.pushes.is_some()
     }
 
     /// Largest speed of colliders near a box, when any is [units/s].
@@ -202,17 +206,16 @@ impl<'a> Touch<'a> {
     /// Velocity and perhaps affine velocity with which a particle at `x` goes into the next transfer. One with an
     /// affine velocity is held: it weighs [`ANCHOR`] times as much on the grid and brings no stress.
     pub fn before(&self, id: u32, x: [f64; 3], v: [f64; 3]) -> Option<Touched> {
-        if !self.acts_next {
-            return None;
-        }
-        if let Some(field) = self.rules.field(self.pins, &self.next, id) {
+        if self.holds_next
+            && let Some(field) = self.rules.field(self.pins, &self.next, id)
+        {
             return Some(Touched {
                 x,
                 v: field.velocity(x),
                 affine: Some(field.gradient()),
             });
         }
-        let push = self.rules.push(&self.next, id);
+        let push = self.pushes.as_ref()?.on(id);
         (push != [0.0; 3]).then(|| Touched {
             x,
             v: std::array::from_fn(|a| v[a] + push[a]),

@@ -54,6 +54,20 @@ fn a_body_force_moves_matter_as_its_formula_says() {
 }
 
 #[test]
+fn a_force_is_the_same_bits_whether_or_not_its_formula_names_the_place() {
+    let mut worlds = ["", " + 0*X"].map(|place| {
+        let force = format!("body_force = [\"2*sin(3*t){place}\", \"-1\", \"exp(-t)/7{place}\"]\n");
+        World::new(scene(&force).expect("valid")).expect("valid")
+    });
+    for _ in 0..5 {
+        let [one, other] = worlds
+            .each_mut()
+            .map(|world| world.step(0.1, &[]).state_hash);
+        assert_eq!(one, other);
+    }
+}
+
+#[test]
 fn an_initial_velocity_follows_its_formula() {
     let scene =
         scene("linear_velocity = [0, 1, 0]\nvelocity = [\"0.1*X\", \"Z^2\", 0]\n").expect("valid");

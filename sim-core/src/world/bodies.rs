@@ -306,8 +306,9 @@ impl World {
         }
         let (mut force, mut torque) = ([0.0; 3], [0.0; 3]);
         if self.rules.push_in(substep) {
+            let pushes = self.rules.pushes(substep);
             for member in &rigid.members {
-                let change = self.rules.push(substep, member.id);
+                let change = pushes.on(member.id);
                 if change == [0.0; 3] {
                     continue;
                 }
