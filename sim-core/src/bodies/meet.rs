@@ -2,6 +2,7 @@
 
 use super::{
     engine::{Actor, Drive, SLOP, Setting, TOUCH},
+    overlap::only_facing,
     solve::Point,
     touch::{Feature, Solid, Spot, near, reduce, spot},
     vector::{Vec3, add, length, sub},
@@ -149,6 +150,7 @@ pub(super) fn contacts<'a>(
                 spots.push(spot);
             }
         }
+        only_facing(&a, &b, &pair.near, &mut spots, setting.dx);
         let (restitution, friction, holds, sticks) = match pair.b < actors.len() {
             true => {
                 let (e, mu) = (setting.surface)(pair.a, pair.b);

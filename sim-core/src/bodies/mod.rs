@@ -10,6 +10,7 @@ mod field;
 mod impact_time;
 mod meet;
 pub(crate) mod nodes;
+mod overlap;
 mod points;
 pub(crate) mod shape;
 mod solve;

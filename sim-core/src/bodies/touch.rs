@@ -117,6 +117,17 @@ impl Solid<'_> {
     }
 }
 
+/// Where a point of a body is; the centre of a ball.
+pub(super) fn place(of: &Solid<'_>, n: u32) -> Vec3 {
+    match of {
+        Solid::Body(shape, body) => {
+            let point = shape.points.get(n as usize);
+            body.point(point.copied().unwrap_or_default())
+        }
+        Solid::Wall(_) => [0.0; 3],
+    }
+}
+
 /// The gap of a feature of the pair `a`, `b` [m].
 pub(super) fn gap(a: &Solid<'_>, b: &Solid<'_>, feature: Feature) -> f64 {
     let (of, other) = if feature.second { (b, a) } else { (a, b) };
