@@ -5,9 +5,12 @@ use rayon::prelude::*;
 use super::sites::{Node, Site, Sites, coordinates};
 use crate::{
     grid::{Grid, NONE, OFFSETS},
-    particles::{BLOCK, Particles},
-    simd::{F32x16, LANES},
+    particles::{BLOCK, Block, Particles},
+    simd::{F32x16, Isa, LANES, Lanes, Portable},
 };
+
+#[cfg(target_arch = "x86_64")]
+use crate::simd::{Avx2, Avx512};
 
 /// Farthest that a particle may be from the normal through a node to count as opposite [cells]: a bit more than
 /// half the diagonal between nodes, so that every particle at a surface is seen by some node.
@@ -24,8 +27,10 @@ pub(super) fn measure_gaps(
     particles: &Particles,
     grid: &Grid,
     cells_per_mass: &[f64],
+    isa: Isa,
 ) -> u64 {
     let Sites { sites, nodes } = sites;
+    let seen = Seen::new(sites, wanted, particles, grid, cells_per_mass);
     let found: Vec<(Vec<f64>, u64)> = sites
         .par_iter()
         .map(|site| {
@@ -35,17 +40,16 @@ pub(super) fn measure_gaps(
                 return (vec![], 0);
             }
             let view = View {
-                particles,
+                seen: &seen,
                 grid,
-                cells_per_mass,
                 nodes,
                 wanted,
             };
-            let [(a, n), (b, m)] = [0, 1].map(|side| view.fastest(site, side));
+            let [(a, n), (b, m)] = [0, 1].map(|side| view.outermost(isa, site, side));
             (a.iter().zip(&b).map(|(a, b)| -(a + b)).collect(), n + m)
         })
         .collect();
-    let mut particles = 0;
+    let mut particles = seen.particles();
     for (site, (gaps, looked_at)) in sites.iter().zip(found) {
         particles += looked_at;
         for (node, gap) in nodes[site.range()].iter_mut().zip(gaps) {
@@ -55,92 +59,122 @@ pub(super) fn measure_gaps(
     particles
 }
 
+/// Particles of all blocks that some node looks at: what does not depend on the node, found once for all.
+struct Seen {
+    /// Per particle block where it is in `blocks`, or [`NONE`].
+    place: Vec<u32>,
+    blocks: Vec<Vec<Near>>,
+}
+
+impl Seen {
+    fn new(
+        sites: &[Site],
+        wanted: &[bool],
+        particles: &Particles,
+        grid: &Grid,
+        cells_per_mass: &[f64],
+    ) -> Self {
+        let mut place = vec![NONE; particles.blocks.len()];
+        let mut concerned = vec![];
+        for site in sites.iter().filter(|s| wanted[s.range()].contains(&true)) {
+            let tiles = site.blocks.iter().flat_map(|&n| grid.nodes[n].tiles);
+            for tile in tiles.filter(|&tile| tile != NONE) {
+                let place = &mut place[tile as usize];
+                if *place == NONE {
+                    *place = concerned.len() as u32;
+                    concerned.push(tile as usize);
+                }
+            }
+        }
+        let of = |&block: &usize| near(particles, &particles.blocks[block], cells_per_mass);
+        let blocks = concerned.par_iter().map(of).collect();
+        Self { place, blocks }
+    }
+
+    /// How many lanes.
+    fn particles(&self) -> u64 {
+        let groups: usize = self.blocks.iter().map(Vec::len).sum();
+        (groups * LANES) as u64
+    }
+
+    fn block(&self, tile: u32) -> &[Near] {
+        &self.blocks[self.place[tile as usize] as usize]
+    }
+}
+
+/// The groups of a block.
+fn near(particles: &Particles, block: &Block, cells_per_mass: &[f64]) -> Vec<Near> {
+    let mut found = Vec::with_capacity(block.groups.len());
+    for run in &particles.runs[block.runs.clone()] {
+        let volume = cells_per_mass[run.part];
+        // Neighbours mostly have the same mass.
+        let mut known = (0.0, 0.0);
+        for group in run.groups.clone() {
+            let mut radius = F32x16::splat(f32::NEG_INFINITY);
+            let mass = &particles.fixed[group].mass.0;
+            for (radius, &mass) in radius.0.iter_mut().zip(mass) {
+                if mass > 0.0 {
+                    if known.0 != mass {
+                        known = (mass, radius_of(volume * f64::from(mass)) as f32);
+                    }
+                    *radius = known.1;
+                }
+            }
+            found.push(Near::new(&particles.groups[group].x, radius));
+        }
+    }
+    found
+}
+
 struct View<'a> {
-    particles: &'a Particles,
+    seen: &'a Seen,
     grid: &'a Grid,
-    cells_per_mass: &'a [f64],
     nodes: &'a [Node],
     wanted: &'a [bool],
 }
 
 impl View<'_> {
-    /// [`outermost`](Self::outermost) with wide registers where the processor has them: same bits, nothing is fused.
-    fn fastest(&self, site: &Site, side: usize) -> (Vec<f64>, u64) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2")]
-            fn wide(view: &View<'_>, site: &Site, side: usize) -> (Vec<f64>, u64) {
-                view.outermost(site, side)
-            }
-            if is_x86_feature_detected!("avx2") {
-                // SAFETY: the feature that `wide` is compiled for was just detected.
-                return unsafe { wide(self, site, side) };
-            }
-        }
-        self.outermost(site, side)
-    }
-
     /// How far particles of one side reach beyond each node along its normal, seen from that side [cells], and how
     /// many it looked at.
-    #[inline(always)]
-    fn outermost(&self, site: &Site, side: usize) -> (Vec<f64>, u64) {
-        let mut looked_at = 0;
-        let mut found = vec![f64::NEG_INFINITY; self.nodes.len()];
-        let (mut first, mut last) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    fn outermost(&self, isa: Isa, site: &Site, side: usize) -> (Vec<f64>, u64) {
         let sign = if side == 0 { 1.0 } else { -1.0 };
-        let mut probes = Vec::with_capacity(self.nodes.len());
-        for (n, node) in self
-            .nodes
-            .iter()
-            .enumerate()
-            .filter(|(n, _)| self.wanted[*n])
-        {
-            let at = coordinates(node.at).map(|c| c as f32);
+        let wanted = self.nodes.iter().zip(self.wanted);
+        let wanted = wanted.enumerate().filter(|(_, (_, wanted))| **wanted);
+        let mut probes: Vec<Probe> = wanted
+            .map(|(node, (at, _))| Probe {
+                node,
+                at: coordinates(at.at).map(|c| c as f32),
+                outward: at.normal.map(|c| (sign * c) as f32),
+                reach: F32x16::splat(f32::NEG_INFINITY),
+            })
+            .collect();
+        let (mut first, mut last) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for probe in &probes {
             for a in 0..3 {
-                first[a] = first[a].min(at[a] - REACH);
-                last[a] = last[a].max(at[a] + REACH);
+                first[a] = first[a].min(probe.at[a] - REACH);
+                last[a] = last[a].max(probe.at[a] + REACH);
             }
-            let outward = node.normal.map(|c| (sign * c) as f32);
-            probes.push((n, Probe { at, outward }));
         }
+        let mut looked_at = 0;
         for (n, &tile) in self.grid.nodes[site.blocks[side]].tiles.iter().enumerate() {
             if tile == NONE || !overlaps(&self.grid.cells[tile as usize], OFFSETS[n], first, last) {
                 continue;
             }
-            let block = &self.particles.blocks[tile as usize];
-            looked_at += (block.groups.len() * LANES) as u64;
             // From the block's centre to the first node of the site.
             let shift = OFFSETS[n].map(|o| (BLOCK * o) as f32 + 1.5);
-            for run in &self.particles.runs[block.runs.clone()] {
-                let volume = self.cells_per_mass[run.part];
-                // Neighbours mostly have the same mass.
-                let mut known = (0.0, 0.0);
-                for group in run.groups.clone() {
-                    let mut near = Near::new(&self.particles.groups[group].x, shift);
-                    if !near.overlaps(first, last) {
-                        continue;
-                    }
-                    let mass = &self.particles.fixed[group].mass.0;
-                    for (radius, &mass) in near.radius.iter_mut().zip(mass) {
-                        if mass > 0.0 && known.0 != mass {
-                            known = (mass, radius_of(volume * f64::from(mass)) as f32);
-                        }
-                        *radius = if mass > 0.0 {
-                            known.1
-                        } else {
-                            f32::NEG_INFINITY
-                        };
-                    }
-                    for (n, probe) in &probes {
-                        let [x, y, z] = probe.at;
-                        let low = [x - REACH, y - REACH, z - REACH];
-                        let high = [x + REACH, y + REACH, z + REACH];
-                        if near.overlaps(low, high) {
-                            found[*n] = found[*n].max(f64::from(near.outermost(probe)));
-                        }
-                    }
+            for near in self.seen.block(tile) {
+                let bounds = near.bounds(shift);
+                if overlap(&bounds, first, last) {
+                    looked_at += LANES as u64;
+                    look(isa, near, shift, &bounds, &mut probes);
                 }
             }
+        }
+        let mut found = vec![f64::NEG_INFINITY; self.nodes.len()];
+        for probe in &probes {
+            let larger = |a: f32, b: f32| if b > a { b } else { a };
+            let reach = probe.reach.0.into_iter().fold(f32::NEG_INFINITY, larger);
+            found[probe.node] = f64::from(reach);
         }
         (found, looked_at)
     }
@@ -148,76 +182,116 @@ impl View<'_> {
 
 /// A node that looks for particles.
 struct Probe {
+    /// Which of the site's.
+    node: usize,
     /// Where it is, relative to the first node of its block [cells].
     at: [f32; 3],
     /// Its normal, away from the side that is searched.
     outward: [f32; 3],
+    /// How far particles reach beyond it, lane by lane.
+    reach: F32x16,
 }
 
-/// Sixteen particles relative to the first node of a block [cells].
+/// Takes note of how far sixteen particles reach beyond nodes.
+fn look(isa: Isa, near: &Near, shift: [f32; 3], bounds: &[[f32; 3]; 2], probes: &mut [Probe]) {
+    match isa {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: a world is only made with an instruction set that the processor has.
+        Isa::Avx512 => unsafe { look_avx512(near, shift, bounds, probes) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: a world is only made with an instruction set that the processor has.
+        Isa::Avx2 => unsafe { look_avx2(near, shift, bounds, probes) },
+        _ => look_on::<Portable>(near, shift, bounds, probes),
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
+unsafe fn look_avx512(near: &Near, shift: [f32; 3], bounds: &[[f32; 3]; 2], probes: &mut [Probe]) {
+    look_on::<Avx512>(near, shift, bounds, probes);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+unsafe fn look_avx2(near: &Near, shift: [f32; 3], bounds: &[[f32; 3]; 2], probes: &mut [Probe]) {
+    look_on::<Avx2>(near, shift, bounds, probes);
+}
+
+#[inline(always)]
+fn look_on<V: Lanes>(near: &Near, shift: [f32; 3], bounds: &[[f32; 3]; 2], probes: &mut [Probe]) {
+    let x = V::load(&near.x[0]) + V::broadcast(shift[0]);
+    let y = V::load(&near.x[1]) + V::broadcast(shift[1]);
+    let z = V::load(&near.x[2]) + V::broadcast(shift[2]);
+    let radius = V::load(&near.radius);
+    let (limit, aside_limit) = (V::broadcast(REACH), V::broadcast(ASIDE * ASIDE));
+    for probe in probes {
+        let [i, j, k] = probe.at;
+        let low = [i - REACH, j - REACH, k - REACH];
+        let high = [i + REACH, j + REACH, k + REACH];
+        if !overlap(bounds, low, high) {
+            continue;
+        }
+        let [u, v, w] = probe.outward;
+        let (dx, dy, dz) = (
+            x - V::broadcast(i),
+            y - V::broadcast(j),
+            z - V::broadcast(k),
+        );
+        let along = dx * V::broadcast(u) + dy * V::broadcast(v) + dz * V::broadcast(w);
+        let aside = dx * dx + dy * dy + dz * dz - along * along;
+        let before = V::load(&probe.reach);
+        let value = along + radius;
+        let seen = dx.abs().lt(limit) & dy.abs().lt(limit) & dz.abs().lt(limit);
+        let farther = seen & aside.lt(aside_limit) & before.lt(value);
+        V::select(farther, value, before).store(&mut probe.reach);
+    }
+}
+
+/// Sixteen particles relative to the centre of their block [cells].
 struct Near {
-    x: [[f32; LANES]; 3],
+    x: [F32x16; 3],
     /// Infinitely negative in unused lanes.
-    radius: [f32; LANES],
-    /// Box that holds them, unused lanes too.
+    radius: F32x16,
+    /// Box that holds them; empty where there are none.
     bounds: [[f32; 3]; 2],
 }
 
 impl Near {
-    #[inline(always)]
-    fn new(x: &[F32x16; 3], shift: [f32; 3]) -> Self {
-        let mut near = Self {
-            x: [[0.0; LANES]; 3],
-            radius: [f32::NEG_INFINITY; LANES],
-            bounds: [[0.0; 3]; 2],
-        };
+    fn new(x: &[F32x16; 3], radius: F32x16) -> Self {
+        let mut bounds = [[0.0; 3]; 2];
         for a in 0..3 {
             let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-            for lane in 0..LANES {
-                let x = x[a].0[lane] + shift[a];
-                near.x[a][lane] = x;
-                low = if x < low { x } else { low };
-                high = if x > high { x } else { high };
+            for (&x, &radius) in x[a].0.iter().zip(&radius.0) {
+                let used = radius > f32::NEG_INFINITY;
+                low = if used & (x < low) { x } else { low };
+                high = if used & (x > high) { x } else { high };
             }
-            (near.bounds[0][a], near.bounds[1][a]) = (low, high);
+            (bounds[0][a], bounds[1][a]) = (low, high);
         }
-        near
+        let x = *x;
+        Self { x, radius, bounds }
     }
 
-    /// Whether some of them may be in a box.
+    /// The box from elsewhere: rounding keeps the order of numbers, so it holds what is moved with it.
     #[inline(always)]
-    fn overlaps(&self, min: [f32; 3], max: [f32; 3]) -> bool {
-        let [low, high] = &self.bounds;
-        let mut overlap = true;
+    fn bounds(&self, shift: [f32; 3]) -> [[f32; 3]; 2] {
+        let mut bounds = self.bounds;
         for a in 0..3 {
-            overlap &= (low[a] < max[a]) & (high[a] > min[a]);
+            bounds[0][a] += shift[a];
+            bounds[1][a] += shift[a];
         }
-        overlap
+        bounds
     }
+}
 
-    /// How far they reach beyond a node.
-    #[inline(always)]
-    fn outermost(&self, probe: &Probe) -> f32 {
-        let Probe { at, outward } = probe;
-        let mut reach = [f32::NEG_INFINITY; LANES];
-        // Without branches, for the vectorizer.
-        for lane in 0..LANES {
-            let x = self.x[0][lane] - at[0];
-            let y = self.x[1][lane] - at[1];
-            let z = self.x[2][lane] - at[2];
-            let along = x * outward[0] + y * outward[1] + z * outward[2];
-            let aside = x * x + y * y + z * z - along * along;
-            let seen =
-                (x.abs() < REACH) & (y.abs() < REACH) & (z.abs() < REACH) & (aside < ASIDE * ASIDE);
-            let value = along + self.radius[lane];
-            reach[lane] = if seen { value } else { f32::NEG_INFINITY };
-        }
-        let mut most = f32::NEG_INFINITY;
-        for reach in reach {
-            most = if reach > most { reach } else { most };
-        }
-        most
+/// Whether two boxes have points in common.
+#[inline(always)]
+fn overlap([low, high]: &[[f32; 3]; 2], min: [f32; 3], max: [f32; 3]) -> bool {
+    let mut overlap = true;
+    for a in 0..3 {
+        overlap &= (low[a] < max[a]) & (high[a] > min[a]);
     }
+    overlap
 }
 
 /// Whether particles in these cells of a block may be within a box about the nodes of another.

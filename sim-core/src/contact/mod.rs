@@ -21,6 +21,7 @@ use crate::{
     mat3::dot,
     particles::Particles,
     scene::ContactMethod,
+    simd::Isa,
 };
 
 /// Nodes lighter than this share of the heaviest particle meet nobody.
@@ -30,6 +31,8 @@ const LIGHTEST: f32 = 1e-12;
 pub(crate) struct Meeting<'a> {
     /// The method.
     pub method: ContactMethod,
+    /// Instruction set of the kernels.
+    pub isa: Isa,
     /// All particles.
     pub particles: &'a Particles,
     /// Per part the volume of one unit of mass at rest [cells].
@@ -133,6 +136,7 @@ fn touching(grid: &Grid, meeting: &Meeting<'_>) -> (Sites, Work) {
             meeting.particles,
             grid,
             meeting.cells_per_mass,
+            meeting.isa,
         );
     }
     (sites, work)

@@ -1,6 +1,8 @@
 //! Patches: connected nodes of one pair, and the normals that their nodes agree on.
 
-use super::sites::{Site, Sites, coordinates, unit};
+use rayon::prelude::*;
+
+use super::sites::{Node, Site, Sites, coordinates, unit};
 use crate::mat3::dot;
 
 /// Length of the mean normal of a patch from which on the patch counts as flat: its nodes within some 25 degrees.
@@ -10,15 +12,33 @@ const ROUNDS: usize = 3;
 
 /// Gives every node the normal of its patch, or, where the patch is curved, of its surroundings.
 pub(super) fn smooth_normals(sites: &mut Sites) {
-    let edges = edges(&sites.sites);
-    let patches = Patches::new(sites.nodes.len(), &edges);
-    let weighted: Vec<[f64; 3]> = sites
-        .nodes
+    let Sites { sites, nodes } = sites;
+    let mut by_pair: Vec<&Site> = sites.iter().collect();
+    // Stable: sums run in the order of places.
+    by_pair.sort_by_key(|site| site.fields);
+    let smoothed: Vec<(&[&Site], Vec<[f64; 3]>)> = by_pair
+        .par_chunk_by(|a, b| a.fields == b.fields)
+        .map(|pair| (pair, normals_of(pair, nodes)))
+        .collect();
+    for (pair, normals) in smoothed {
+        let own = pair.iter().flat_map(|site| site.range());
+        for (n, normal) in own.zip(normals) {
+            nodes[n].normal = normal;
+        }
+    }
+}
+
+/// Normals of the nodes of one pair, site after site.
+fn normals_of(pair: &[&Site], nodes: &[Node]) -> Vec<[f64; 3]> {
+    let nodes: Vec<&Node> = pair.iter().flat_map(|site| &nodes[site.range()]).collect();
+    let edges = edges(pair);
+    let patches = Patches::new(nodes.len(), &edges);
+    let weighted: Vec<[f64; 3]> = nodes
         .iter()
         .map(|node| node.normal.map(|n| node.weight() * n))
         .collect();
-    let mut sums = vec![[0.0; 4]; sites.nodes.len()];
-    for (n, node) in sites.nodes.iter().enumerate() {
+    let mut sums = vec![[0.0; 4]; nodes.len()];
+    for (n, node) in nodes.iter().enumerate() {
         let sum = &mut sums[patches.of[n]];
         for a in 0..3 {
             sum[a] += weighted[n][a];
@@ -30,7 +50,7 @@ pub(super) fn smooth_normals(sites: &mut Sites) {
         dot([x, y, z], [x, y, z]).sqrt() >= FLAT * weight
     };
     let mut local = vec![];
-    if (0..sites.nodes.len()).any(|n| !flat(&sums[patches.of[n]])) {
+    if (0..nodes.len()).any(|n| !flat(&sums[patches.of[n]])) {
         local = weighted;
         for _ in 0..ROUNDS {
             let before = local.clone();
@@ -42,39 +62,41 @@ pub(super) fn smooth_normals(sites: &mut Sites) {
             }
         }
     }
-    for (n, node) in sites.nodes.iter_mut().enumerate() {
+    let normals = (0..nodes.len()).map(|n| {
         let sum = &sums[patches.of[n]];
-        node.normal = if flat(sum) {
-            unit([sum[0], sum[1], sum[2]])
-        } else {
-            unit(local[n])
-        };
-    }
+        match flat(sum) {
+            true => unit([sum[0], sum[1], sum[2]]),
+            false => unit(local[n]),
+        }
+    });
+    normals.collect()
 }
 
-/// Pairs of neighbours along the axes, of the same fields.
-fn edges(sites: &[Site]) -> Vec<[usize; 2]> {
-    let mut order: Vec<usize> = (0..sites.len()).collect();
-    order.sort_unstable_by_key(|&n| (sites[n].fields, sites[n].index));
-    let site_at = |site: &Site, axis: usize| {
-        let mut index = site.index;
-        index[axis] += 1;
-        let key = (site.fields, index);
-        let place = order.binary_search_by_key(&key, |&n| (sites[n].fields, sites[n].index));
-        place.ok().map(|place| &sites[order[place]])
-    };
-    let mut edges = vec![];
-    for site in sites {
+/// Pairs of neighbours along the axes, numbered site after site.
+fn edges(sites: &[&Site]) -> Vec<[usize; 2]> {
+    let mut numbered = Vec::with_capacity(sites.len());
+    let mut first = 0;
+    for &site in sites {
+        numbered.push((site, first));
+        first += site.range().len();
+    }
+    let mut order = numbered.clone();
+    order.sort_unstable_by_key(|(site, _)| site.index);
+    let mut edges = Vec::with_capacity(3 * first);
+    for &(site, first) in &numbered {
         for (axis, stride) in [16, 4, 1].into_iter().enumerate() {
-            let next = site_at(site, axis);
+            let mut index = site.index;
+            index[axis] += 1;
+            let next = order.binary_search_by_key(&index, |(site, _)| site.index);
+            let next = next.ok().map(|place| order[place]);
             for at in (0..64).filter(|at| site.mask >> at & 1 == 1) {
                 let (other, to) = if coordinates(at)[axis] < 3 {
-                    (Some(site), at + stride)
+                    (Some((site, first)), at + stride)
                 } else {
                     (next, at - 3 * stride)
                 };
-                if let Some(other) = other.filter(|other| other.mask >> to & 1 == 1) {
-                    edges.push([site.node(at), other.node(to)]);
+                if let Some((other, start)) = other.filter(|(other, _)| other.mask >> to & 1 == 1) {
+                    edges.push([first + site.rank(at), start + other.rank(to)]);
                 }
             }
         }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::{
-    grid::{Grid, NONE, Shared, Velocities, neighbours_of},
+    grid::{Grid, NONE, Shared, Velocities},
     mat3::dot,
 };
 
@@ -60,9 +60,9 @@ pub(super) struct Sites {
 }
 
 impl Site {
-    /// Position in [`Sites::nodes`] of a node of the block that is in the mask.
-    pub fn node(&self, at: usize) -> usize {
-        self.first + (self.mask & ((1 << at) - 1)).count_ones() as usize
+    /// Which of its nodes one of the block that is in the mask is.
+    pub fn rank(&self, at: usize) -> usize {
+        (self.mask & ((1 << at) - 1)).count_ones() as usize
     }
 
     /// Its nodes in [`Sites::nodes`].
@@ -115,6 +115,7 @@ fn at_place(
     place: &Shared,
 ) -> Vec<(Site, Vec<Node>)> {
     let sharers = &grid.sharers[place.nodes.clone()];
+    let around = &grid.around[place.nodes.clone()];
     let occupied: Vec<u64> = sharers
         .iter()
         .map(|&block| occupied(&grid.velocities[block as usize]))
@@ -129,7 +130,7 @@ fn at_place(
             }
             let blocks = [one, two].map(|n| sharers[n] as usize);
             for n in [one, two] {
-                gradients[n].get_or_insert_with(|| Gradients::new(grid, sharers[n] as usize));
+                gradients[n].get_or_insert_with(|| Gradients::new(grid, &around[n]));
             }
             let fields = blocks.map(|block| grid.nodes[block].field);
             let [Some(of_a), Some(of_b)] = [one, two].map(|n| gradients[n].as_ref()) else {
@@ -188,8 +189,8 @@ fn occupied(block: &Velocities) -> u64 {
 struct Gradients([f32; HALO * HALO * HALO]);
 
 impl Gradients {
-    fn new(grid: &Grid, block: usize) -> Self {
-        let around = neighbours_of(grid, block);
+    /// From the node blocks around a block.
+    fn new(grid: &Grid, around: &[u32; 27]) -> Self {
         let mut mass = [0.0; HALO * HALO * HALO];
         for i in 0..HALO {
             for j in 0..HALO {

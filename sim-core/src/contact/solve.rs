@@ -111,7 +111,7 @@ fn solve_place(
             exchanged,
         };
     }
-    let mut blocks: Vec<(usize, Velocities)> = vec![];
+    let mut blocks: Vec<(usize, Velocities)> = Vec::with_capacity(sites.len() + 1);
     for site in sites {
         for n in site.blocks {
             if blocks.iter().all(|(known, _)| *known != n) {

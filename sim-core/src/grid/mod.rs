@@ -8,7 +8,7 @@ mod topology;
 use std::ops::Range;
 
 pub(crate) use node_pass::{node_means, node_pass};
-pub(crate) use topology::{OFFSETS, neighbours_of};
+pub(crate) use topology::OFFSETS;
 
 use crate::simd::{F32x16, Lanes};
 
@@ -114,6 +114,8 @@ pub(crate) struct Grid {
     pub shared: Vec<Shared>,
     /// Positions in `nodes`, place after place.
     pub sharers: Vec<u32>,
+    /// Like `sharers`: positions in `nodes` of the node blocks of the same field around each, or [`NONE`].
+    pub around: Vec<[u32; 27]>,
     /// Like `nodes`.
     pub velocities: Vec<Velocities>,
 }

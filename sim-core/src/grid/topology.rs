@@ -75,6 +75,7 @@ impl Grid {
     fn find_shared(&mut self) {
         self.shared.clear();
         self.sharers.clear();
+        self.around.clear();
         let nodes = &self.nodes;
         if nodes.first().map(|n| n.field) == nodes.last().map(|n| n.field) {
             return;
@@ -91,13 +92,18 @@ impl Grid {
                 });
             }
         }
+        self.around = self
+            .sharers
+            .par_iter()
+            .map(|&block| neighbours_of(&self.nodes, block as usize))
+            .collect();
     }
 }
 
-/// Positions in [`Grid::nodes`] of the node blocks of the same field around one, or [`NONE`].
-pub(crate) fn neighbours_of(grid: &Grid, block: usize) -> [u32; 27] {
-    let here = &grid.nodes[block];
-    neighbours(&grid.nodes, (here.field, here.index), |node| {
+/// Positions in `nodes` of the node blocks of the same field around one, or [`NONE`].
+fn neighbours_of(nodes: &[NodeBlock], block: usize) -> [u32; 27] {
+    let here = &nodes[block];
+    neighbours(nodes, (here.field, here.index), |node| {
         (node.field, node.index)
     })
 }

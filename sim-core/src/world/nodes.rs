@@ -41,6 +41,7 @@ impl World {
         let scene = &self.scene;
         let meeting = Meeting {
             method: scene.contact.method,
+            isa: self.isa,
             particles: &self.state.particles,
             cells_per_mass: &cells_per_mass,
             fullness: &fullness(scene),
