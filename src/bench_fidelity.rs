@@ -7,7 +7,7 @@ use cosplat_server::load::load_text;
 use cosplat_sim_core::{
     Scene, World,
     command::{Action, Command},
-    report::Level,
+    report::{Level, ObjectState},
     scene::{ContactMethod, Fidelity},
 };
 use serde::Serialize;
@@ -63,6 +63,7 @@ const CASES: [Case; 2] = [
 #[derive(Serialize)]
 struct Row {
     scene: &'static str,
+    model: &'static str,
     /// Absent where everything is modelled.
     tolerance: Option<f64>,
     particles: usize,
@@ -79,6 +80,9 @@ struct Row {
     com_path_error: f64,
     /// The same, mean over objects at the end, in radii.
     mean_com_error_radii: f64,
+    /// Difference of the height of the centre of mass of all objects at the end, relative to its height above the lowest
+    /// centre of mass: what heaps have in common whose objects lie elsewhere.
+    height_error: f64,
     asleep_at_end: usize,
     fidelity_loss_j: f64,
 }
@@ -89,7 +93,23 @@ struct Run {
     /// Centres of mass per frame [m].
     path: Vec<Vec<[f64; 3]>>,
     radii: Vec<f64>,
+    /// Of the centre of mass of all objects at the end [m]; of the lowest.
+    heights: [f64; 2],
 }
+
+/// How the objects of a run are modelled.
+#[derive(Clone, Copy)]
+enum Model {
+    /// All in full.
+    Full,
+    /// Likewise, with slightly smaller substeps: how far two equally good answers are apart.
+    Twin,
+    /// Automatically.
+    Auto(f64),
+}
+
+/// Substeps of a twin relative to those of the others.
+const TWIN: f64 = 0.98;
 
 /// Runs the measurement.
 ///
@@ -105,10 +125,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         println!("{}", Row::HEAD);
     }
     for case in cases {
-        let full = simulate(case, None, args.duration)?;
+        let full = simulate(case, Model::Full, args.duration)?;
         print(&full.row, args)?;
-        for &tolerance in &args.tolerance {
-            let mut run = simulate(case, Some(tolerance), args.duration)?;
+        let tolerances = args.tolerance.iter().map(|t| Model::Auto(*t));
+        for model in [Model::Twin].into_iter().chain(tolerances) {
+            let mut run = simulate(case, model, args.duration)?;
             run.compare(&full);
             print(&run.row, args)?;
         }
@@ -125,25 +146,30 @@ fn print(row: &Row, args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn scene(case: &Case, tolerance: Option<f64>) -> anyhow::Result<Scene> {
+fn scene(case: &Case, model: Model) -> anyhow::Result<Scene> {
     let loaded = load_text(case.text.to_owned(), Path::new(case.name))?;
     let mut scene = loaded.scene;
     scene.contact.method = ContactMethod::TwoScale;
     for object in &mut scene.objects {
         if object.fidelity != Fidelity::Static {
-            object.fidelity = match tolerance {
-                None => Fidelity::Mpm,
-                Some(_) => Fidelity::Auto,
+            object.fidelity = match model {
+                Model::Full | Model::Twin => Fidelity::Mpm,
+                Model::Auto(_) => Fidelity::Auto,
             };
         }
     }
-    scene.tolerance = tolerance.unwrap_or(scene.tolerance);
+    match model {
+        Model::Full => (),
+        Model::Twin => scene.cfl *= TWIN,
+        Model::Auto(tolerance) => scene.tolerance = tolerance,
+    }
     Ok(scene)
 }
 
-fn simulate(case: &Case, tolerance: Option<f64>, duration: Option<f64>) -> anyhow::Result<Run> {
+fn simulate(case: &Case, model: Model, duration: Option<f64>) -> anyhow::Result<Run> {
     let stop = signals::stop_flag()?;
-    let scene = scene(case, tolerance)?;
+    let scene = scene(case, model)?;
+    let up = scene.gravity.map(|g| -g);
     let duration = duration.unwrap_or(case.duration);
     let frame = 1.0 / scene.frame_rate;
     let frames = (duration / frame).round().max(1.0) as usize;
@@ -187,7 +213,15 @@ fn simulate(case: &Case, tolerance: Option<f64>, duration: Option<f64>) -> anyho
     let states = &world.report().objects;
     let row = Row {
         scene: case.name,
-        tolerance,
+        model: match model {
+            Model::Full => "all MPM",
+            Model::Twin => "all MPM, substeps 2 % shorter",
+            Model::Auto(_) => "auto",
+        },
+        tolerance: match model {
+            Model::Full | Model::Twin => None,
+            Model::Auto(tolerance) => Some(tolerance),
+        },
         particles: world.scene().particles.position.len(),
         objects: states.iter().filter(|o| o.mass > 0.0).count(),
         seconds: duration,
@@ -197,11 +231,31 @@ fn simulate(case: &Case, tolerance: Option<f64>, duration: Option<f64>) -> anyho
         last_second_wall_seconds: last_second,
         com_path_error: 0.0,
         mean_com_error_radii: 0.0,
+        height_error: 0.0,
         asleep_at_end: states.iter().filter(|o| o.level == Level::Asleep).count(),
         fidelity_loss_j: loss,
     };
     let radii = states.iter().map(|o| o.radius).collect();
-    Ok(Run { row, path, radii })
+    let heights = heights(states, up);
+    Ok(Run {
+        row,
+        path,
+        radii,
+        heights,
+    })
+}
+
+/// Along `up`: of the centre of mass of all objects, and of the lowest of theirs.
+fn heights(states: &[ObjectState], up: [f64; 3]) -> [f64; 2] {
+    let length = distance(up, [0.0; 3]).max(f64::MIN_POSITIVE);
+    let height = |o: &ObjectState| (0..3).map(|a| o.com[a] * up[a]).sum::<f64>() / length;
+    let (mut mass, mut sum, mut lowest) = (0.0, 0.0, f64::INFINITY);
+    for object in states.iter().filter(|o| o.mass > 0.0) {
+        mass += object.mass;
+        sum += object.mass * height(object);
+        lowest = lowest.min(height(object));
+    }
+    [sum / mass, lowest]
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -228,6 +282,8 @@ impl Run {
                 .sum();
             self.row.mean_com_error_radii = sum / self.row.objects as f64;
         }
+        let [height, lowest] = full.heights;
+        self.row.height_error = (self.heights[0] - height).abs() / (height - lowest);
         let updates = self.row.particle_updates.max(1);
         self.row.fewer_updates = full.row.particle_updates as f64 / updates as f64;
     }
@@ -235,16 +291,16 @@ impl Run {
 
 impl Row {
     const HEAD: &str = "| scene | tolerance | particle-updates | fewer by | wall | wall, last second | COM path error \
-                        | mean COM error at the end | asleep at the end | energy booked |\n\
-                        |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|";
+                        | mean COM error at the end | height error | asleep at the end | energy booked |\n\
+                        |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|";
 }
 
 impl fmt::Display for Row {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let tolerance = self.tolerance.map_or("all MPM".into(), |t| t.to_string());
+        let tolerance = self.tolerance.map_or(self.model.into(), |t| t.to_string());
         write!(
             f,
-            "| {} | {tolerance} | {:.1} M | {:.2} x | {:.2} s | {:.3} s | {:.2} % | {:.3} radii | {} of {} | {:.2e} J |",
+            "| {} | {tolerance} | {:.1} M | {:.2} x | {:.2} s | {:.3} s | {:.2} % | {:.3} radii | {:.2} % | {} of {} | {:.2e} J |",
             self.scene,
             self.particle_updates as f64 / 1e6,
             self.fewer_updates,
@@ -252,6 +308,7 @@ impl fmt::Display for Row {
             self.last_second_wall_seconds,
             100.0 * self.com_path_error,
             self.mean_com_error_radii,
+            100.0 * self.height_error,
             self.asleep_at_end,
             self.objects,
             self.fidelity_loss_j,
