@@ -126,6 +126,11 @@ fn a_block_slides_as_coulomb_says() {
 }
 
 #[test]
+fn viscosity_stops_vortices_at_their_rate() {
+    holds("taylor_green");
+}
+
+#[test]
 fn an_unknown_case_is_named_with_those_there_are() {
     let run = Command::new(env!("CARGO_BIN_EXE_cosplat"))
         .args(["bench", "validate", "--case", "perpetuum"])

@@ -22,6 +22,15 @@ pub fn period(series: &[(f64, f64)]) -> f64 {
     }
 }
 
+/// Slope of the straight line of least squares through a series.
+pub fn slope(series: &[(f64, f64)]) -> f64 {
+    let n = series.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| series.iter().map(of).sum::<f64>() / n;
+    let (t0, y0) = (mean(|p| p.0), mean(|p| p.1));
+    let part = |of: &dyn Fn(&(f64, f64)) -> f64| series.iter().map(of).sum::<f64>();
+    part(&|(t, y)| (t - t0) * (y - y0)) / part(&|(t, _)| (t - t0).powi(2))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -35,6 +44,7 @@ mod tests {
         let series: Vec<_> = (0..1000).map(wave).collect();
         // Straight lines miss the zeros of a cosine by (0.07)^3 / 10 of a radian at most.
         assert!((period(&series) / (2.0 * std::f64::consts::PI / 0.7) - 1.0).abs() < 1e-5);
+        assert!((slope(&[(0.0, 1.0), (1.0, -1.0), (3.0, -5.0)]) + 2.0).abs() < 1e-12);
         assert!((order((0.2, 0.08), (0.1, 0.02)) - 2.0).abs() < 1e-12);
     }
 }

@@ -20,12 +20,13 @@ mod rolling;
 mod spinning_cube;
 mod stickiness;
 mod taylor_bar;
+mod taylor_green;
 mod vortex;
 
 use super::Case;
 
 /// All of them.
-pub const ALL: [&Case; 20] = [
+pub const ALL: [&Case; 21] = [
     &cluster::CASE,
     &free_fall::CASE,
     &spinning_cube::CASE,
@@ -46,4 +47,5 @@ pub const ALL: [&Case; 20] = [
     &fidelity::CASE,
     &covariance::CASE,
     &determinism::CASE,
+    &taylor_green::CASE,
 ];
