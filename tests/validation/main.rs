@@ -131,6 +131,11 @@ fn viscosity_stops_vortices_at_their_rate() {
 }
 
 #[test]
+fn an_elastic_ball_meets_a_plane_as_hertz_says() {
+    holds("hertz");
+}
+
+#[test]
 fn an_unknown_case_is_named_with_those_there_are() {
     let run = Command::new(env!("CARGO_BIN_EXE_cosplat"))
         .args(["bench", "validate", "--case", "perpetuum"])

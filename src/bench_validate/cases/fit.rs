@@ -22,6 +22,14 @@ pub fn period(series: &[(f64, f64)]) -> f64 {
     }
 }
 
+/// Moment at which a series first rises past a value, between samples by a straight line.
+pub fn passes(series: &[(f64, f64)], value: f64) -> Option<f64> {
+    series.windows(2).find_map(|w| {
+        let ((t0, y0), (t1, y1)) = (w[0], w[1]);
+        (y0 <= value && value < y1).then(|| t0 + (t1 - t0) * (value - y0) / (y1 - y0))
+    })
+}
+
 /// Slope of the straight line of least squares through a series.
 pub fn slope(series: &[(f64, f64)]) -> f64 {
     let n = series.len() as f64;
@@ -45,6 +53,11 @@ mod tests {
         // Straight lines miss the zeros of a cosine by (0.07)^3 / 10 of a radian at most.
         assert!((period(&series) / (2.0 * std::f64::consts::PI / 0.7) - 1.0).abs() < 1e-5);
         assert!((slope(&[(0.0, 1.0), (1.0, -1.0), (3.0, -5.0)]) + 2.0).abs() < 1e-12);
+        assert_eq!(
+            passes(&[(0.0, -1.0), (1.0, 1.0), (2.0, 3.0)], 2.0),
+            Some(1.5)
+        );
+        assert_eq!(passes(&[(0.0, -1.0), (1.0, 1.0)], 2.0), None);
         assert!((order((0.2, 0.08), (0.1, 0.02)) - 2.0).abs() < 1e-12);
     }
 }

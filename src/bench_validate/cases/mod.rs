@@ -13,6 +13,7 @@ mod fidelity;
 mod fit;
 mod free_fall;
 mod granular;
+mod hertz;
 mod incline;
 mod manufactured_cube;
 mod rest;
@@ -26,7 +27,7 @@ mod vortex;
 use super::Case;
 
 /// All of them.
-pub const ALL: [&Case; 21] = [
+pub const ALL: [&Case; 22] = [
     &cluster::CASE,
     &free_fall::CASE,
     &spinning_cube::CASE,
@@ -48,4 +49,5 @@ pub const ALL: [&Case; 21] = [
     &covariance::CASE,
     &determinism::CASE,
     &taylor_green::CASE,
+    &hertz::CASE,
 ];
