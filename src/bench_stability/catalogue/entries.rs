@@ -21,6 +21,12 @@ const TRANSFER: Variants = &[
     ("rpic", &[("rpic_damping", "1")]),
     ("pic", &[("transfer", "pic")]),
 ];
+/// What flies and spins for long.
+const FLIGHT: Variants = &[
+    ("apic", &[]),
+    ("rpic", &[("rpic_damping", "1")]),
+    ("rigid", &[("objects.0.fidelity", "\"rigid\"")]),
+];
 
 /// Relative velocity of the second object against the first, along an axis [m/s].
 fn relative(outcome: &Outcome, axis: usize) -> anyhow::Result<f64> {
@@ -37,7 +43,7 @@ fn ends(outcome: &Outcome, pointer: &str) -> anyhow::Result<[f64; 2]> {
 }
 
 /// The catalogue.
-pub const ALL: [Failure; 18] = [
+pub const ALL: [Failure; 22] = [
     Failure {
         name: "sticky when touching",
         scene: scene_text!("stability/apart"),
@@ -293,6 +299,79 @@ pub const ALL: [Failure; 18] = [
         ],
         read: |o| o.summary["substeps"].as_f64().context("no substeps"),
         remedy: "`fidelity = \"rigid\"`, or the softest matter that looks the same",
+    },
+    Failure {
+        name: "turning inside out",
+        scene: scene_text!("stability/invert"),
+        measured: "energy after 20 ms over that after 1 ms, of random velocities ten times the speed of sound",
+        ideal: "at most 1, none taken out",
+        duration: 0.02,
+        variants: &[
+            ("seed 0", &[]),
+            ("seed 1", &[("seed", "1")]),
+            ("seed 2", &[("seed", "2")]),
+            (
+                "neo_hookean",
+                &[("objects.0.material.law", "\"neo_hookean\"")],
+            ),
+            ("pic", &[("transfer", "pic")]),
+        ],
+        read: |o| {
+            let [k0, k1] = ends(o, "/kinetic_energy")?;
+            let [e0, e1] = ends(o, "/elastic_energy")?;
+            Ok((k1 + e1) / (k0 + e0))
+        },
+        remedy: "built in: no substep is so long that it could turn a particle inside out",
+    },
+    Failure {
+        name: "growth of fluids",
+        scene: scene_text!("stability/slosh"),
+        measured: "depth of a pool after 5 s over that of its volume, twice the height of its centre",
+        ideal: "1",
+        duration: 5.0,
+        variants: &[
+            ("apic", &[]),
+            ("pic", &[("transfer", "pic")]),
+            ("27 per cell", &[("particles_per_cell", "27")]),
+            ("half the dx", &[("dx", "0.025")]),
+        ],
+        // The basin is 0.6 m long and 0.2 m wide: 24 litres stand 0.2 m deep.
+        read: |o| Ok(2.0 * o.last("/objects/0/com/1")? / 0.2),
+        remedy: "finer `dx`; what else was tried is in [decision 0014](decisions/0014-volume-of-fluids.md)",
+    },
+    Failure {
+        name: "round-off in flight",
+        scene: scene_text!("stability/drift"),
+        measured: "distance from the straight line after 30 s and 95 m [mm]",
+        ideal: "0",
+        duration: 30.0,
+        variants: FLIGHT,
+        read: |o| {
+            let mut sum = 0.0;
+            for (axis, speed) in [3.0, 1.0, 0.0].iter().enumerate() {
+                sum += (o.last(&format!("/objects/0/com/{axis}"))? - 30.0 * speed).powi(2);
+            }
+            Ok(1e3 * sum.sqrt())
+        },
+        remedy: "not needed; bodies (`rigid`, or `auto` in flight) are in double precision",
+    },
+    Failure {
+        name: "round-off in spin",
+        scene: scene_text!("stability/drift"),
+        measured: "change of angular momentum after 30 s (48 turns), over what there was [1e-6]",
+        ideal: "0",
+        duration: 30.0,
+        variants: FLIGHT,
+        read: |o| {
+            let (mut change, mut whole) = (0.0, 0.0);
+            for axis in 0..3 {
+                let [first, last] = ends(o, &format!("/objects/0/angular_momentum/{axis}"))?;
+                change += (last - first).powi(2);
+                whole += first * first;
+            }
+            Ok(1e6 * (change / whole).sqrt())
+        },
+        remedy: "as above",
     },
     Failure {
         name: "particle out of the domain",
