@@ -16,6 +16,7 @@ pub mod recover;
 mod segments;
 mod time_line;
 pub mod topics;
+mod write_behind;
 pub mod writer;
 
 pub use error::RecordingError;

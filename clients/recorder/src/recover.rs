@@ -18,6 +18,7 @@ use crate::point_cloud;
 use crate::reader::{LENGTH_LIMIT, READ_LIMIT, open_mcap};
 use crate::segments::{Segment, segments};
 use crate::topics::*;
+use crate::write_behind::WriteBehind;
 use crate::writer::{Mcap, create};
 
 /// What a recovery kept and what it lost.
@@ -81,8 +82,10 @@ pub fn recover(
         },
         None => String::new(),
     };
+    let (mcap, behind) = create(output, overwrite, compression(&map.records), &profile)?;
     let mut recovery = Recovery {
-        mcap: create(output, overwrite, compression(&map.records), &profile)?,
+        mcap,
+        behind,
         topics: BTreeMap::new(),
         position: None,
         was_lost: false,
@@ -123,6 +126,7 @@ fn read_body(file: &mut File, segment: Option<&Segment>) -> Option<Vec<u8>> {
 
 struct Recovery {
     mcap: Mcap,
+    behind: WriteBehind,
     topics: BTreeMap<u16, String>,
     /// Epoch and step of the newest frame.
     position: Option<(u64, u64)>,
@@ -177,7 +181,7 @@ impl Recovery {
             }
         }
         // One chunk in, one chunk out.
-        self.mcap.flush()
+        self.end_chunk()
     }
 
     /// Reads a chunk whose end is missing, under a header that claims exactly what is there and no checksum.
@@ -205,7 +209,13 @@ impl Recovery {
             true => data - outcome.used,
             false => 0,
         };
-        self.mcap.flush()
+        self.end_chunk()
+    }
+
+    fn end_chunk(&mut self) -> mcap::McapResult<()> {
+        self.mcap.flush()?;
+        self.behind.advance();
+        Ok(())
     }
 
     /// Copies the records of one chunk until its end or the first one that cannot be read.

@@ -22,6 +22,7 @@ use crate::ply::PlyScene;
 use crate::point_cloud::{self, WORLD_FRAME, timestamp};
 use crate::time_line::{TimeLine, wall_offset};
 use crate::topics::*;
+use crate::write_behind::WriteBehind;
 
 /// How chunks are compressed. Moving splats shrink by 0 % (lz4) to 10 % (zstd), at a third of the speed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -59,13 +60,13 @@ impl Default for WriterOptions {
 /// Output of every MCAP writer here. The buffer is small: frames are larger and pass it by.
 pub(crate) type Mcap = mcap::Writer<BufWriter<File>>;
 
-/// Opens an MCAP file for writing whose chunks end only at `flush`.
+/// Opens an MCAP file for writing whose chunks end only at `flush`, after which the second half of the pair may be told so.
 pub(crate) fn create(
     path: &Path,
     overwrite: bool,
     compression: Option<mcap::Compression>,
     profile: &str,
-) -> Result<Mcap, RecordingError> {
+) -> Result<(Mcap, WriteBehind), RecordingError> {
     let mut open = File::options();
     open.write(true);
     match overwrite {
@@ -73,7 +74,8 @@ pub(crate) fn create(
         false => open.create_new(true),
     };
     let file = open.open(path).map_err(|e| RecordingError::open(path, e))?;
-    mcap::WriteOptions::new()
+    let behind = WriteBehind::of(&file).map_err(|e| RecordingError::open(path, e))?;
+    let mcap = mcap::WriteOptions::new()
         .profile(profile)
         .library(concat!("cosplat ", env!("CARGO_PKG_VERSION")))
         .compression(compression)
@@ -82,7 +84,8 @@ pub(crate) fn create(
         .compression_threads(0)
         .chunk_size(None)
         .create(BufWriter::with_capacity(64 << 10, file))
-        .map_err(|e| RecordingError::write(path, e))
+        .map_err(|e| RecordingError::write(path, e))?;
+    Ok((mcap, behind))
 }
 
 /// Step and times of a message [ns].
@@ -98,6 +101,7 @@ struct Stamp {
 pub struct RecordingWriter {
     path: PathBuf,
     mcap: Mcap,
+    behind: WriteBehind,
     channels: Channels,
     chunk_bytes: u64,
     /// Bytes in the open chunk.
@@ -120,11 +124,12 @@ impl RecordingWriter {
             Compression::Lz4 => Some(mcap::Compression::Lz4),
             Compression::Zstd => Some(mcap::Compression::Zstd),
         };
-        let mut mcap = create(path, options.overwrite, compression, "")?;
+        let (mut mcap, behind) = create(path, options.overwrite, compression, "")?;
         let channels = Channels::add(&mut mcap).map_err(|e| RecordingError::write(path, e))?;
         Ok(Self {
             path: path.to_owned(),
             mcap,
+            behind,
             channels,
             chunk_bytes: options.chunk_bytes,
             pending: 0,
@@ -346,7 +351,9 @@ impl RecordingWriter {
         self.pending = 0;
         self.mcap
             .flush()
-            .map_err(|e| RecordingError::write(&self.path, e))
+            .map_err(|e| RecordingError::write(&self.path, e))?;
+        self.behind.advance();
+        Ok(())
     }
 
     /// Writes index and summary, and returns the bytes of messages and attachments.
