@@ -6,9 +6,9 @@ use super::{NONE, NodeBlock, TILE, boundary::near_block, topology::OFFSETS};
 use crate::{
     colliders::{
         NodeConditions, Placed,
-        approach::{Nearest, RADIUS_MAX, RANGE, half_spacing},
+        approach::{Nearest, RADIUS_MAX, RANGE},
     },
-    particles::{BLOCK, Block, Particles, position_in_cells},
+    particles::{BLOCK, Block, NO_PARTICLE, Particles, position_in_cells},
     simd::{F32x16, LANES},
 };
 
@@ -20,7 +20,7 @@ const CELLS: usize = TILE - 2;
 const TASK: usize = 16;
 
 /// What the particles of one block are near to: ids of colliders, and what the nodes -2..=5 around the block see.
-pub(crate) type Approach = Vec<(usize, Box<[Nearest; NODES]>)>;
+pub(crate) type Approach = Vec<(usize, Vec<Nearest>)>;
 
 /// Everything that acts on nodes in one substep.
 #[derive(Clone, Copy, Debug)]
@@ -45,58 +45,54 @@ pub(crate) struct Allowed<'a> {
     dt: f64,
 }
 
-/// Finds what the particles of every block are near to; `cells_per_mass` is the volume of a unit of mass per part.
+/// Finds what the particles of every block are near to; `half_spacings` is in scene order [cells].
 pub(crate) fn approaches(
     particles: &Particles,
-    cells_per_mass: &[f64],
+    half_spacings: &[f64],
     boundaries: &NodeConditions<'_>,
 ) -> Vec<Approach> {
     let blocks = particles.blocks.par_iter().with_min_len(TASK);
     blocks
-        .map(|block| approach(block, particles, cells_per_mass, boundaries))
+        .map(|block| approach(block, particles, half_spacings, boundaries))
         .collect()
 }
 
 fn approach(
     block: &Block,
     particles: &Particles,
-    cells_per_mass: &[f64],
+    half_spacings: &[f64],
     boundaries: &NodeConditions<'_>,
 ) -> Approach {
     let mut found = Approach::new();
     // Cells of the block, and as far as particles may drift.
     let min = block.index.map(|i| f64::from(BLOCK * i) - 1.5);
     let max = block.index.map(|i| f64::from(BLOCK * (i + 1)) + 0.5);
+    let (mut cells, mut is_used) = ([Nearest::NONE; CELLS * CELLS * CELLS], false);
     for body in boundaries.bodies() {
         if !body.is_near(min, max, RANGE + RADIUS_MAX) {
             continue;
         }
-        let mut cells: Option<[Nearest; CELLS * CELLS * CELLS]> = None;
-        for run in &particles.runs[block.runs.clone()] {
-            // Particles of a part are alike more often than not.
-            let (mut alike, mut half) = (0.0, 0.0);
-            for g in run.groups.clone() {
-                let (mass, x) = (&particles.fixed[g].mass.0, &particles.groups[g].x);
-                if is_out_of_range(body, block.index, x) {
-                    continue;
-                }
-                for lane in (0..LANES).filter(|&lane| mass[lane] > 0.0) {
-                    let local = [x[0].0[lane], x[1].0[lane], x[2].0[lane]];
-                    if mass[lane] != alike {
-                        alike = mass[lane];
-                        half = half_spacing(f64::from(alike) * cells_per_mass[run.part], 1.0);
-                    }
-                    let at = position_in_cells(block.index, local);
-                    if let Some(nearest) = body.nearest_of(at, half, 1.0) {
-                        let cells = cells.get_or_insert([Nearest::NONE; CELLS * CELLS * CELLS]);
-                        // From -1 on, the block's centre is at 1.5; without the library's rounding.
-                        let [i, j, k] = local.map(|x| (x + 3.0).clamp(0.0, 5.5) as usize);
-                        cells[(i * CELLS + j) * CELLS + k].take(&nearest);
-                    }
+        if std::mem::take(&mut is_used) {
+            cells.fill(Nearest::NONE);
+        }
+        for g in block.groups.clone() {
+            let (id, x) = (&particles.fixed[g].id, &particles.groups[g].x);
+            if is_out_of_range(body, block.index, x) {
+                continue;
+            }
+            for lane in (0..LANES).filter(|&lane| id[lane] != NO_PARTICLE) {
+                let local = [x[0].0[lane], x[1].0[lane], x[2].0[lane]];
+                let at = position_in_cells(block.index, local);
+                let half_spacing = half_spacings[id[lane] as usize];
+                if let Some(nearest) = body.nearest_of(at, half_spacing, 1.0) {
+                    is_used = true;
+                    // From -1 on, the block's centre is at 1.5; without the library's rounding.
+                    let [i, j, k] = local.map(|x| (x + 3.0).clamp(0.0, 5.5) as usize);
+                    cells[(i * CELLS + j) * CELLS + k].take(&nearest);
                 }
             }
         }
-        if let Some(cells) = cells {
+        if is_used {
             found.push((body.id, spread(&cells)));
         }
     }
@@ -128,7 +124,7 @@ fn is_out_of_range(body: &Placed<'_>, block: [i32; 3], x: &[F32x16; 3]) -> bool 
 }
 
 /// Tells the nodes -2..=5 how near the particles are that reach them: those of the cells around them.
-fn spread(cells: &[Nearest; CELLS * CELLS * CELLS]) -> Box<[Nearest; NODES]> {
+fn spread(cells: &[Nearest; CELLS * CELLS * CELLS]) -> Vec<Nearest> {
     // One axis after the other, with cells by their rank in place of what they hold.
     let mut columns = [u64::MAX; CELLS * CELLS * TILE];
     let mut is_used = [false; CELLS * CELLS];
@@ -156,13 +152,11 @@ fn spread(cells: &[Nearest; CELLS * CELLS * CELLS]) -> Box<[Nearest; NODES]> {
             take_ranks(to, from);
         }
     }
-    let mut nodes = Box::new([Nearest::NONE; NODES]);
-    for (node, rank) in nodes.iter_mut().zip(ranks) {
-        if rank != u64::MAX {
-            *node = cells[rank as u32 as usize];
-        }
-    }
-    nodes
+    let of_rank = |rank| match rank {
+        u64::MAX => Nearest::NONE,
+        rank => cells[rank as u32 as usize],
+    };
+    ranks.into_iter().map(of_rank).collect()
 }
 
 /// Orders cells by gap, then by number, which is the low half; the largest of all where there is no gap.
@@ -233,7 +227,7 @@ impl<'a> Acting<'a> {
 }
 
 /// Takes in the tile of the particle block at an offset from a node block.
-fn join(nearest: &mut [Nearest], count: usize, tile: &[Nearest; NODES], offset: [i32; 3]) {
+fn join(nearest: &mut [Nearest], count: usize, tile: &[Nearest], offset: [i32; 3]) {
     // Where they overlap: first and last node in the block's numbers, and what to add for the tile's.
     let shift = offset.map(|o| 2 - BLOCK * o);
     let first = shift.map(|s| (-s).max(0));
@@ -294,7 +288,7 @@ mod tests {
 
     #[test]
     fn a_node_block_takes_from_a_tile_what_lies_over_it() {
-        let mut tile = Box::new([Nearest::NONE; NODES]);
+        let mut tile = vec![Nearest::NONE; NODES];
         for (n, node) in tile.iter_mut().enumerate() {
             node.gap = n as f32;
         }

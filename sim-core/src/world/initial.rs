@@ -2,6 +2,7 @@
 
 use super::{State, Workspace, World, error::MAX_CELLS, fidelity::Standing, published::Published};
 use crate::{
+    colliders::approach::half_spacing,
     expression::GRADIENT_STEP,
     materials::Law,
     particles::{Extremes, position_in_cells},
@@ -151,6 +152,14 @@ impl World {
             self.scene.domain.max.map(|x| inside(cells(x) + slack)),
         ]
     }
+}
+
+/// Half the spacing of particles by their rest volume, in scene order [cells].
+pub(super) fn half_spacings(scene: &Scene) -> Vec<f64> {
+    let volumes = scene.particles.volume.iter();
+    volumes
+        .map(|volume| half_spacing(volume / scene.dx.powi(3), 1.0))
+        .collect()
 }
 
 /// Of an object at rest [m].

@@ -48,6 +48,7 @@ use crate::{
 use bodies::Rigid;
 use fidelity::Standing;
 use frame::Frame;
+use initial::half_spacings;
 use published::Published;
 
 /// A scene in motion: 3D MLS-MPM with APIC transfers, quadratic B-splines and symplectic Euler in `f32`, on
@@ -62,6 +63,8 @@ pub struct World {
     boundaries: Boundaries,
     /// The same boundaries in metres: what bodies meet.
     solids: Boundaries,
+    /// How far every particle of the scene reaches from its centre, as colliders see it [cells].
+    half_spacings: Vec<f64>,
     /// Shapes of bodies, per object; those of objects without a body mean nothing.
     shapes: Vec<Option<Shape>>,
     rules: Rules,
@@ -159,6 +162,7 @@ impl World {
         let mut world = Self {
             isa,
             parts: scene.parts(),
+            half_spacings: half_spacings(&scene),
             boundaries: Boundaries::new(&scene, scene.dx),
             solids: Boundaries::new(&scene, 1.0),
             shapes: vec![],

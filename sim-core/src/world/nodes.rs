@@ -34,7 +34,7 @@ impl World {
         let acting = Acting {
             boundaries: &boundaries,
             moving: &moving,
-            approaches: &approaches(&self.state.particles, &cells_per_mass, &boundaries),
+            approaches: &approaches(&self.state.particles, &self.half_spacings, &boundaries),
             dt,
         };
         let fastest = node_pass(self.isa, grid, &acting, carrier, keep);
