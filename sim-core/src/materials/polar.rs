@@ -1,9 +1,12 @@
 //! Rotation of the polar decomposition `F = R S`, lane-wise.
 
 use super::svd::svd;
-use crate::{mat3::Mat3, num::Real};
+use crate::{
+    mat3::{Mat3, dot},
+    num::Real,
+};
 
-/// Newton steps; reaches `f32` round-off for stretches 0.25 to 4.
+/// Newton steps at most; reaches `f32` round-off for stretches 0.25 to 4.
 const STEPS: usize = 5;
 
 /// Largest `|R^T R - I|` (Frobenius) that is accepted from the Newton iteration; `R` is then within
@@ -19,7 +22,7 @@ fn newton<R: Real>(f: &Mat3<R>, steps: usize) -> Mat3<R> {
     let mut r = *f;
     for _ in 0..steps {
         let cofactor = r.cofactor();
-        let det = crate::mat3::dot(r.0[0], cofactor.0[0]);
+        let det = dot(r.0[0], cofactor.0[0]);
         r = r.blend(half, &cofactor, half / det);
     }
     r
@@ -33,12 +36,26 @@ pub fn nearly_rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
 
 /// The rotation nearest to `f`, also for inverted `f`.
 ///
-/// Newton iteration `R <- (R + R^-T) / 2` (Higham 1986), the inverse by cofactors, a fixed number of steps for
-/// all lanes. It runs to a reflection where `det f <= 0` and stops short for extreme stretches: when any lane
-/// did either, those lanes take `U V^T` of the signed singular value decomposition instead.
+/// Newton iteration `R <- (R + R^-T) / 2` (Higham 1986), the inverse by cofactors, until the step at hand ends at
+/// round-off in all lanes. It runs to a reflection where `det f <= 0` and stops short for extreme stretches: when any
+/// lane did either, those lanes take `U V^T` of the signed singular value decomposition instead.
 #[inline(always)]
 pub fn rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
-    let r = newton(f, STEPS);
+    let half = R::splat(0.5);
+    // After the first step no stretch is below 1, so that each is within `d` of it where the determinant is, and the step
+    // from there ends within `d^2 / 2`.
+    let near = R::splat(1.0 + R::EPSILON.sqrt());
+    let mut r = *f;
+    for step in 0..STEPS {
+        let cofactor = r.cofactor();
+        let det = dot(r.0[0], cofactor.0[0]);
+        r = r.blend(half, &cofactor, half / det);
+        // Written so that NaN, and what turns to a reflection, goes on.
+        let done = half.lt(det) & det.lt(near);
+        if step > 0 && !R::any(!done) {
+            return r;
+        }
+    }
     let residual = r.transpose().mul(&r).sub(&Mat3::identity()).norm_squared();
     // Written so that NaN counts as bad.
     let good = R::splat(0.0).lt(f.det()) & residual.lt(R::splat(RESIDUAL * RESIDUAL));
