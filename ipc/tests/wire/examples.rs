@@ -85,12 +85,21 @@ fn check(line: &str) {
     assert!(line.contains(&expected), "{line:?} without {expected:?}");
 }
 
+/// A program that makes files which must be usable later: iceoryx2 narrows the mask of this whole process while it makes
+/// its own, and a child that is started in that moment would keep it.
+fn maker(program: &Path) -> Command {
+    let mut command = Command::new("sh");
+    command.args(["-c", "umask 022 && exec \"$0\" \"$@\""]);
+    command.arg(program);
+    command
+}
+
 #[test]
 fn the_smallest_subscriber_sees_frames() {
     let exe = std::env::current_exe().expect("this binary");
     let profile = exe.ancestors().nth(2).expect("the profile's folder");
     // With `--test wire` alone nobody has built the examples.
-    let mut build = Command::new(env!("CARGO"));
+    let mut build = maker(Path::new(env!("CARGO")));
     build.args(["build", "--quiet", "--package", "cosplat-ipc"]);
     build.args(["--example", "smallest_subscriber"]);
     if profile.ends_with("release") {
@@ -113,7 +122,7 @@ fn python() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python-iceoryx2");
     let python = folder.join("bin/python");
     let run = |program: &Path, arguments: &[&str]| {
-        let output = Command::new(program).args(arguments).output();
+        let output = maker(program).args(arguments).output();
         output.is_ok_and(|output| output.status.success())
     };
     let install = ["-m", "pip", "install", "--quiet", PACKAGES[0], PACKAGES[1]];
