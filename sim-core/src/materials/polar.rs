@@ -16,22 +16,23 @@ const RESIDUAL: f64 = 1e-5;
 /// Newton steps for stretches within a tenth of 1: the error is `d^2 / 2` after one step, then squares and halves.
 const STEPS_NEAR: usize = 4;
 
+/// One step of Newton's iteration, and the determinant of what it started from.
 #[inline(always)]
-fn newton<R: Real>(f: &Mat3<R>, steps: usize) -> Mat3<R> {
+fn step<R: Real>(r: &Mat3<R>) -> (Mat3<R>, R) {
     let half = R::splat(0.5);
-    let mut r = *f;
-    for _ in 0..steps {
-        let cofactor = r.cofactor();
-        let det = dot(r.0[0], cofactor.0[0]);
-        r = r.blend(half, &cofactor, half / det);
-    }
-    r
+    let cofactor = r.cofactor();
+    let det = dot(r.0[0], cofactor.0[0]);
+    (r.blend(half, &cofactor, half / det), det)
 }
 
 /// The rotation nearest to an `f` whose stretches are within a tenth of 1, unchecked.
 #[inline(always)]
 pub fn nearly_rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
-    newton(f, STEPS_NEAR)
+    let mut r = *f;
+    for _ in 0..STEPS_NEAR {
+        (r, _) = step(&r);
+    }
+    r
 }
 
 /// The rotation nearest to `f`, also for inverted `f`.
@@ -41,18 +42,16 @@ pub fn nearly_rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
 /// lane did either, those lanes take `U V^T` of the signed singular value decomposition instead.
 #[inline(always)]
 pub fn rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
-    let half = R::splat(0.5);
     // After the first step no stretch is below 1, so that each is within `d` of it where the determinant is, and the step
     // from there ends within `d^2 / 2`.
     let near = R::splat(1.0 + R::EPSILON.sqrt());
     let mut r = *f;
-    for step in 0..STEPS {
-        let cofactor = r.cofactor();
-        let det = dot(r.0[0], cofactor.0[0]);
-        r = r.blend(half, &cofactor, half / det);
+    for n in 0..STEPS {
+        let det;
+        (r, det) = step(&r);
         // Written so that NaN, and what turns to a reflection, goes on.
-        let done = half.lt(det) & det.lt(near);
-        if step > 0 && !R::any(!done) {
+        let done = R::splat(0.5).lt(det) & det.lt(near);
+        if n > 0 && !R::any(!done) {
             return r;
         }
     }
