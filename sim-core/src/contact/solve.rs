@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{
-    impulse::{Compliance, contact_impulse},
+    impulse::{Held, hold},
     sites::{Node, Site, Sites, read},
 };
 use crate::{
@@ -33,6 +33,27 @@ pub(super) struct Exchange {
 }
 
 impl Exchange {
+    /// What the nodes of a site hold.
+    fn of(site: &Site, nodes: &[Node], held: &[Held]) -> Self {
+        let mut sum = Self::default();
+        for (node, held) in nodes
+            .iter()
+            .zip(held)
+            .filter(|(_, held)| held.pressed > 0.0)
+        {
+            let x = site.position(node.at);
+            let pressed = dot(held.impulse, node.normal);
+            sum.weight += pressed;
+            for i in 0..3 {
+                sum.impulse[i] += held.impulse[i];
+                sum.pressed[i] += pressed * node.normal[i];
+                sum.moment[i] += pressed * x[i];
+                sum.drift[i] += pressed * held.drift[i];
+            }
+        }
+        sum
+    }
+
     /// Adds another.
     pub fn add(&mut self, other: &Self) {
         for a in 0..3 {
@@ -95,7 +116,6 @@ fn solve_place(
     friction: &[f64],
     around: &Surroundings<'_>,
 ) -> Solved {
-    let mut exchanged = vec![Exchange::default(); sites.len()];
     // Most nodes at most places do not press on each other.
     let presses = sites.iter().any(|site| {
         let mut nodes = nodes[site.range()].iter();
@@ -108,7 +128,7 @@ fn solve_place(
     if !presses {
         return Solved {
             blocks: vec![],
-            exchanged,
+            exchanged: vec![Exchange::default(); sites.len()],
         };
     }
     let mut blocks: Vec<(usize, Velocities)> = Vec::with_capacity(sites.len() + 1);
@@ -127,17 +147,15 @@ fn solve_place(
         true => SWEEPS,
         false => 1,
     };
+    let mut held: Vec<Vec<Held>> = sites
+        .iter()
+        .map(|site| vec![Held::default(); site.range().len()])
+        .collect();
     for _ in 0..sweeps {
         let mut touched = 0_u64;
-        for ((site, friction), exchanged) in sites.iter().zip(friction).zip(&mut exchanged) {
-            touched |= press(
-                site,
-                nodes,
-                *friction,
-                around.acting.dt,
-                &mut blocks,
-                exchanged,
-            );
+        for ((site, friction), held) in sites.iter().zip(friction).zip(&mut held) {
+            let nodes = &nodes[site.range()];
+            touched |= press(site, nodes, *friction, around.acting.dt, &mut blocks, held);
         }
         for ((_, block), conditions) in blocks.iter_mut().zip(&conditions) {
             if let Some(conditions) = conditions {
@@ -150,7 +168,12 @@ fn solve_place(
             break;
         }
     }
-    Solved { blocks, exchanged }
+    let exchanged = sites.iter().zip(&held);
+    let exchanged = exchanged.map(|(site, held)| Exchange::of(site, &nodes[site.range()], held));
+    Solved {
+        exchanged: exchanged.collect(),
+        blocks,
+    }
 }
 
 /// Approach that needs no impulse [cells/s].
@@ -158,14 +181,14 @@ fn allowed(node: &Node, dt: f64) -> f64 {
     node.gap.max(0.0) / dt
 }
 
-/// One sweep over the nodes of a site; returns those that were pressed.
+/// One sweep over the nodes of a site; returns those whose impulse changed.
 fn press(
     site: &Site,
     nodes: &[Node],
     friction: f64,
     dt: f64,
     blocks: &mut [(usize, Velocities)],
-    exchanged: &mut Exchange,
+    held: &mut [Held],
 ) -> u64 {
     let mut touched = 0;
     let [a, b] = site
@@ -174,31 +197,19 @@ fn press(
     let (Some(a), Some(b)) = (a, b) else {
         return touched;
     };
-    for node in &nodes[site.range()] {
+    for (node, held) in nodes.iter().zip(held) {
         let [(v_a, _), (v_b, _)] = [a, b].map(|n| read(&blocks[n].1, node.at));
         let u: [f64; 3] = std::array::from_fn(|i| v_a[i] - v_b[i]);
         let k = 1.0 / node.mass[0] + 1.0 / node.mass[1];
-        let Some(impulse) = contact_impulse(
-            u,
-            node.normal,
-            &Compliance::Points(k),
-            friction,
-            allowed(node, dt),
-        ) else {
+        let Some(impulse) = hold(held, u, node.normal, k, friction, allowed(node, dt)) else {
             continue;
         };
+        if held.drift == [0.0; 3] {
+            held.drift = std::array::from_fn(|i| 0.5 * (v_a[i] + v_b[i]));
+        }
         touched |= 1 << node.at;
         push(&mut blocks[a].1, node.at, impulse, -1.0 / node.mass[0]);
         push(&mut blocks[b].1, node.at, impulse, 1.0 / node.mass[1]);
-        let pressed = dot(impulse, node.normal);
-        let x = site.position(node.at);
-        exchanged.weight += pressed;
-        for i in 0..3 {
-            exchanged.impulse[i] += impulse[i];
-            exchanged.pressed[i] += pressed * node.normal[i];
-            exchanged.moment[i] += pressed * x[i];
-            exchanged.drift[i] += pressed * 0.5 * (v_a[i] + v_b[i]);
-        }
     }
     touched
 }
