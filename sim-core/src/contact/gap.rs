@@ -320,6 +320,160 @@ fn radius_of(volume: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{
+        colliders::{Boundaries, Paths},
+        contact::sites::unit,
+        mat3::dot,
+        particles::NO_PARTICLE,
+        step::sort::{Newcomer, place},
+        test_scenes::empty,
+    };
+
+    /// Numbers between -1 and 1 by a fixed linear congruence.
+    fn random(seed: &mut u64) -> f64 {
+        *seed = seed
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (*seed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+
+    /// Two clouds that overlap, with some particles far out of their blocks, and the grid around them.
+    fn clouds(seed: &mut u64) -> (Particles, Grid) {
+        let newcomers: Vec<Newcomer> = (0..400)
+            .map(|id| Newcomer {
+                id,
+                part: id % 2,
+                x: std::array::from_fn(|a| {
+                    6.0 * random(seed) + if a == 0 { f64::from(id % 2) } else { 0.0 }
+                }),
+                v: [0.0; 3],
+                c: [0.0; 9],
+                mass: (0.6 + 0.4 * random(seed)) as f32,
+            })
+            .collect();
+        let mut particles = place(&newcomers, &[0, 1]);
+        let drift = [0, 1, 2].map(|_| (0.9 * random(seed)) as f32);
+        for (group, fixed) in particles.groups.iter_mut().zip(&particles.fixed) {
+            for (x, drift) in group.x.iter_mut().zip(drift) {
+                for lane in (0..LANES).filter(|&lane| fixed.id[lane] != NO_PARTICLE) {
+                    x.0[lane] += drift;
+                }
+            }
+        }
+        let boundaries = Boundaries::new(&empty(1.0), 1.0);
+        let mut grid = Grid::default();
+        grid.rebuild(
+            &particles.blocks,
+            &boundaries.fixed_on_nodes(&Paths::default()),
+        );
+        for (block, cells) in particles.blocks.iter().zip(&mut grid.cells) {
+            for g in block.groups.clone() {
+                for lane in (0..LANES).filter(|&lane| particles.fixed[g].id[lane] != NO_PARTICLE) {
+                    for (a, range) in cells.iter_mut().enumerate() {
+                        let cell = (particles.groups[g].x[a].0[lane] + 1.5).round() as i32;
+                        *range = match range.0 > 4 {
+                            true => (cell, cell),
+                            false => (range.0.min(cell), range.1.max(cell)),
+                        };
+                    }
+                }
+            }
+        }
+        (particles, grid)
+    }
+
+    /// Sites wherever the fields share node blocks, with random nodes and normals.
+    fn sites(grid: &Grid, seed: &mut u64) -> Sites {
+        let mut all = Sites::default();
+        for (shared, here) in grid.shared.iter().enumerate() {
+            let nodes: Vec<Node> = (0..64)
+                .filter(|_| random(seed) > 0.5)
+                .collect::<Vec<usize>>()
+                .into_iter()
+                .map(|at| Node {
+                    at,
+                    mass: [1.0; 2],
+                    normal: unit(std::array::from_fn(|_| random(seed))),
+                    gap: f64::NEG_INFINITY,
+                })
+                .collect();
+            let sharers = &grid.sharers[here.nodes.clone()];
+            all.sites.push(Site {
+                shared,
+                fields: [0, 1],
+                index: here.index,
+                blocks: [sharers[0] as usize, sharers[1] as usize],
+                mask: nodes.iter().map(|node| 1_u64 << node.at).sum(),
+                first: all.nodes.len(),
+            });
+            all.nodes.extend(nodes);
+        }
+        all
+    }
+
+    /// How far particles of a field reach beyond a place, asked of every one of them; `slack` widens what counts.
+    fn reach(
+        particles: &Particles,
+        field: u32,
+        place: [f64; 3],
+        outward: [f64; 3],
+        slack: f64,
+    ) -> f64 {
+        let mut most = f64::NEG_INFINITY;
+        for block in particles.blocks.iter().filter(|b| b.field == field) {
+            for g in block.groups.clone() {
+                for lane in (0..LANES).filter(|&lane| particles.fixed[g].id[lane] != NO_PARTICLE) {
+                    let d: [f64; 3] = std::array::from_fn(|a| {
+                        let centre = f64::from(BLOCK * block.index[a]) + 1.5;
+                        centre + f64::from(particles.groups[g].x[a].0[lane]) - place[a]
+                    });
+                    let along = dot(d, outward);
+                    let aside = dot(d, d) - along * along;
+                    let near = d.iter().all(|d| d.abs() < f64::from(REACH) + slack);
+                    if near && aside < f64::from(ASIDE * ASIDE) + slack {
+                        let mass = f64::from(particles.fixed[g].mass.0[lane]);
+                        most = most.max(along + radius_of(0.2 * mass));
+                    }
+                }
+            }
+        }
+        most
+    }
+
+    #[test]
+    fn gaps_are_those_of_a_search_among_all_particles() {
+        let mut seed = 7;
+        let (mut measured, mut found) = (0, 0);
+        for _ in 0..12 {
+            let (particles, grid) = clouds(&mut seed);
+            let mut all = sites(&grid, &mut seed);
+            let wanted: Vec<bool> = all.nodes.iter().map(|_| random(&mut seed) > 0.0).collect();
+            for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+                measure_gaps(&mut all, &wanted, &particles, &grid, &[0.2, 0.2], isa);
+                for site in &all.sites {
+                    for n in site.range().filter(|&n| wanted[n]) {
+                        let node = &all.nodes[n];
+                        let at = site.position(node.at);
+                        let gap = |slack: f64| {
+                            let a = reach(&particles, 0, at, node.normal, slack);
+                            -(a + reach(&particles, 1, at, node.normal.map(|n| -n), slack))
+                        };
+                        // Single precision, some cells from the block's centre; who is just in reach may differ.
+                        let (most, least) = (gap(-1e-5) + 1e-5, gap(1e-5) - 1e-5);
+                        let within = (least..=most).contains(&node.gap) || node.gap == most;
+                        assert!(within, "{isa}: {} in {least}..{most}", node.gap);
+                        measured += 1;
+                        found += usize::from(node.gap.is_finite());
+                    }
+                }
+            }
+        }
+        // Most nodes see one side only. Each instruction set adds as many.
+        assert!(
+            measured > 10_000 && found > 500,
+            "{found} of {measured} with both sides"
+        );
+    }
 
     #[test]
     fn the_radius_is_half_the_edge_up_to_half_a_cell() {
