@@ -4,6 +4,7 @@ use cosplat_ipc::schema::{self as wire, padded};
 use cosplat_sim_core::{
     Action, ObjectState, Scene,
     materials::{Law, Material, laws::LAWS},
+    pose::GaussianPose,
     scene::{Object, Pose},
 };
 
@@ -166,6 +167,22 @@ pub fn gaussian_objects(scene: &Scene) -> Vec<u32> {
         ids[object.gaussians.clone()].fill(id as u32);
     }
     ids
+}
+
+/// The slots of a frame as the solver writes them: the same numbers in the same places, checked when this is compiled.
+/// The labels are colour, object and index.
+pub fn gaussians_as_poses(slots: &mut [wire::GaussianState]) -> &mut [GaussianPose] {
+    use std::mem::offset_of;
+    type Wire = wire::GaussianState;
+    const {
+        assert!(offset_of!(Wire, position) == offset_of!(GaussianPose, position));
+        assert!(offset_of!(Wire, color) == offset_of!(GaussianPose, label));
+        assert!(offset_of!(Wire, covariance) == offset_of!(GaussianPose, covariance));
+        assert!(offset_of!(Wire, object) == offset_of!(GaussianPose, labels));
+        assert!(offset_of!(Wire, index) == offset_of!(GaussianPose, labels) + 4);
+        assert!(offset_of!(Wire, rotation) == offset_of!(GaussianPose, rotation));
+    }
+    bytemuck::cast_slice_mut(slots)
 }
 
 #[cfg(test)]

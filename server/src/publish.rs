@@ -14,7 +14,7 @@ use cosplat_sim_core::{
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
-    convert::{base_colors, gaussian_objects, object_info, object_to_wire},
+    convert::{base_colors, gaussian_objects, gaussians_as_poses, object_info, object_to_wire},
     load::LoadedScene,
     serve::ServeSummary,
 };
@@ -25,8 +25,6 @@ const RATE_WINDOW: usize = 60;
 /// Turns the world's state into messages.
 pub struct Output {
     poses: Poses,
-    colors: Vec<[u8; 4]>,
-    owners: Vec<u32>,
     /// `SERVER_*`.
     pub state: u32,
     recent: VecDeque<(Instant, f64)>,
@@ -45,11 +43,16 @@ struct Totals {
 
 impl Output {
     /// Prepares what does not change from step to step.
-    pub fn new(scene: &Scene, poses: Poses) -> Output {
+    pub fn new(scene: &Scene) -> Output {
+        let (colors, owners) = (base_colors(scene), gaussian_objects(scene));
         Output {
-            poses,
-            colors: base_colors(scene),
-            owners: gaussian_objects(scene),
+            poses: Poses::new(scene, |index| {
+                [
+                    u32::from_ne_bytes(colors[index]),
+                    owners[index],
+                    index as u32,
+                ]
+            }),
             state: wire::SERVER_RUNNING,
             recent: VecDeque::new(),
             totals: Totals::default(),
@@ -58,19 +61,9 @@ impl Output {
 
     /// Writes every Gaussian into its slot of the loaned frame: the only write of this state anywhere.
     pub fn write_frame(&self, world: &World, slots: &mut [GaussianState]) {
-        self.poses.write(
-            world.positions(),
-            world.deformations(),
-            slots,
-            |index, pose| GaussianState {
-                position: pose.position,
-                color: self.colors[index],
-                covariance: pose.covariance,
-                object: self.owners[index],
-                index: index as u32,
-                rotation: pose.rotation,
-            },
-        );
+        let slots = gaussians_as_poses(slots);
+        self.poses
+            .write(world.positions(), world.deformations(), slots);
     }
 
     /// All objects of the last step.

@@ -12,7 +12,7 @@ use cosplat_ipc::{
     schema::{self as wire, FrameHeader},
     server::{CreateError, LoanRefused, PoolPlan, PublishError, ServerPorts},
 };
-use cosplat_sim_core::{CheckpointError, StepReport, World, WorldError, pose::Poses};
+use cosplat_sim_core::{CheckpointError, StepReport, World, WorldError};
 
 use crate::{
     ingest::{CheckpointFolder, Ingest},
@@ -147,7 +147,7 @@ pub fn serve(
         })?;
     let buffers = SceneBuffers::new(&scene);
     let blocks = buffers.blocks(&scene);
-    let poses = Poses::new(&scene.scene);
+    let output = Output::new(&scene.scene);
     let mut world = pool.install(|| World::new(scene.scene.clone()))?;
     if let Some(path) = &options.restore {
         let bytes = fs::read(path).map_err(|source| ServeError::ReadCheckpoint {
@@ -171,7 +171,7 @@ pub fn serve(
         session: options.session.clone(),
     });
     let mut server = Server {
-        output: Output::new(&scene.scene, poses),
+        output,
         frame_dt: 1.0 / scene.scene.frame_rate,
         pacer: Pacer::new(options.pace, scene.scene.frame_rate, Instant::now()),
         ingest: Ingest::new(options.paused, checkpoints),

@@ -2,6 +2,7 @@
 
 mod lanes;
 
+use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
 use crate::{
@@ -11,7 +12,7 @@ use crate::{
     scene::{Fidelity, Scene},
     simd::{F32x16, Isa, LANES},
 };
-use lanes::{RestGroup, follow};
+use lanes::{RestGroup, Shared, follow};
 
 /// Largest ratio of principal stretches that a Gaussian's shape follows; beyond it, it would become a needle.
 pub const MAX_ASPECT: f32 = 30.0;
@@ -19,14 +20,22 @@ pub const MAX_ASPECT: f32 = 30.0;
 const TASK: usize = 64;
 /// Particles per task.
 const CHUNK: usize = 1024;
+/// Bytes of a frame from which on it is written past the caches. Nobody reads a large frame before the solver needs its
+/// caches again, and a slot is too old to be in them: without this, all of it is read before it is written.
+const STREAMED: usize = 1 << 20;
 
-/// One Gaussian in motion.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// One Gaussian in motion, in a cache line that has room for three labels of the caller's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C, align(64))]
 pub struct GaussianPose {
     /// Centre [m], world frame.
     pub position: [f32; 3],
+    /// First of the labels given to [`Poses::new`].
+    pub label: u32,
     /// Covariance xx xy xz yy yz zz [m^2], world frame.
     pub covariance: [f32; 6],
+    /// The other labels.
+    pub labels: [u32; 2],
     /// World-from-asset rotation, unit quaternion xyzw.
     pub rotation: [f32; 4],
 }
@@ -36,28 +45,32 @@ pub struct GaussianPose {
 pub struct Poses {
     isa: Isa,
     groups: Vec<RestGroup>,
-    /// Pose at rest, and whether the Gaussian ever leaves it.
-    rest: Vec<(GaussianPose, bool)>,
+    /// World-from-asset rotations of sixteen Gaussians, xyzw, each once.
+    placements: Vec<[F32x16; 4]>,
+    /// Poses at rest, read for those that never leave them.
+    rest: Vec<GaussianPose>,
     /// Rest position of every particle relative to its object's anchor [m]: what is interpolated stays small,
     /// and keeps its digits far from the origin.
     particle_offset: Vec<[f32; 3]>,
 }
 
 impl Poses {
-    /// Prepares a scene, for the best instruction set of this processor.
-    pub fn new(scene: &Scene) -> Poses {
-        Poses::with_isa(scene, Isa::detect())
+    /// Prepares a scene, for the best instruction set of this processor; `labels` is asked once for every Gaussian.
+    pub fn new(scene: &Scene, labels: impl Fn(usize) -> [u32; 3]) -> Poses {
+        Poses::with_isa(scene, labels, Isa::detect())
     }
 
     /// Like [`new`](Self::new) on a chosen instruction set that the processor has; results are the same.
-    fn with_isa(scene: &Scene, isa: Isa) -> Poses {
+    fn with_isa(scene: &Scene, labels: impl Fn(usize) -> [u32; 3], isa: Isa) -> Poses {
         let count = scene.gaussians.len();
         let mut poses = Poses {
             isa,
             groups: vec![RestGroup::EMPTY; count.div_ceil(LANES)],
-            rest: vec![Default::default(); count],
+            placements: vec![],
+            rest: vec![GaussianPose::default(); count],
             particle_offset: vec![[0.0; 3]; scene.particles.position.len()],
         };
+        let mut placements = vec![[F32x16::ZERO; 4]; poses.groups.len()];
         for object in &scene.objects {
             let positions = &scene.particles.position[object.particles.clone()];
             let anchor = mean(positions);
@@ -67,8 +80,23 @@ impl Poses {
             }
             let moves = object.fidelity != Fidelity::Static && !positions.is_empty();
             for g in object.gaussians.clone() {
-                poses.set_rest(scene, g, anchor, object.world_from_asset, moves);
+                for (vector, value) in placements[g / LANES]
+                    .iter_mut()
+                    .zip(object.world_from_asset)
+                {
+                    vector.0[g % LANES] = value;
+                }
+                poses.set_rest(scene, g, anchor, object.world_from_asset, labels(g));
+                if moves {
+                    poses.set_moving(scene, g);
+                }
             }
+        }
+        for (group, placement) in poses.groups.iter_mut().zip(placements) {
+            if poses.placements.last() != Some(&placement) {
+                poses.placements.push(placement);
+            }
+            group.placement = poses.placements.len() - 1;
         }
         poses
     }
@@ -79,7 +107,7 @@ impl Poses {
         g: usize,
         anchor: [f64; 3],
         world_from_asset: [f32; 4],
-        moves: bool,
+        labels: [u32; 3],
     ) {
         let gaussians = &scene.gaussians;
         let r = Mat3::from_quaternion(gaussians.rotation[g]);
@@ -88,40 +116,36 @@ impl Poses {
         let (group, lane) = (&mut self.groups[g / LANES], g % LANES);
         for a in 0..3 {
             group.offset[a].0[lane] = (f64::from(position[a]) - anchor[a]) as f32;
+            group.labels[a].0[lane] = f32::from_bits(labels[a]);
         }
         for (vector, value) in group.axes.iter_mut().zip(axes.0.as_flattened()) {
             vector.0[lane] = *value;
         }
-        for (vector, value) in group.placement.iter_mut().zip(world_from_asset) {
-            vector.0[lane] = value;
-        }
-        if moves {
-            group.particle[lane] = scene.binding.particle[g];
-            group.weight[lane] = scene.binding.weight[g];
-        }
-        let pose = GaussianPose {
+        self.rest[g] = GaussianPose {
             position,
+            label: labels[0],
             covariance: axes.mul_transposed_sym(&axes),
+            labels: [labels[1], labels[2]],
             rotation: world_from_asset,
         };
-        self.rest[g] = (pose, moves);
     }
 
-    /// Writes every Gaussian, made by `make` from its index and pose, into its place in `out`.
+    fn set_moving(&mut self, scene: &Scene, g: usize) {
+        let (group, lane) = (&mut self.groups[g / LANES], g % LANES);
+        group.moving |= 1 << lane;
+        group.particle[lane] = scene.binding.particle[g];
+        group.weight[lane] = scene.binding.weight[g];
+    }
+
+    /// Writes every Gaussian into its place in `out`, and nothing into places beyond the scene's Gaussians.
     ///
     /// `position` [m] and `deformation` (row-major `F`) are those of the particles in scene order. Runs on the
-    /// current rayon pool; the result does not depend on it. Slots of `out` beyond the scene's Gaussians are
-    /// left alone.
+    /// current rayon pool; the result does not depend on it. `out` is not read, and large ones are written past the
+    /// caches.
     ///
     /// Centre `sum w (x_p + F_p (X - X_p))`, `F = sum w F_p`, covariance `F Sigma0 F^T` with the stretches of `F`
     /// limited to [`MAX_ASPECT`], rotation `polar(F) world_from_asset`.
-    pub fn write<T: Send>(
-        &self,
-        position: &[[f32; 3]],
-        deformation: &[[f32; 9]],
-        out: &mut [T],
-        make: impl Fn(usize, &GaussianPose) -> T + Sync,
-    ) {
+    pub fn write(&self, position: &[[f32; 3]], deformation: &[[f32; 9]], out: &mut [GaussianPose]) {
         let carriers: Vec<F32x16> = self
             .particle_offset
             .par_iter()
@@ -130,20 +154,19 @@ impl Poses {
             .with_min_len(CHUNK)
             .map(|((offset, x), f)| carrier(offset, x, f))
             .collect();
-        out.par_chunks_mut(LANES)
-            .zip(self.rest.par_chunks(LANES))
-            .zip(&self.groups)
-            .with_min_len(TASK)
-            .enumerate()
-            .for_each(|(index, ((out, rest), group))| {
-                let mut poses = [GaussianPose::default(); LANES];
-                if rest.iter().any(|(_, moves)| *moves) {
-                    follow(self.isa, group, &carriers, &mut poses);
-                }
-                for (lane, (slot, (at_rest, moves))) in out.iter_mut().zip(rest).enumerate() {
-                    let pose = if *moves { &poses[lane] } else { at_rest };
-                    *slot = make(LANES * index + lane, pose);
-                }
+        let count = out.len().min(self.rest.len());
+        let streamed = size_of_val(out) >= STREAMED;
+        out[..count]
+            .par_chunks_mut(TASK * LANES)
+            .zip(self.rest.par_chunks(TASK * LANES))
+            .zip(self.groups.par_chunks(TASK))
+            .for_each(|((out, rest), groups)| {
+                let shared = Shared {
+                    carriers: &carriers,
+                    placements: &self.placements,
+                    streamed,
+                };
+                follow(self.isa, &shared, groups, rest, out);
             });
     }
 }

@@ -13,7 +13,7 @@ use cosplat_renderer::{
     png::write_png,
 };
 use cosplat_server::{load::load_text, publish::Output};
-use cosplat_sim_core::{Scene, World, pose::Poses};
+use cosplat_sim_core::{Scene, World};
 use glam::Vec3;
 use serde::Serialize;
 
@@ -166,7 +166,7 @@ impl Comparison<'_> {
         // Target and distance are given: the box does not matter.
         let everything = [Vec3::splat(-1.0), Vec3::ONE];
         let camera = Camera::orbit(everything, up, self.scene.orbit(), self.size.0, self.size.1);
-        let output = Output::new(&scene, Poses::new(&scene));
+        let output = Output::new(&scene);
         let slots = vec![GaussianState::default(); scene.gaussians.len()];
         let world = World::new(scene)?;
         let report = world.report();

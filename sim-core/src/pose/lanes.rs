@@ -18,12 +18,16 @@ pub(super) struct RestGroup {
     pub offset: [F32x16; 3],
     /// `R diag(scale)`, row-major: columns are the axes of the ellipsoid [m].
     pub axes: [F32x16; 9],
-    /// World-from-asset rotation of its object, xyzw.
-    pub placement: [F32x16; 4],
+    /// Labels, as bits.
+    pub labels: [F32x16; 3],
     /// Particles to follow.
     pub particle: [[u32; BINDING_NEIGHBORS]; LANES],
     /// And how much.
     pub weight: [[f32; BINDING_NEIGHBORS]; LANES],
+    /// World-from-asset rotations of their objects, a position in [`Shared::placements`].
+    pub placement: usize,
+    /// One bit per lane that ever leaves its rest pose.
+    pub moving: u32,
 }
 
 impl RestGroup {
@@ -31,74 +35,131 @@ impl RestGroup {
     pub const EMPTY: Self = Self {
         offset: [F32x16::ZERO; 3],
         axes: [F32x16::ZERO; 9],
-        placement: [F32x16::ZERO; 4],
+        labels: [F32x16::ZERO; 3],
         particle: [[0; BINDING_NEIGHBORS]; LANES],
         weight: [[0.0; BINDING_NEIGHBORS]; LANES],
+        placement: 0,
+        moving: 0,
     };
 }
 
-/// Poses of a group; lanes whose deformation needs limiting are done one by one.
+/// What all groups of a frame read.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shared<'a> {
+    /// Particles' shares.
+    pub carriers: &'a [F32x16],
+    /// Rotations, xyzw.
+    pub placements: &'a [[F32x16; 4]],
+    /// Whether poses are written past the caches.
+    pub streamed: bool,
+}
+
+/// Writes the poses of groups that follow one another; `rest` and `out` are of the same Gaussians.
 pub(super) fn follow(
     isa: Isa,
-    group: &RestGroup,
-    carriers: &[F32x16],
-    out: &mut [GaussianPose; LANES],
+    shared: &Shared<'_>,
+    groups: &[RestGroup],
+    rest: &[GaussianPose],
+    out: &mut [GaussianPose],
 ) {
-    let mut rows = [F32x16::ZERO; LANES];
-    let mut deformation = [F32x16::ZERO; LANES];
-    let fine = match isa {
+    let out = bytemuck::cast_slice_mut(out);
+    match isa {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: poses are only made with an instruction set that the processor has.
-        Isa::Avx512 => unsafe { avx512(group, carriers, &mut deformation, &mut rows) },
+        Isa::Avx512 => unsafe { avx512(shared, groups, rest, out) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: poses are only made with an instruction set that the processor has.
-        Isa::Avx2 => unsafe { avx2(group, carriers, &mut deformation, &mut rows) },
-        _ => kernel::<Portable>(group, carriers, &mut deformation, &mut rows),
-    };
-    for lane in 0..LANES {
-        let row = &rows[lane].0;
-        out[lane] = GaussianPose {
-            position: [row[0], row[1], row[2]],
-            covariance: [row[3], row[4], row[5], row[6], row[7], row[8]],
-            rotation: [row[9], row[10], row[11], row[12]],
-        };
-        if fine >> lane & 1 == 0 {
-            limit(group, lane, &deformation[lane].0, &mut out[lane]);
-        }
+        Isa::Avx2 => unsafe { avx2(shared, groups, rest, out) },
+        _ => all::<Portable>(shared, groups, rest, out),
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
 unsafe fn avx512(
-    group: &RestGroup,
-    carriers: &[F32x16],
-    deformation: &mut [F32x16; LANES],
-    out: &mut [F32x16; LANES],
-) -> u32 {
-    kernel::<Avx512>(group, carriers, deformation, out)
+    shared: &Shared<'_>,
+    groups: &[RestGroup],
+    rest: &[GaussianPose],
+    out: &mut [F32x16],
+) {
+    all::<Avx512>(shared, groups, rest, out);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
 unsafe fn avx2(
-    group: &RestGroup,
-    carriers: &[F32x16],
-    deformation: &mut [F32x16; LANES],
-    out: &mut [F32x16; LANES],
-) -> u32 {
-    kernel::<Avx2>(group, carriers, deformation, out)
+    shared: &Shared<'_>,
+    groups: &[RestGroup],
+    rest: &[GaussianPose],
+    out: &mut [F32x16],
+) {
+    all::<Avx2>(shared, groups, rest, out);
 }
 
-/// One row per Gaussian: what it gathered in `deformation` (`F` from the fourth float), its pose in `out`.
+/// Group by group; lanes whose deformation needs limiting, and those that stay at rest, are done one by one.
+#[inline(always)]
+fn all<V: Lanes>(
+    shared: &Shared<'_>,
+    groups: &[RestGroup],
+    rest: &[GaussianPose],
+    out: &mut [F32x16],
+) {
+    let places = rest.chunks(LANES).zip(out.chunks_mut(LANES));
+    for (group, (rest, out)) in groups.iter().zip(places) {
+        let mut rows = [F32x16::ZERO; LANES];
+        if group.moving != 0 {
+            let mut deformation = [F32x16::ZERO; LANES];
+            let fine = kernel::<V>(group, shared, &mut deformation, &mut rows);
+            let placement = &shared.placements[group.placement];
+            for lane in 0..LANES {
+                if (group.moving & !fine) >> lane & 1 == 1 {
+                    limit(
+                        group,
+                        placement,
+                        lane,
+                        &deformation[lane].0,
+                        &mut rows[lane],
+                    );
+                }
+            }
+        }
+        if group.moving != u32::from(u16::MAX) {
+            stay(group.moving, rest, &mut rows);
+        }
+        for (row, slot) in rows.iter().zip(out) {
+            if shared.streamed {
+                // SAFETY: the fence below comes before this function ends, and nothing reads `out` in it.
+                unsafe { V::load(row).stream(slot) };
+            } else {
+                *slot = *row;
+            }
+        }
+    }
+    if shared.streamed {
+        V::fence();
+    }
+}
+
+/// Copies the poses of lanes that never leave them.
+#[inline(never)]
+fn stay(moving: u32, rest: &[GaussianPose], rows: &mut [F32x16; LANES]) {
+    for (lane, pose) in rest.iter().enumerate() {
+        if moving >> lane & 1 == 0 {
+            rows[lane] = bytemuck::cast(*pose);
+        }
+    }
+}
+
+/// One row per Gaussian: what it gathered in `deformation` (`F` from the fourth float), its [`GaussianPose`] in `out`.
 /// Returns one bit per lane whose shape follows `F` as it is.
 #[inline(always)]
 fn kernel<V: Lanes>(
     group: &RestGroup,
-    carriers: &[F32x16],
+    shared: &Shared<'_>,
     deformation: &mut [F32x16; LANES],
     out: &mut [F32x16; LANES],
 ) -> u32 {
+    let carriers = shared.carriers;
     for lane in 0..LANES {
         let mut sum = V::broadcast(0.0);
         for k in 0..BINDING_NEIGHBORS {
@@ -125,7 +186,7 @@ fn kernel<V: Lanes>(
     ]));
     let c = axes.mul_transposed_sym(&axes);
 
-    let p = &group.placement;
+    let p = &shared.placements[group.placement];
     let placement = [
         V::load(&p[0]),
         V::load(&p[1]),
@@ -139,24 +200,24 @@ fn kernel<V: Lanes>(
     let bound = norm_squared * norm_squared.sqrt();
     let fine = bound.lt(f.det() * V::splat(2.0 * f64::from(MAX_ASPECT)));
 
-    let zero = V::broadcast(0.0);
+    let labels = &group.labels;
     let columns = [
         g[0] + moved[0],
         g[1] + moved[1],
         g[2] + moved[2],
+        V::load(&labels[0]),
         c[0],
         c[1],
         c[2],
         c[3],
         c[4],
         c[5],
+        V::load(&labels[1]),
+        V::load(&labels[2]),
         q[0],
         q[1],
         q[2],
         q[3],
-        zero,
-        zero,
-        zero,
     ];
     let mut stored = [F32x16::ZERO; LANES];
     for i in 0..LANES {
@@ -171,7 +232,13 @@ fn kernel<V: Lanes>(
 
 /// The rare case: strongly deformed, flat or inside out.
 #[cold]
-fn limit(group: &RestGroup, lane: usize, gathered: &[f32; LANES], pose: &mut GaussianPose) {
+fn limit(
+    group: &RestGroup,
+    placement: &[F32x16; 4],
+    lane: usize,
+    gathered: &[f32; LANES],
+    row: &mut F32x16,
+) {
     let at = |v: &F32x16| v.0[lane];
     let f = Mat3([
         [gathered[3], gathered[4], gathered[5]],
@@ -185,8 +252,9 @@ fn limit(group: &RestGroup, lane: usize, gathered: &[f32; LANES], pose: &mut Gau
         [at(&a[3]), at(&a[4]), at(&a[5])],
         [at(&a[6]), at(&a[7]), at(&a[8])],
     ]));
-    let p = &group.placement;
+    let p = placement;
     let placement = [at(&p[0]), at(&p[1]), at(&p[2]), at(&p[3])];
+    let pose: &mut GaussianPose = bytemuck::cast_mut(row);
     pose.covariance = axes.mul_transposed_sym(&axes);
     pose.rotation = multiply(quaternion_from_matrix(&r), placement);
 }

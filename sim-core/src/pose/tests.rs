@@ -60,7 +60,7 @@ fn moved(scene: &Scene, m: &Mat3<f64>, t: [f64; 3]) -> Vec<GaussianPose> {
     let f: Vec<f32> = f.collect();
     let deformation = vec![std::array::from_fn(|i| f[i]); position.len()];
     let mut out = vec![GaussianPose::default(); scene.gaussians.len()];
-    Poses::new(scene).write(&position, &deformation, &mut out, |_, pose| *pose);
+    Poses::new(scene, labels).write(&position, &deformation, &mut out);
     out
 }
 
@@ -164,9 +164,38 @@ fn static_gaussians_keep_their_rest_pose() {
     }
 }
 
+/// Among others what is not a number as a float.
+fn labels(index: usize) -> [u32; 3] {
+    [u32::MAX - index as u32, 0x7f80_0001, index as u32]
+}
+
+#[test]
+fn labels_come_back_bit_by_bit_and_nothing_is_written_beyond_the_scene() {
+    // The larger one is written past the caches.
+    for count in [100, STREAMED / size_of::<GaussianPose>() + 5] {
+        let scene = scene(count);
+        let position = scene.particles.position.iter();
+        let position: Vec<_> = position.map(|x| x.map(|x| x as f32)).collect();
+        let deformation = vec![[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]; position.len()];
+        let mut out = vec![GaussianPose::default(); count + 3];
+        Poses::new(&scene, labels).write(&position, &deformation, &mut out);
+        for (i, pose) in out[..count].iter().enumerate() {
+            assert_eq!([pose.label, pose.labels[0], pose.labels[1]], labels(i));
+            assert_eq!(pose.rotation, scene.objects[0].world_from_asset, "{i}");
+        }
+        assert_eq!(out[count..], [GaussianPose::default(); 3]);
+    }
+}
+
 #[test]
 fn every_instruction_set_gives_the_same_bits() {
-    let scene = scene(333);
+    // The last group is not full, and the larger scene is written past the caches.
+    for count in [333, STREAMED / size_of::<GaussianPose>() + 5] {
+        instruction_sets_agree(&scene(count));
+    }
+}
+
+fn instruction_sets_agree(scene: &Scene) {
     let position: Vec<_> = (0..64_u16)
         .map(|i| [0.1, 0.07, 0.03].map(|k| (f32::from(i) * k).sin()))
         .collect();
@@ -174,8 +203,8 @@ fn every_instruction_set_gives_the_same_bits() {
         .map(|i| std::array::from_fn(|j| f32::from(i + 7 * j as u16).cos()))
         .collect();
     let run = |isa: Isa| {
-        let mut out = vec![GaussianPose::default(); 333];
-        Poses::with_isa(&scene, isa).write(&position, &deformation, &mut out, |_, pose| *pose);
+        let mut out = vec![GaussianPose::default(); scene.gaussians.len()];
+        Poses::with_isa(scene, labels, isa).write(&position, &deformation, &mut out);
         out
     };
     let expected = run(Isa::Portable);

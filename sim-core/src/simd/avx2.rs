@@ -191,6 +191,21 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
+    unsafe fn stream(self, to: &mut F32x16) {
+        let to = to.0.as_mut_ptr();
+        // SAFETY: AVX2 was detected (module text); the reference is valid and aligned to 64 bytes; the caller vouches for
+        // the fence.
+        unsafe {
+            _mm256_stream_ps(to, self.0);
+            _mm256_stream_ps(to.add(8), self.1);
+        }
+    }
+    #[inline(always)]
+    fn fence() {
+        // SAFETY: part of every x86-64 processor.
+        unsafe { _mm_sfence() };
+    }
+    #[inline(always)]
     unsafe fn repeat_quarter(from: *const f32) -> Self {
         // SAFETY: AVX2 was detected (module text); the caller vouches for 4 floats.
         unsafe {

@@ -162,6 +162,17 @@ impl Lanes for Avx512 {
         unsafe { _mm512_storeu_ps(to, self.0) };
     }
     #[inline(always)]
+    unsafe fn stream(self, to: &mut F32x16) {
+        // SAFETY: AVX-512 was detected (module text); the reference is valid and aligned to 64 bytes; the caller vouches
+        // for the fence.
+        unsafe { _mm512_stream_ps(to.0.as_mut_ptr(), self.0) };
+    }
+    #[inline(always)]
+    fn fence() {
+        // SAFETY: part of every x86-64 processor.
+        unsafe { _mm_sfence() };
+    }
+    #[inline(always)]
     unsafe fn repeat_quarter(from: *const f32) -> Self {
         // SAFETY: AVX-512 was detected (module text); the caller vouches for 4 floats.
         Self(unsafe { _mm512_broadcast_f32x4(_mm_loadu_ps(from)) })

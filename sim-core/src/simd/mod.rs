@@ -23,13 +23,15 @@ pub use isa::{Isa, UnknownIsa};
 pub(crate) use pair::Pair;
 pub(crate) use portable::Portable;
 
+use bytemuck::{Pod, Zeroable};
+
 use crate::num::Real;
 
 /// Lanes of a vector, and particles of a group.
 pub const LANES: usize = 16;
 
 /// One vector in memory, aligned to a cache line.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, serde::Serialize, serde::Deserialize)]
 #[repr(C, align(64))]
 pub(crate) struct F32x16(pub [f32; LANES]);
 
@@ -63,6 +65,13 @@ pub(crate) trait Lanes: Real {
     /// # Safety
     /// `to` must be valid for writing 16 floats.
     unsafe fn store_at(self, to: *mut f32);
+    /// Writes a vector past the caches, where the processor can.
+    ///
+    /// # Safety
+    /// [`fence`](Self::fence) must follow on the same thread before anything else reads or writes `to`.
+    unsafe fn stream(self, to: &mut F32x16);
+    /// Ends a series of [`stream`](Self::stream): what was written is there for everybody.
+    fn fence();
     /// Repeats 4 floats in every quarter.
     ///
     /// # Safety

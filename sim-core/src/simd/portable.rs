@@ -165,6 +165,12 @@ impl Lanes for Portable {
         unsafe { to.cast::<[f32; LANES]>().write_unaligned(self.0) };
     }
     #[inline(always)]
+    unsafe fn stream(self, to: &mut F32x16) {
+        self.store(to);
+    }
+    #[inline(always)]
+    fn fence() {}
+    #[inline(always)]
     unsafe fn repeat_quarter(from: *const f32) -> Self {
         // SAFETY: the caller vouches for 4 floats; the read is unaligned.
         let quarter = unsafe { from.cast::<[f32; 4]>().read_unaligned() };
