@@ -3,7 +3,7 @@
 //! One tolerance decides, relative to the radius of an object: what it has not moved by within [`REST`] seconds counts
 //! as no motion. A sleeping object keeps its particles as they are and costs nothing per substep.
 
-use std::borrow::Cow;
+use std::{borrow::Cow, collections::VecDeque};
 
 use bytemuck::bytes_of;
 use serde::{Deserialize, Serialize};
@@ -20,6 +20,10 @@ use crate::{
 
 /// How long an object must have been still before it sleeps [s].
 const REST: f64 = 0.25;
+/// Looks at an object within that time at most.
+const LOOKS: f64 = 16.0;
+/// What sums of frame lengths may be off by, relative.
+const ROUNDING: f64 = 1e-9;
 /// Particles that are watched per object at most.
 const SAMPLES: usize = 64;
 /// Reach of matter through the grid: the stencils of two particles, and the drift of one of them [cells].
@@ -30,16 +34,25 @@ const REACH: f64 = 4.0;
 pub(super) struct Standing {
     /// Where it sleeps.
     asleep: Option<Box<Asleep>>,
-    /// Where its samples were when it last moved [m].
-    anchor: Vec<[f32; 3]>,
-    /// For how long it has been still [s].
-    still: f64,
+    /// Where its samples were of late, latest last.
+    looks: VecDeque<Look>,
+    /// Since the latest look [s].
+    unseen: f64,
     /// Its samples in the frame of its mean rotation when its shape last changed [m].
     pub shape: Vec<[f32; 3]>,
     /// For how long it has kept its shape [s].
     pub steady: f64,
     /// Elastic energy of its matter when a body took its place, as long as that does [J].
     pub stand_in: Option<f64>,
+}
+
+/// Where the samples of an object were at some time.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Look {
+    /// Time since the look before [s].
+    after: f64,
+    /// Positions [m].
+    places: Vec<[f32; 3]>,
 }
 
 /// A sleeping object.
@@ -54,10 +67,63 @@ impl Standing {
     /// Adds what no particle shows to a hash.
     pub fn add_to(&self, hash: &mut Xxh3) {
         hash.update(&[u8::from(self.asleep.is_some())]);
-        hash.update(bytes_of(&self.still));
-        hash.update(bytemuck::cast_slice(&self.anchor));
+        for look in &self.looks {
+            hash.update(bytes_of(&look.after));
+            hash.update(bytemuck::cast_slice(&look.places));
+        }
+        hash.update(bytes_of(&self.unseen));
         hash.update(bytes_of(&[self.steady, self.stored_energy()]));
         hash.update(bytemuck::cast_slice(&self.shape));
+    }
+
+    /// Looks at its samples after another `frame` [s], if it is time to.
+    fn look(&mut self, frame: f64, places: impl FnOnce() -> Vec<[f32; 3]>) {
+        self.unseen += frame;
+        if !self.looks.is_empty() && self.unseen < REST / LOOKS {
+            return;
+        }
+        self.looks.push_back(Look {
+            after: self.unseen,
+            places: places(),
+        });
+        self.unseen = 0.0;
+        // As many as REST takes.
+        let mut span: f64 = self.looks.iter().skip(2).map(|look| look.after).sum();
+        while self.looks.len() > 1 && span >= REST * (1.0 - ROUNDING) {
+            self.looks.pop_front();
+            span -= self.looks.get(1).map_or(span, |look| look.after);
+        }
+    }
+
+    /// Forgets what it saw.
+    fn look_anew(&mut self) {
+        self.looks.clear();
+        self.unseen = 0.0;
+    }
+
+    /// Whether it has been still for [`REST`]: no sample was farther than `limit` [m] from the middle of where it was, and
+    /// what it went without coming back counts whole. So vibration may be as large as what is tolerated, and the
+    /// turning point of a slow swing does not pass for rest.
+    fn is_still(&self, limit: f64) -> bool {
+        let span: f64 = self.looks.iter().skip(1).map(|look| look.after).sum();
+        let Some(latest) = self.looks.back() else {
+            return false;
+        };
+        let all = self.looks.iter();
+        let complete = all.clone().all(|l| l.places.len() == latest.places.len());
+        span >= REST * (1.0 - ROUNDING)
+            && complete
+            && (0..latest.places.len()).all(|sample| {
+                let (mut to_and_fro, mut one_way) = (0.0, 0.0);
+                for a in 0..3 {
+                    let way = all.clone().map(|look| f64::from(look.places[sample][a]));
+                    let ([low, high], turned) = range(way);
+                    let squared = (high - low).powi(2);
+                    to_and_fro += 0.25 * squared;
+                    one_way += if turned { 0.0 } else { squared };
+                }
+                to_and_fro.max(one_way) <= limit * limit
+            })
     }
 
     /// Elastic energy that a body holds for its matter [J].
@@ -90,6 +156,22 @@ pub(super) fn samples(object: &Object) -> impl Iterator<Item = usize> {
     let range = object.particles.clone();
     let stride = range.len().div_ceil(SAMPLES).max(1);
     range.step_by(stride)
+}
+
+/// The extremes of a coordinate, and whether it came back from both.
+fn range(way: impl ExactSizeIterator<Item = f64>) -> ([f64; 2], bool) {
+    let last = way.len().saturating_sub(1);
+    let (mut low, mut high) = ((f64::INFINITY, 0), (f64::NEG_INFINITY, 0));
+    for (n, x) in way.enumerate() {
+        if x < low.0 {
+            low = (x, n);
+        }
+        if x > high.0 {
+            high = (x, n);
+        }
+    }
+    let inside = |n: usize| n > 0 && n < last;
+    ([low.0, high.0], inside(low.1) && inside(high.1))
 }
 
 /// Whether all samples are within `limit` [m] of where they were.
@@ -259,24 +341,18 @@ impl World {
         }
     }
 
-    /// Takes note of whether an object is still.
+    /// Takes note of where an object is.
     fn watch(&mut self, object: usize, frame: f64) {
         let position = &self.published.position;
         let samples = samples(&self.scene.objects[object]);
-        let here: Vec<[f32; 3]> = samples.map(|p| position[p]).collect();
-        let limit = self.scene.tolerance * self.report.objects[object].radius;
-        let standing = &mut self.state.standing[object];
-        if stayed(&here, &standing.anchor, limit) {
-            standing.still += frame;
-        } else {
-            (standing.anchor, standing.still) = (here, 0.0);
-        }
+        self.state.standing[object].look(frame, || samples.map(|p| position[p]).collect());
     }
 
     /// Whether nothing speaks against an object's sleep but its neighbours.
     fn may_sleep(&self, object: usize) -> bool {
+        let limit = self.scene.tolerance * self.report.objects[object].radius;
         self.is_automatic(object)
-            && self.state.standing[object].still >= REST
+            && self.state.standing[object].is_still(limit)
             && !self.is_ruled(object)
     }
 
@@ -343,7 +419,7 @@ impl World {
     /// Wakes an object, if it sleeps.
     pub(super) fn wake(&mut self, object: usize) {
         let standing = &mut self.state.standing[object];
-        (standing.still, standing.anchor) = (0.0, vec![]);
+        standing.look_anew();
         let Some(asleep) = standing.asleep.take() else {
             return;
         };
@@ -369,6 +445,58 @@ impl World {
     pub(super) fn wake_all(&mut self) {
         for object in 0..self.scene.objects.len() {
             self.wake(object);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether one sample that moves as `way` says [m] passes for still, looked at in frames of `frame` [s] until `end`.
+    fn rests(way: impl Fn(f64) -> f64, frame: f64, end: f64, limit: f64) -> bool {
+        let mut standing = Standing::default();
+        for n in 0..=(end / frame).round() as usize {
+            standing.look(frame, || vec![[0.0, way(n as f64 * frame) as f32, 1.0]]);
+        }
+        standing.is_still(limit)
+    }
+
+    #[test]
+    fn vibration_within_the_tolerance_is_rest_wherever_it_began() {
+        for frame in [1.0 / 60.0, 1.0 / 300.0] {
+            for phase in 0..12 {
+                let way = |t: f64| (31.0 * t + 0.5 * f64::from(phase)).sin();
+                // One period takes 0.2 s: within half of one more it has turned at both ends.
+                let soon = (0..6).any(|n| rests(way, frame, 0.25 + 0.017 * f64::from(n), 1.02));
+                assert!(soon, "{frame} {phase}");
+                assert!(!rests(way, frame, 0.5, 0.9), "{frame} {phase}");
+                assert!(!rests(way, frame, 0.2, 1.02), "too soon: {frame} {phase}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_goes_one_way_counts_whole_and_so_does_a_slow_swing_as_it_turns() {
+        let frame = 1.0 / 64.0;
+        let creep = |t: f64| t / 0.25;
+        assert!(rests(creep, frame, 1.0, 1.01) && !rests(creep, frame, 1.0, 0.99));
+        // Around the turning point, an eighth of a second to each side.
+        let swing = |t: f64| 1.0 - (2.0 * (t - 1.0)).cos();
+        let range = swing(1.125);
+        assert!(rests(swing, frame, 1.125, 1.1 * range));
+        assert!(!rests(swing, frame, 1.125, 0.9 * range));
+    }
+
+    #[test]
+    fn no_more_is_remembered_than_it_takes() {
+        for frame in [0.5, 0.1, 1.0 / 60.0, 1e-3] {
+            let mut standing = Standing::default();
+            for _ in 0..1000 {
+                standing.look(frame, || vec![[0.0; 3]]);
+            }
+            assert!(standing.looks.len() <= 18, "{} looks", standing.looks.len());
+            assert!(standing.is_still(0.0), "{frame}");
         }
     }
 }
