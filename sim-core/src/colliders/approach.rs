@@ -20,7 +20,7 @@ pub(crate) const RANGE: f64 = 1.0;
 /// Largest radius of a particle [cells].
 pub(crate) const RADIUS_MAX: f64 = 0.5;
 /// Gap up to which nodes in front of a surface that holds on to matter do so [cells].
-const TOUCHING: f64 = 0.1;
+pub(super) const TOUCHING: f64 = 0.1;
 /// Smallest cosine between the normals at particle and node: matter on the top of a box does not touch its side.
 const FACING: f64 = 0.7;
 

@@ -92,18 +92,17 @@ fn plus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + b[i])
 }
 
-/// Velocity that a node at `x` may have near some of the bodies during `dt`; `nearest` is matter near each of them,
-/// `cell` the cell size.
-pub(crate) fn constrain(
-    bodies: &[Placed<'_>],
-    nearest: &[Nearest],
+/// Velocity that a node at `x` may have near some bodies during `dt`, each with the matter near it; `cell` is the cell
+/// size.
+pub(crate) fn constrain<'a>(
+    acting: impl Iterator<Item = (&'a Placed<'a>, &'a Nearest)> + Clone,
     x: [f64; 3],
     mut v: [f64; 3],
     dt: f64,
     cell: f64,
 ) -> [f64; 3] {
     let mut touched = 0;
-    for (body, nearest) in bodies.iter().zip(nearest) {
+    for (body, nearest) in acting.clone() {
         let Some(reaction) = body.reaction(x, nearest, cell) else {
             continue;
         };
@@ -122,7 +121,7 @@ pub(crate) fn constrain(
     let mut last = v;
     for _ in 0..ROUNDS {
         let mut obeyed = true;
-        for (body, nearest) in bodies.iter().zip(nearest) {
+        for (body, nearest) in acting.clone() {
             let Some(Reaction {
                 contact,
                 normal,

@@ -3,6 +3,7 @@
 //! Lengths are in units of the solver (cells, or metres in the reference), times in seconds, all in `f64`.
 
 pub(crate) mod approach;
+pub(crate) mod attach;
 pub(crate) mod contact;
 mod mesh;
 pub(crate) mod pose;
@@ -12,6 +13,7 @@ pub(crate) mod sweep;
 pub(crate) mod touch;
 
 use approach::Nearest;
+use attach::{Face, Owner};
 use contact::Contact;
 use pose::{conjugate, from_rotation_vector, pose_at, product, rotate, rotation_vector};
 use serde::{Deserialize, Serialize};
@@ -85,6 +87,8 @@ pub(crate) type Paths = Vec<Option<Path>>;
 pub(crate) struct Boundaries {
     bodies: Vec<Body>,
     regions: Vec<PinnedRegion>,
+    /// Whether a region acts always and no matter is in it at the start.
+    empty_regions: Vec<bool>,
     /// Metres per unit of length.
     unit: f64,
     /// Cell size in units.
@@ -129,6 +133,10 @@ pub(crate) struct Placed<'a> {
 struct Held {
     bounds: Aabb,
     velocity: [f64; 3],
+    /// Whether it acts always and no matter was in it at the start.
+    is_empty: bool,
+    /// Place among all regions.
+    id: usize,
 }
 
 /// Everything that acts on grid nodes in one substep.
@@ -136,6 +144,7 @@ struct Held {
 pub(crate) struct NodeConditions<'a> {
     bodies: Vec<Placed<'a>>,
     regions: Vec<Held>,
+    faces: Vec<Face>,
 }
 
 impl Boundaries {
@@ -157,6 +166,11 @@ impl Boundaries {
         Self {
             bodies,
             regions: scene.pinned_regions.clone(),
+            empty_regions: scene
+                .pinned_regions
+                .iter()
+                .map(|region| is_empty(region, scene))
+                .collect(),
             unit,
             cell,
         }
@@ -215,7 +229,8 @@ impl Boundaries {
         Some(placed)
     }
 
-    fn held(&self, region: &PinnedRegion, substep: &Substep) -> Option<Held> {
+    fn held(&self, n: usize, substep: &Substep) -> Option<Held> {
+        let region = &self.regions[n];
         if !substep.is_in(&region.span) {
             return None;
         }
@@ -228,21 +243,28 @@ impl Boundaries {
                 max: std::array::from_fn(|a| at(region.bounds.max[a], a) + slack),
             },
             velocity: region.velocity.map(|v| v / self.unit),
+            is_empty: self.empty_regions[n],
+            id: n,
         })
     }
 
     /// What acts on nodes in a substep, in the order of the scene.
     pub fn on_nodes(&self, paths: &Paths, substep: &Substep) -> NodeConditions<'_> {
         let ids = (0..self.bodies.len()).filter(|&id| self.bodies[id].on_nodes);
+        let bodies: Vec<Placed<'_>> = ids
+            .filter_map(|id| self.place(id, paths, substep))
+            .collect();
+        let regions: Vec<Held> = (0..self.regions.len())
+            .filter_map(|n| self.held(n, substep))
+            .collect();
+        let of_bodies = bodies.iter();
+        let of_bodies = of_bodies.filter_map(|body| Face::of_body(body, self.cell));
+        let of_regions = regions.iter();
+        let of_regions = of_regions.flat_map(|held| Face::of_region(held, self.cell));
         NodeConditions {
-            bodies: ids
-                .filter_map(|id| self.place(id, paths, substep))
-                .collect(),
-            regions: self
-                .regions
-                .iter()
-                .filter_map(|region| self.held(region, substep))
-                .collect(),
+            faces: of_bodies.chain(of_regions).collect(),
+            bodies,
+            regions,
         }
     }
 
@@ -270,28 +292,30 @@ impl Boundaries {
         };
         let ids = (0..self.bodies.len())
             .filter(|&id| self.bodies[id].on_nodes && self.is_fixed(id, paths));
-        let fixed = |r: &&PinnedRegion| r.velocity == [0.0; 3] && r.span == TimeSpan::ALWAYS;
+        let fixed = |&n: &usize| {
+            let region = &self.regions[n];
+            region.velocity == [0.0; 3] && region.span == TimeSpan::ALWAYS
+        };
         NodeConditions {
             bodies: ids.filter_map(|id| self.place(id, paths, &now)).collect(),
-            regions: self
-                .regions
-                .iter()
+            regions: (0..self.regions.len())
                 .filter(fixed)
-                .filter_map(|region| self.held(region, &now))
+                .filter_map(|n| self.held(n, &now))
                 .collect(),
+            faces: vec![],
         }
     }
 
     /// Whether anything of them is in a box [units], or may come there within a substep.
     pub fn reach(&self, paths: &Paths, substep: &Substep, min: [f64; 3], max: [f64; 3]) -> bool {
         let all = self.all(paths, substep);
-        let held = |region: &PinnedRegion| {
-            let held = self.held(region, substep);
+        let held = |n: usize| {
+            let held = self.held(n, substep);
             held.is_some_and(|held| held.touches(min, max))
         };
         all.iter()
             .any(|placed| placed.comes_near(min, max, substep))
-            || self.regions.iter().any(held)
+            || (0..self.regions.len()).any(held)
     }
 
     /// Whether something of them begins, ends, or moves near a box [units] during a substep.
@@ -307,14 +331,14 @@ impl Boundaries {
             let is_still = placed.linear == [0.0; 3] && placed.angular == [0.0; 3];
             !is_still && placed.comes_near(min, max, substep)
         };
-        let drifts = |region: &PinnedRegion| {
-            region.velocity != [0.0; 3]
+        let drifts = |n: usize| {
+            self.regions[n].velocity != [0.0; 3]
                 && self
-                    .held(region, substep)
+                    .held(n, substep)
                     .is_some_and(|held| held.touches(min, max))
         };
         self.bodies.iter().any(|body| changes(&body.span))
-            || self.regions.iter().any(|r| changes(&r.span) || drifts(r))
+            || (0..self.regions.len()).any(|n| changes(&self.regions[n].span) || drifts(n))
             || self.all(paths, substep).iter().any(moves)
     }
 
@@ -322,19 +346,28 @@ impl Boundaries {
     pub fn moving_on_nodes(&self, paths: &Paths, substep: &Substep) -> NodeConditions<'_> {
         let ids = (0..self.bodies.len())
             .filter(|&id| self.bodies[id].on_nodes && !self.is_fixed(id, paths));
-        let moving = |r: &&PinnedRegion| r.velocity != [0.0; 3] || r.span != TimeSpan::ALWAYS;
+        let moving = |&n: &usize| {
+            let region = &self.regions[n];
+            region.velocity != [0.0; 3] || region.span != TimeSpan::ALWAYS
+        };
         NodeConditions {
             bodies: ids
                 .filter_map(|id| self.place(id, paths, substep))
                 .collect(),
-            regions: self
-                .regions
-                .iter()
+            regions: (0..self.regions.len())
                 .filter(moving)
-                .filter_map(|region| self.held(region, substep))
+                .filter_map(|n| self.held(n, substep))
                 .collect(),
+            faces: vec![],
         }
     }
+}
+
+/// Whether a region always acts and no particle is in it at the start.
+fn is_empty(region: &PinnedRegion, scene: &Scene) -> bool {
+    let Aabb { min, max } = region.bounds;
+    let inside = |x: &[f64; 3]| (0..3).all(|a| (min[a]..=max[a]).contains(&x[a]));
+    region.span == TimeSpan::ALWAYS && !scene.particles.position.iter().any(inside)
 }
 
 /// The faces of the domain as walls.
@@ -507,7 +540,13 @@ impl NodeConditions<'_> {
                 .filter(|held| held.touches(first, last))
                 .copied()
                 .collect(),
+            faces: vec![],
         }
+    }
+
+    /// Flat boundaries that matter may be attached to.
+    pub fn faces(&self) -> &[Face] {
+        &self.faces
     }
 
     /// Keeps only some of the colliders.
@@ -536,7 +575,8 @@ impl NodeConditions<'_> {
     }
 
     /// Velocity that a node at `x` may have in a substep of `dt` when forces alone would give it `v`: every collider in
-    /// order with its friction, then projections until all are obeyed at once. `nearest` is per collider.
+    /// order with its friction, then projections until all are obeyed at once. `nearest` is per collider; what is `obeyed`
+    /// already has no say.
     pub fn constrain(
         &self,
         x: [f64; 3],
@@ -544,11 +584,15 @@ impl NodeConditions<'_> {
         nearest: &[Nearest],
         dt: f64,
         cell: f64,
+        obeyed: &[Owner],
     ) -> [f64; 3] {
-        if let Some(held) = self.regions.iter().rev().find(|held| held.holds(x)) {
+        let holds = |held: &&Held| held.holds(x) && !obeyed.contains(&Owner::Region(held.id));
+        if let Some(held) = self.regions.iter().rev().find(holds) {
             return held.velocity;
         }
-        contact::constrain(&self.bodies, nearest, x, v, dt, cell)
+        let free = |(body, _): &(&Placed<'_>, &Nearest)| !obeyed.contains(&Owner::Body(body.id));
+        let acting = self.bodies.iter().zip(nearest).filter(free);
+        contact::constrain(acting, x, v, dt, cell)
     }
 }
 

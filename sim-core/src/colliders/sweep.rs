@@ -162,6 +162,7 @@ mod tests {
     fn boundaries(collider: Collider) -> Boundaries {
         Boundaries {
             bodies: vec![Body::new(&collider, 1.0, 1.0)],
+            empty_regions: vec![],
             regions: vec![],
             unit: 1.0,
             cell: 1.0,

@@ -14,6 +14,13 @@ pub(crate) fn covers_block(conditions: &NodeConditions<'_>, index: [i32; 3]) -> 
     conditions.cover(first, last)
 }
 
+/// Whether matter at the nodes of a block may be attached to flat boundaries.
+pub(crate) fn attaches(conditions: &NodeConditions<'_>, index: [i32; 3]) -> bool {
+    let [first, last] = corners(index);
+    let mut faces = conditions.faces().iter();
+    faces.any(|face| face.touches(first, last, 1.0))
+}
+
 /// What may act on the nodes of a block.
 pub(crate) fn near_block<'a>(
     conditions: &NodeConditions<'a>,
@@ -66,7 +73,7 @@ mod tests {
         let floor = planes(Surface::Separate, &[up]);
         let floor = now(&floor);
         let at = |z: f64, nearest: &[Nearest]| {
-            floor.constrain([0.0, 0.0, z], [0.3, 0.4, -2.0], nearest, 1e-3, 1.0)
+            floor.constrain([0.0, 0.0, z], [0.3, 0.4, -2.0], nearest, 1e-3, 1.0, &[])
         };
         for z in [-1.0, 0.0, 0.2] {
             assert_eq!(at(z, &touching(&[up])), [0.0; 3]);
@@ -81,7 +88,7 @@ mod tests {
         let normals = [[s, 0.0, c], [-s, 0.0, c], [0.0, 1.0, 0.0]];
         let boundary = planes(Surface::Separate, &normals);
         let (x, v) = ([0.0, -1.0, -9.0], [1.0, -2.0, -3.0]);
-        let v = now(&boundary).constrain(x, v, &touching(&normals), 1e-3, 1.0);
+        let v = now(&boundary).constrain(x, v, &touching(&normals), 1e-3, 1.0, &[]);
         for normal in normals {
             assert!(dot(v, normal) >= -1e-5, "{v:?} into {normal:?}");
         }

@@ -1,6 +1,7 @@
 //! Sparse background grid: blocks of 4x4x4 nodes, and the private tiles that particle blocks scatter into.
 
 pub(crate) mod approach;
+mod attach;
 pub(crate) mod boundary;
 mod node_pass;
 mod topology;

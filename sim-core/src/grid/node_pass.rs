@@ -5,6 +5,8 @@ use rayon::prelude::*;
 use super::{
     Cells, FRONT, Grid, NONE, NodeBlock, Tile, Velocities,
     approach::{Acting, Allowed},
+    attach::attach,
+    boundary::attaches,
     topology::OFFSETS,
 };
 use crate::{
@@ -52,6 +54,7 @@ pub(crate) fn node_pass(
         .map(|(block, out)| {
             let mut largest = sum_block(isa, block, tiles, keep, carrier, out);
             if acting.may_reach(block)
+                && !attaches(acting.boundaries, block.index)
                 && holds_matter(out)
                 && let Some(allowed) = acting.on(block)
             {
@@ -62,7 +65,7 @@ pub(crate) fn node_pass(
             largest
         })
         .reduce(|| 0, u32::max);
-    f32::from_bits(largest)
+    f32::from_bits(largest.max(attach(nodes, velocities, acting, carrier)))
 }
 
 /// Turns tiles into means over the nodes, of whatever was scattered in place of momentum.
@@ -264,7 +267,7 @@ fn node_block<V: Lanes>(
 }
 
 /// Whether any node of a block has a mass.
-fn holds_matter(block: &Velocities) -> bool {
+pub(super) fn holds_matter(block: &Velocities) -> bool {
     let mut rows = block.0.iter().map(|row| row.0);
     rows.any(|row| row[3] != 0.0 || row[7] != 0.0 || row[11] != 0.0 || row[15] != 0.0)
 }

@@ -2,7 +2,15 @@
 
 use std::collections::HashMap;
 
-use crate::{colliders::touch::Ghost, mat3::Mat3};
+use crate::{
+    colliders::{
+        NodeConditions,
+        approach::Nearest,
+        attach::{Attached, Nodes, attached},
+        touch::Ghost,
+    },
+    mat3::Mat3,
+};
 
 /// One grid node.
 #[derive(Clone, Copy, Debug, Default)]
@@ -92,6 +100,35 @@ impl Grid {
         }
     }
 
+    /// Gives all nodes velocities that boundaries allow; `nearest` is per node and collider.
+    pub fn constrain(
+        &mut self,
+        boundaries: &NodeConditions<'_>,
+        nearest: &[Vec<Nearest>],
+        dt: f64,
+        dx: f64,
+    ) {
+        let seen = Seen {
+            grid: self,
+            boundaries,
+            nearest,
+        };
+        let velocities: Vec<[f64; 3]> = (self.nodes.iter().zip(nearest))
+            .map(|((index, node), nearest)| {
+                let x = index.map(|i| f64::from(i) * dx);
+                let Attached { velocity, owners } = attached(boundaries.faces(), *index, &seen, dx)
+                    .unwrap_or(Attached {
+                        velocity: node.velocity,
+                        owners: vec![],
+                    });
+                boundaries.constrain(x, velocity, nearest, dt, dx, &owners)
+            })
+            .collect();
+        for ((_, node), velocity) in self.nodes.iter_mut().zip(velocities) {
+            node.velocity = velocity;
+        }
+    }
+
     /// `v = sum w v_i` and `C = 4 / dx^2 sum w v_i (x_i - x_p)^T`.
     pub fn gather(&self, stencil: &Stencil, dx: f64) -> ([f64; 3], Mat3<f64>) {
         self.gather_seen(stencil, [0.0; 3], &[], dx)
@@ -126,5 +163,31 @@ impl Grid {
             }
         }
         (v, Mat3(c))
+    }
+}
+
+/// Nodes between forces and boundaries.
+struct Seen<'a> {
+    grid: &'a Grid,
+    boundaries: &'a NodeConditions<'a>,
+    nearest: &'a [Vec<Nearest>],
+}
+
+impl Nodes for Seen<'_> {
+    fn node(&self, index: [i32; 3]) -> Option<(f64, [f64; 3])> {
+        let &slot = self.grid.slots.get(&index)?;
+        let node = &self.grid.nodes[slot].1;
+        (node.mass > 0.0).then_some((node.mass, node.velocity))
+    }
+
+    fn gap(&self, index: [i32; 3], body: usize) -> f64 {
+        let mut bodies = self.boundaries.bodies().iter();
+        match (
+            self.grid.slots.get(&index),
+            bodies.position(|b| b.id == body),
+        ) {
+            (Some(&slot), Some(b)) => self.nearest[slot][b].gap.into(),
+            _ => f64::INFINITY,
+        }
     }
 }

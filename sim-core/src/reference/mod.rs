@@ -299,13 +299,12 @@ impl ReferenceWorld {
                 }
             }
         }
-        for ((index, node), nearest) in grid.nodes.iter_mut().zip(&nearest) {
-            let x = index.map(|i| f64::from(i) * dx);
-            let velocity = std::array::from_fn(|i| {
+        for (_, node) in &mut grid.nodes {
+            node.velocity = std::array::from_fn(|i| {
                 keep * (node.momentum[i] / node.mass + dt * self.gravity[i])
             });
-            node.velocity = boundaries.constrain(x, velocity, nearest, dt, dx);
         }
+        grid.constrain(&boundaries, &nearest, dt, dx);
 
         // G2P, then every particle moves.
         for (p, stencil) in stencils.iter().enumerate() {
