@@ -15,7 +15,10 @@
 //! (`docs/decisions/0015-walls-of-second-order.md`).
 
 use super::{Held, Placed, THIN, approach::TOUCHING, shape::Shape};
-use crate::scene::{Aabb, Surface};
+use crate::{
+    mat3::dot,
+    scene::{Aabb, Surface},
+};
 
 /// How far nodes behind a boundary share what is in front of it [cells]: the reach of the stencil.
 const REACH: f64 = 1.5;
@@ -50,6 +53,8 @@ pub(crate) struct Face {
     /// Components of the velocity that it holds.
     grips: [bool; 3],
     velocity: [f64; 3],
+    /// Coulomb coefficient.
+    friction: f64,
 }
 
 /// Velocities on the way from forces to boundaries.
@@ -62,13 +67,30 @@ pub(crate) trait Nodes {
 }
 
 /// What boundaries along the axes made of a node.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Attached {
     /// Its velocity.
     pub velocity: [f64; 3],
-    /// What is obeyed already.
-    pub owners: Vec<Owner>,
+    owners: [Option<Owner>; 6],
 }
+
+impl Attached {
+    /// What no boundary along the axes has changed.
+    pub fn free(velocity: [f64; 3]) -> Self {
+        Self {
+            velocity,
+            owners: [None; 6],
+        }
+    }
+
+    /// Whether something is obeyed already.
+    pub fn obeys(&self, owner: Owner) -> bool {
+        self.owners.contains(&Some(owner))
+    }
+}
+
+/// Per axis and side.
+type All<'a> = [[Option<&'a Face>; 2]; 3];
 
 impl Face {
     fn new(owner: Owner, axis: usize, side: i32, at: f64, cell: f64) -> Self {
@@ -87,17 +109,17 @@ impl Face {
             },
             grips: [true; 3],
             velocity: [0.0; 3],
+            friction: 0.0,
         }
     }
 
-    /// Of a collider: a plane along the axes that does not turn, rub, or let go.
+    /// Of a collider: a plane along the axes that does not turn.
     pub(super) fn of_body(body: &Placed<'_>, cell: f64) -> Option<Self> {
         let contact = body.contact();
         let Shape::HalfSpace { .. } = body.body.shape else {
             return None;
         };
-        let rubs = contact.surface == Surface::Slip && contact.friction > 0.0;
-        if !body.holds() || rubs || body.angular != [0.0; 3] {
+        if !body.holds() || body.angular != [0.0; 3] {
             return None;
         }
         let normal = body.distance(body.start.translation).normal;
@@ -108,6 +130,7 @@ impl Face {
         Some(Self {
             grips: std::array::from_fn(|a| sticky || a == axis),
             velocity: body.linear,
+            friction: if sticky { 0.0 } else { contact.friction },
             ..Self::new(Owner::Body(body.id), axis, side, at, cell)
         })
     }
@@ -177,36 +200,64 @@ impl Face {
                 Owner::Region(_) => true,
             }
     }
+
+    /// Coulomb friction on a node in or behind the plane of a line that is `pressed` with this momentum: such nodes share it.
+    fn rub(&self, v: &mut [f64; 3], pressed: f64, index: [i32; 3], nodes: &impl Nodes) {
+        let mass_at = |n: i32| {
+            let mut index = index;
+            index[self.axis] = self.target - n * self.side;
+            nodes.node(index).map_or(0.0, |(mass, _)| mass)
+        };
+        let mass = mass_at(1) + mass_at(2);
+        let mut relative: [f64; 3] = std::array::from_fn(|a| v[a] - self.velocity[a]);
+        relative[self.axis] = 0.0;
+        let speed = dot(relative, relative).sqrt();
+        if speed > 0.0 && pressed > 0.0 {
+            let taken = (self.friction * pressed / (mass * speed)).min(1.0);
+            for a in 0..3 {
+                v[a] -= taken * relative[a];
+            }
+        }
+    }
 }
 
-/// The nodes of a line that move as one: their places and shares. None when they are at rest with the boundary.
-type Line = Option<Vec<(i32, f64)>>;
+/// The nodes of a line that move as one, and their shares.
+#[derive(Clone, Copy)]
+struct Line {
+    members: [(i32, f64); 5],
+    count: usize,
+    /// Share of the node that was asked for.
+    own: f64,
+}
 
-/// What faces of one axis that grip a component make of the node `i`: its own share, and all of its line.
-fn line(faces: &[&Face], i: i32) -> (f64, Line) {
+/// What the faces of one axis that grip component `q` make of the node `i`; none when they hold it where they are.
+fn line(along: &[Option<&Face>; 2], q: usize, i: i32) -> Option<Line> {
+    let faces = || along.iter().flatten().filter(|face| face.grips[q]);
     let mut own = (i, 1.0);
-    for face in faces {
-        if let 1..=2 = face.rank(i) {
+    for face in faces() {
+        if let rank @ 1..=2 = face.rank(i) {
             if own.0 != i {
-                return (0.0, None);
+                return None;
             }
-            own = (face.target, face.share[face.rank(i) as usize - 1]);
+            own = (face.target, face.share[rank as usize - 1]);
         }
     }
-    let (target, share) = own;
-    if faces
-        .iter()
-        .any(|face| (1..=2).contains(&face.rank(target)))
-    {
-        return (0.0, None);
+    let (target, own) = own;
+    if faces().any(|face| (1..=2).contains(&face.rank(target))) {
+        return None;
     }
-    let mut members = vec![(target, 1.0)];
-    for face in faces.iter().filter(|face| face.target == target) {
-        for (n, &share) in (1..).zip(&face.share) {
-            members.push((target - n * face.side, share));
+    let mut line = Line {
+        members: [(target, 1.0); 5],
+        count: 1,
+        own,
+    };
+    for face in faces().filter(|face| face.target == target) {
+        for (n, share) in (1..).zip(face.share) {
+            line.members[line.count] = (target - n * face.side, share);
+            line.count += 1;
         }
     }
-    (share, Some(members))
+    Some(line)
 }
 
 /// Velocity of a node near flat boundaries; none where matter is attached to none of them.
@@ -216,66 +267,87 @@ pub(crate) fn attached(
     nodes: &impl Nodes,
     cell: f64,
 ) -> Option<Attached> {
-    let near = |face: &&Face| (0..=2).contains(&face.rank(index[face.axis]));
-    if !faces.iter().any(|face| near(&face)) {
+    let near = |face: &Face| (0..=2).contains(&face.rank(index[face.axis]));
+    if !faces.iter().any(near) {
         return None;
     }
-    let (_, mut velocity) = nodes.node(index)?;
+    let raw = nodes.node(index)?.1;
+    let mut found = Attached::free(raw);
     // Those that act on this node or on those that move as one with it.
-    let acting: Vec<&Face> = faces
-        .iter()
-        .filter(|face| (-2..=4).contains(&face.rank(index[face.axis])))
-        .filter(|face| face.acts(index, nodes, cell))
-        .collect();
-    let owners: Vec<Owner> = acting
-        .iter()
-        .copied()
-        .filter(near)
-        .map(|face| face.owner)
-        .collect();
-    if owners.is_empty() {
+    let mut all: All<'_> = [[None; 2]; 3];
+    let mut count = 0;
+    for face in faces {
+        let of = &mut all[face.axis][usize::from(face.side > 0)];
+        let is_in_reach = (-2..=4).contains(&face.rank(index[face.axis]));
+        if of.is_none() && is_in_reach && face.acts(index, nodes, cell) {
+            *of = Some(face);
+            if near(face) {
+                found.owners[count] = Some(face.owner);
+                count += 1;
+            }
+        }
+    }
+    if count == 0 {
         return None;
     }
     for q in 0..3 {
-        let gripping: Vec<&Face> = acting.iter().copied().filter(|f| f.grips[q]).collect();
-        let Some(of) = gripping.iter().copied().find(|face| near(&face)) else {
-            continue;
-        };
-        velocity[q] = of.velocity[q] + component(&gripping, index, q, of.velocity[q], nodes);
+        let mut gripping = all.iter().flatten().flatten();
+        if let Some(face) = gripping.find(|face| face.grips[q] && near(face)) {
+            let u = face.velocity[q];
+            found.velocity[q] = u + component(&all, index, q, u, nodes).0;
+        }
     }
-    Some(Attached { velocity, owners })
+    for face in all.iter().flatten().flatten() {
+        if face.friction > 0.0 && (1..=2).contains(&face.rank(index[face.axis])) {
+            let u = face.velocity[face.axis];
+            let given = component(&all, index, face.axis, u, nodes).1;
+            face.rub(
+                &mut found.velocity,
+                given * f64::from(face.side),
+                index,
+                nodes,
+            );
+        }
+    }
+    Some(found)
 }
 
-/// Component `q` of the velocity of a node, relative to boundaries that move at `u`.
-fn component(faces: &[&Face], index: [i32; 3], q: usize, u: f64, nodes: &impl Nodes) -> f64 {
-    let mut own = 1.0;
-    let mut lines: [Vec<(i32, f64)>; 3] = Default::default();
-    for (axis, to) in lines.iter_mut().enumerate() {
-        let along: Vec<&Face> = faces.iter().copied().filter(|f| f.axis == axis).collect();
-        let (share, Some(line)) = line(&along, index[axis]) else {
-            return 0.0;
-        };
-        own *= share;
-        *to = line;
+/// Component `q` of the velocity of a node relative to boundaries that move at `u`, and the momentum that they give to all
+/// nodes that move as one with it.
+fn component(all: &All<'_>, index: [i32; 3], q: usize, u: f64, nodes: &impl Nodes) -> (f64, f64) {
+    let mut lines = index.map(|i| Line {
+        members: [(i, 1.0); 5],
+        count: 1,
+        own: 1.0,
+    });
+    let mut is_held = false;
+    for axis in 0..3 {
+        match line(&all[axis], q, index[axis]) {
+            Some(line) => lines[axis] = line,
+            None => is_held = true,
+        }
     }
-    let (mut momentum, mut mass) = (0.0, 0.0);
-    for &(i, a) in &lines[0] {
-        for &(j, b) in &lines[1] {
-            for &(k, c) in &lines[2] {
+    let (mut shared, mut mass, mut lever, mut momentum) = (0.0, 0.0, 0.0, 0.0);
+    for &(i, a) in &lines[0].members[..lines[0].count] {
+        for &(j, b) in &lines[1].members[..lines[1].count] {
+            for &(k, c) in &lines[2].members[..lines[2].count] {
                 let Some((m, v)) = nodes.node([i, j, k]) else {
                     continue;
                 };
                 let share = a * b * c;
-                momentum += share * m * (v[q] - u);
+                shared += share * m * (v[q] - u);
                 mass += share * share * m;
+                lever += share * m;
+                momentum += m * (v[q] - u);
             }
         }
     }
-    if mass > 0.0 {
-        own * momentum / mass
-    } else {
-        0.0
+    if is_held || mass == 0.0 {
+        return (0.0, -momentum);
     }
+    let v = shared / mass;
+    let own = lines[0].own * lines[1].own * lines[2].own;
+    (own * v, lever * v - momentum)
 }
 
 #[cfg(test)]
@@ -373,5 +445,22 @@ mod tests {
         assert_eq!(at(1), Some(middle));
         assert_eq!([at(0), at(2)], [Some(0.0); 2]);
         assert_eq!([at(-1), at(3)], [Some(-middle); 2]);
+    }
+
+    #[test]
+    fn a_line_that_is_pressed_loses_the_coefficient_times_what_presses_it() {
+        let nodes = Row(vec![(-1, 0.2, -0.01), (0, 0.6, -0.02), (1, 1.0, -0.01)]);
+        let face = Face {
+            friction: 0.3,
+            ..wall(0.0, 1, false)
+        };
+        let mut change = [0.0; 2];
+        for &(i, m, v) in &nodes.0 {
+            let found = attached(&[face], [i, 0, 0], &nodes, 1.0).expect("it touches");
+            change[0] += m * (found.velocity[0] - v);
+            change[1] += m * (found.velocity[1] - 0.5);
+        }
+        assert!(change[0] > 0.0);
+        assert!((change[1] + 0.3 * change[0]).abs() < 1e-15, "{change:?}");
     }
 }

@@ -13,7 +13,7 @@ pub(crate) mod sweep;
 pub(crate) mod touch;
 
 use approach::Nearest;
-use attach::{Face, Owner};
+use attach::{Attached, Face, Owner};
 use contact::Contact;
 use pose::{conjugate, from_rotation_vector, pose_at, product, rotate, rotation_vector};
 use serde::{Deserialize, Serialize};
@@ -574,25 +574,24 @@ impl NodeConditions<'_> {
         bodies.chain(regions).fold(0.0, f64::max)
     }
 
-    /// Velocity that a node at `x` may have in a substep of `dt` when forces alone would give it `v`: every collider in
-    /// order with its friction, then projections until all are obeyed at once. `nearest` is per collider; what is `obeyed`
-    /// already has no say.
+    /// Velocity that a node at `x` may have in a substep of `dt` when forces and what it obeys already would give it
+    /// another: every other collider in order with its friction, then projections until all are obeyed at once. `nearest` is
+    /// per collider.
     pub fn constrain(
         &self,
         x: [f64; 3],
-        v: [f64; 3],
         nearest: &[Nearest],
         dt: f64,
         cell: f64,
-        obeyed: &[Owner],
+        obeyed: &Attached,
     ) -> [f64; 3] {
-        let holds = |held: &&Held| held.holds(x) && !obeyed.contains(&Owner::Region(held.id));
+        let holds = |held: &&Held| held.holds(x) && !obeyed.obeys(Owner::Region(held.id));
         if let Some(held) = self.regions.iter().rev().find(holds) {
             return held.velocity;
         }
-        let free = |(body, _): &(&Placed<'_>, &Nearest)| !obeyed.contains(&Owner::Body(body.id));
+        let free = |(body, _): &(&Placed<'_>, &Nearest)| !obeyed.obeys(Owner::Body(body.id));
         let acting = self.bodies.iter().zip(nearest).filter(free);
-        contact::constrain(acting, x, v, dt, cell)
+        contact::constrain(acting, x, obeyed.velocity, dt, cell)
     }
 }
 

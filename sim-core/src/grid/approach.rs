@@ -7,7 +7,7 @@ use crate::{
     colliders::{
         NodeConditions, Placed,
         approach::{Nearest, RADIUS_MAX, RANGE},
-        attach::Owner,
+        attach::Attached,
     },
     particles::{BLOCK, Block, NO_PARTICLE, Particles, position_in_cells},
     simd::{F32x16, LANES},
@@ -253,17 +253,16 @@ impl Allowed<'_> {
 
     /// Velocity that the node `at`, 0..64 with z fastest, may have when forces alone would give it `v` [cells/s].
     pub fn constrain(&self, at: usize, v: [f64; 3]) -> [f64; 3] {
-        self.constrain_rest(at, v, &[])
+        self.constrain_rest(at, &Attached::free(v))
     }
 
     /// The same where some of it is obeyed already.
-    pub fn constrain_rest(&self, at: usize, v: [f64; 3], obeyed: &[Owner]) -> [f64; 3] {
+    pub fn constrain_rest(&self, at: usize, obeyed: &Attached) -> [f64; 3] {
         let local = [at / 16, at / 4 % 4, at % 4];
         let x = std::array::from_fn(|a| f64::from(BLOCK * self.index[a] + local[a] as i32));
         let count = self.conditions.bodies().len();
         let nearest = &self.nearest[count * at..][..count];
-        self.conditions
-            .constrain(x, v, nearest, self.dt, 1.0, obeyed)
+        self.conditions.constrain(x, nearest, self.dt, 1.0, obeyed)
     }
 
     /// How near matter that reaches a node is to a collider [cells].

@@ -116,14 +116,15 @@ fn constrain(block: &Before<'_>, around: &Around<'_>, acting: &Acting<'_>) -> (u
         }
         let local = [at / 16, at / 4 % 4, at % 4];
         let index = std::array::from_fn(|a| BLOCK * around.index[a] + local[a] as i32);
-        let Attached { velocity, owners } = attached(acting.boundaries.faces(), index, around, 1.0)
-            .unwrap_or_else(|| Attached {
-                velocity: std::array::from_fn(|a| f64::from(node[a]) + around.carrier[a]),
-                owners: vec![],
-            });
+        let obeyed = attached(acting.boundaries.faces(), index, around, 1.0);
+        let obeyed = obeyed.unwrap_or_else(|| {
+            Attached::free(std::array::from_fn(|a| {
+                f64::from(node[a]) + around.carrier[a]
+            }))
+        });
         let v = match allowed {
-            Some(allowed) => allowed.constrain_rest(at, velocity, &owners),
-            None => velocity,
+            Some(allowed) => allowed.constrain_rest(at, &obeyed),
+            None => obeyed.velocity,
         };
         for a in 0..3 {
             node[a] = (v[a] - around.carrier[a]) as f32;

@@ -34,7 +34,7 @@ pub(crate) fn near_block<'a>(
 mod tests {
     use super::*;
     use crate::{
-        colliders::{Boundaries, Substep, approach::Nearest},
+        colliders::{Boundaries, Substep, approach::Nearest, attach::Attached},
         mat3::dot,
         scene::{Scene, Surface},
         test_scenes::{add_plane, empty},
@@ -73,7 +73,13 @@ mod tests {
         let floor = planes(Surface::Separate, &[up]);
         let floor = now(&floor);
         let at = |z: f64, nearest: &[Nearest]| {
-            floor.constrain([0.0, 0.0, z], [0.3, 0.4, -2.0], nearest, 1e-3, 1.0, &[])
+            floor.constrain(
+                [0.0, 0.0, z],
+                nearest,
+                1e-3,
+                1.0,
+                &Attached::free([0.3, 0.4, -2.0]),
+            )
         };
         for z in [-1.0, 0.0, 0.2] {
             assert_eq!(at(z, &touching(&[up])), [0.0; 3]);
@@ -88,7 +94,7 @@ mod tests {
         let normals = [[s, 0.0, c], [-s, 0.0, c], [0.0, 1.0, 0.0]];
         let boundary = planes(Surface::Separate, &normals);
         let (x, v) = ([0.0, -1.0, -9.0], [1.0, -2.0, -3.0]);
-        let v = now(&boundary).constrain(x, v, &touching(&normals), 1e-3, 1.0, &[]);
+        let v = now(&boundary).constrain(x, &touching(&normals), 1e-3, 1.0, &Attached::free(v));
         for normal in normals {
             assert!(dot(v, normal) >= -1e-5, "{v:?} into {normal:?}");
         }

@@ -116,12 +116,9 @@ impl Grid {
         let velocities: Vec<[f64; 3]> = (self.nodes.iter().zip(nearest))
             .map(|((index, node), nearest)| {
                 let x = index.map(|i| f64::from(i) * dx);
-                let Attached { velocity, owners } = attached(boundaries.faces(), *index, &seen, dx)
-                    .unwrap_or(Attached {
-                        velocity: node.velocity,
-                        owners: vec![],
-                    });
-                boundaries.constrain(x, velocity, nearest, dt, dx, &owners)
+                let obeyed = attached(boundaries.faces(), *index, &seen, dx);
+                let obeyed = obeyed.unwrap_or(Attached::free(node.velocity));
+                boundaries.constrain(x, nearest, dt, dx, &obeyed)
             })
             .collect();
         for ((_, node), velocity) in self.nodes.iter_mut().zip(velocities) {
