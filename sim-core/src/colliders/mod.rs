@@ -5,6 +5,7 @@
 pub(crate) mod approach;
 pub(crate) mod attach;
 pub(crate) mod contact;
+mod held;
 mod mesh;
 pub(crate) mod pose;
 pub(crate) mod rules;
@@ -15,6 +16,7 @@ pub(crate) mod touch;
 use approach::Nearest;
 use attach::{Attached, Face, Owner};
 use contact::Contact;
+use held::{Held, is_empty};
 use pose::{conjugate, from_rotation_vector, pose_at, product, rotate, rotation_vector};
 use serde::{Deserialize, Serialize};
 use shape::{Distance, Shape};
@@ -126,17 +128,6 @@ pub(crate) struct Placed<'a> {
     linear: [f64; 3],
     /// Angular velocity [rad/s].
     angular: [f64; 3],
-}
-
-/// A held region during one substep.
-#[derive(Clone, Copy, Debug)]
-struct Held {
-    bounds: Aabb,
-    velocity: [f64; 3],
-    /// Whether it acts always and no matter was in it at the start.
-    is_empty: bool,
-    /// Place among all regions.
-    id: usize,
 }
 
 /// Everything that acts on grid nodes in one substep.
@@ -361,13 +352,6 @@ impl Boundaries {
             faces: vec![],
         }
     }
-}
-
-/// Whether a region always acts and no particle is in it at the start.
-fn is_empty(region: &PinnedRegion, scene: &Scene) -> bool {
-    let Aabb { min, max } = region.bounds;
-    let inside = |x: &[f64; 3]| (0..3).all(|a| (min[a]..=max[a]).contains(&x[a]));
-    region.span == TimeSpan::ALWAYS && !scene.particles.position.iter().any(inside)
 }
 
 /// The faces of the domain as walls.
@@ -599,14 +583,4 @@ impl NodeConditions<'_> {
 pub(crate) fn farthest(from: [f64; 3], min: [f64; 3], max: [f64; 3]) -> f64 {
     let far = |a: usize| (from[a] - min[a]).abs().max((from[a] - max[a]).abs());
     (far(0).powi(2) + far(1).powi(2) + far(2).powi(2)).sqrt()
-}
-
-impl Held {
-    fn holds(&self, x: [f64; 3]) -> bool {
-        (0..3).all(|a| (self.bounds.min[a]..=self.bounds.max[a]).contains(&x[a]))
-    }
-
-    fn touches(&self, first: [f64; 3], last: [f64; 3]) -> bool {
-        (0..3).all(|a| last[a] >= self.bounds.min[a] && first[a] <= self.bounds.max[a])
-    }
 }
