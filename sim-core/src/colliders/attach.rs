@@ -201,6 +201,33 @@ impl Face {
             }
     }
 
+    /// What [`component`] gives for all that it grips, where no other face acts and nothing rubs: most nodes.
+    fn carry(&self, velocity: &mut [f64; 3], index: [i32; 3], nodes: &impl Nodes) {
+        let (mut shared, mut mass) = ([0.0; 3], 0.0);
+        for (n, share) in (0..).zip([1.0, self.share[0], self.share[1]]) {
+            let mut at = index;
+            at[self.axis] = self.target - n * self.side;
+            if let Some((m, v)) = nodes.node(at) {
+                for q in 0..3 {
+                    shared[q] += share * m * (v[q] - self.velocity[q]);
+                }
+                mass += share * share * m;
+            }
+        }
+        let own = match self.rank(index[self.axis]) {
+            0 => 1.0,
+            rank => self.share[rank as usize - 1],
+        };
+        for q in (0..3).filter(|&q| self.grips[q]) {
+            let carried = if mass > 0.0 {
+                own * (shared[q] / mass)
+            } else {
+                0.0
+            };
+            velocity[q] = self.velocity[q] + carried;
+        }
+    }
+
     /// Coulomb friction on a node in or behind the plane of a line that is `pressed` with this momentum: such nodes share it.
     fn rub(&self, v: &mut [f64; 3], pressed: f64, index: [i32; 3], nodes: &impl Nodes) {
         let mass_at = |n: i32| {
@@ -289,6 +316,13 @@ pub(crate) fn attached(
     }
     if count == 0 {
         return None;
+    }
+    let mut acting = all.iter().flatten().flatten();
+    if let (Some(face), None) = (acting.next(), acting.next())
+        && face.friction == 0.0
+    {
+        face.carry(&mut found.velocity, index, nodes);
+        return Some(found);
     }
     for q in 0..3 {
         let mut gripping = all.iter().flatten().flatten();
