@@ -91,6 +91,13 @@ pub struct Aabb {
     pub max: [f64; 3],
 }
 
+impl Aabb {
+    /// Whether a point is inside, faces included; NaN is not.
+    pub fn contains(&self, x: [f64; 3]) -> bool {
+        (0..3).all(|a| (self.min[a]..=self.max[a]).contains(&x[a]))
+    }
+}
+
 /// One object: a contiguous run of particles and of Gaussians.
 #[derive(Clone, Debug)]
 pub struct Object {

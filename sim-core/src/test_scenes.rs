@@ -5,6 +5,14 @@ use crate::{
     scene::{Collider, ColliderShape, Object, Pose, Scene, Surface, TriangleMesh},
 };
 
+/// Numbers between -1 and 1 by a fixed linear congruence.
+pub fn random(seed: &mut u64) -> f64 {
+    *seed = seed
+        .wrapping_mul(6_364_136_223_846_793_005)
+        .wrapping_add(1_442_695_040_888_963_407);
+    (*seed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+}
+
 /// A scene without objects, gravity or boundaries in a cube of 200 m.
 pub fn empty(dx: f64) -> Scene {
     Scene::empty("test", dx)

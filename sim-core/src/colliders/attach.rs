@@ -40,7 +40,7 @@ pub(crate) enum Owner {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Face {
     /// Whose it is.
-    pub owner: Owner,
+    owner: Owner,
     axis: usize,
     /// On which side matter is, +1 or -1.
     side: i32,
@@ -169,6 +169,13 @@ impl Face {
         self.side * (self.target - i)
     }
 
+    /// In the line of nodes through `index` the one that is `n` behind its target.
+    fn behind(&self, index: [i32; 3], n: i32) -> [i32; 3] {
+        let mut node = index;
+        node[self.axis] = self.target - n * self.side;
+        node
+    }
+
     /// Whether it may act on a node of a box of nodes [units].
     pub fn touches(&self, first: [f64; 3], last: [f64; 3], cell: f64) -> bool {
         (0..3).all(|a| {
@@ -183,15 +190,10 @@ impl Face {
 
     /// Whether matter in the line of nodes through `index` is attached to it.
     fn acts(&self, index: [i32; 3], nodes: &impl Nodes, cell: f64) -> bool {
-        let inside = |a: usize| {
-            let x = f64::from(index[a]) * cell;
-            (self.bounds.min[a]..=self.bounds.max[a]).contains(&x)
-        };
-        if !(0..3).all(|a| a == self.axis || inside(a)) {
+        if !self.bounds.contains(index.map(|i| f64::from(i) * cell)) {
             return false;
         }
-        let mut nearest = index;
-        nearest[self.axis] = self.target - self.side;
+        let nearest = self.behind(index, 1);
         nodes.node(nearest).is_some()
             && match self.owner {
                 Owner::Body(id) => {
@@ -205,9 +207,7 @@ impl Face {
     fn carry(&self, velocity: &mut [f64; 3], index: [i32; 3], nodes: &impl Nodes) {
         let (mut shared, mut mass) = ([0.0; 3], 0.0);
         for (n, share) in (0..).zip([1.0, self.share[0], self.share[1]]) {
-            let mut at = index;
-            at[self.axis] = self.target - n * self.side;
-            if let Some((m, v)) = nodes.node(at) {
+            if let Some((m, v)) = nodes.node(self.behind(index, n)) {
                 for q in 0..3 {
                     shared[q] += share * m * (v[q] - self.velocity[q]);
                 }
@@ -231,9 +231,8 @@ impl Face {
     /// Coulomb friction on a node in or behind the plane of a line that is `pressed` with this momentum: such nodes share it.
     fn rub(&self, v: &mut [f64; 3], pressed: f64, index: [i32; 3], nodes: &impl Nodes) {
         let mass_at = |n: i32| {
-            let mut index = index;
-            index[self.axis] = self.target - n * self.side;
-            nodes.node(index).map_or(0.0, |(mass, _)| mass)
+            let node = nodes.node(self.behind(index, n));
+            node.map_or(0.0, |(mass, _)| mass)
         };
         let mass = mass_at(1) + mass_at(2);
         let mut relative: [f64; 3] = std::array::from_fn(|a| v[a] - self.velocity[a]);

@@ -15,7 +15,7 @@ pub(super) struct Held {
 
 impl Held {
     pub fn holds(&self, x: [f64; 3]) -> bool {
-        (0..3).all(|a| (self.bounds.min[a]..=self.bounds.max[a]).contains(&x[a]))
+        self.bounds.contains(x)
     }
 
     pub fn touches(&self, first: [f64; 3], last: [f64; 3]) -> bool {
@@ -25,7 +25,6 @@ impl Held {
 
 /// Whether a region always acts and no particle is in it at the start.
 pub(super) fn is_empty(region: &PinnedRegion, scene: &Scene) -> bool {
-    let Aabb { min, max } = region.bounds;
-    let inside = |x: &[f64; 3]| (0..3).all(|a| (min[a]..=max[a]).contains(&x[a]));
+    let inside = |x: &[f64; 3]| region.bounds.contains(*x);
     region.span == TimeSpan::ALWAYS && !scene.particles.position.iter().any(inside)
 }

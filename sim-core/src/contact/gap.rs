@@ -326,16 +326,8 @@ mod tests {
         mat3::dot,
         particles::NO_PARTICLE,
         step::sort::{Newcomer, place},
-        test_scenes::empty,
+        test_scenes::{empty, random},
     };
-
-    /// Numbers between -1 and 1 by a fixed linear congruence.
-    fn random(seed: &mut u64) -> f64 {
-        *seed = seed
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (*seed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
 
     /// Two clouds that overlap, with some particles far out of their blocks, and the grid around them.
     fn clouds(seed: &mut u64) -> (Particles, Grid) {

@@ -168,12 +168,7 @@ mod tests {
     fn off_centre_contact_with_friction_never_adds_energy() {
         // A sample of positive definite matrices and approach velocities from a fixed linear congruence.
         let mut seed = 1_u64;
-        let mut random = || {
-            seed = seed
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
+        let mut random = || 0.5 * crate::test_scenes::random(&mut seed);
         let mut worst = f64::NEG_INFINITY;
         for _ in 0..1000 {
             let m = Mat3([[random(); 3].map(|_| random()); 3].map(|row| row.map(|_| random())));

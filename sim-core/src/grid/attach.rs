@@ -6,7 +6,7 @@ use super::{
     NONE, NodeBlock, Velocities,
     approach::{Acting, Allowed},
     boundary::attaches,
-    node_pass::holds_matter,
+    node_pass::{constrain, holds_matter},
     topology::neighbours,
 };
 use crate::{
@@ -93,7 +93,7 @@ pub(super) fn attach(
                 before: &before,
                 carrier,
             };
-            constrain(block, &around, acting)
+            constrain_block(block, &around, acting)
         })
         .collect();
     let mut largest = 0;
@@ -105,31 +105,23 @@ pub(super) fn attach(
 }
 
 /// All conditions on the nodes of one block.
-fn constrain(block: &Before<'_>, around: &Around<'_>, acting: &Acting<'_>) -> (u32, Velocities) {
+fn constrain_block(
+    block: &Before<'_>,
+    around: &Around<'_>,
+    acting: &Acting<'_>,
+) -> (u32, Velocities) {
     let allowed = block.allowed.as_ref();
-    let mut largest = allowed.map_or(0, |allowed| (allowed.speed() as f32).to_bits());
+    let given = allowed.map_or(0, |allowed| (allowed.speed() as f32).to_bits());
     let mut out = block.velocities;
-    for at in 0..64 {
-        let node = &mut out.0[at / 4].0[4 * (at % 4)..][..4];
-        if node[3] == 0.0 {
-            continue;
-        }
+    let left = constrain(&mut out, around.carrier, |at, v| {
         let local = [at / 16, at / 4 % 4, at % 4];
         let index = std::array::from_fn(|a| BLOCK * around.index[a] + local[a] as i32);
         let obeyed = attached(acting.boundaries.faces(), index, around, 1.0);
-        let obeyed = obeyed.unwrap_or_else(|| {
-            Attached::free(std::array::from_fn(|a| {
-                f64::from(node[a]) + around.carrier[a]
-            }))
-        });
-        let v = match allowed {
+        let obeyed = obeyed.unwrap_or(Attached::free(v));
+        match allowed {
             Some(allowed) => allowed.constrain_rest(at, &obeyed),
             None => obeyed.velocity,
-        };
-        for a in 0..3 {
-            node[a] = (v[a] - around.carrier[a]) as f32;
-            largest = largest.max((v[a] as f32).abs().to_bits());
         }
-    }
-    (largest, out)
+    });
+    (given.max(left), out)
 }

@@ -3,11 +3,8 @@
 use rayon::prelude::*;
 
 use super::{
-    Cells, FRONT, Grid, NONE, NodeBlock, Tile, Velocities,
-    approach::{Acting, Allowed},
-    attach::attach,
-    boundary::attaches,
-    topology::OFFSETS,
+    Cells, FRONT, Grid, NONE, NodeBlock, Tile, Velocities, approach::Acting, attach::attach,
+    boundary::attaches, topology::OFFSETS,
 };
 use crate::{
     particles::BLOCK,
@@ -59,7 +56,7 @@ pub(crate) fn node_pass(
                 && let Some(allowed) = acting.on(block)
             {
                 let given = (allowed.speed() as f32).to_bits();
-                let left = constrain(&allowed, carrier, out);
+                let left = constrain(out, carrier, |at, v| allowed.constrain(at, v));
                 largest = largest.max(given).max(left);
             }
             largest
@@ -272,9 +269,13 @@ pub(super) fn holds_matter(block: &Velocities) -> bool {
     rows.any(|row| row[3] != 0.0 || row[7] != 0.0 || row[11] != 0.0 || row[15] != 0.0)
 }
 
-/// Applies colliders and held regions to the nodes of a block, one by one; returns the largest magnitude of a velocity
-/// component as bits. Nodes without matter, which no particle reads, stay as they are.
-fn constrain(allowed: &Allowed<'_>, carrier: [f64; 3], out: &mut Velocities) -> u32 {
+/// Gives the nodes of a block, one by one, the velocity that boundaries allow at a place when it would be another; returns
+/// the largest magnitude of a component as bits. Nodes without matter, which no particle reads, stay as they are.
+pub(super) fn constrain(
+    out: &mut Velocities,
+    carrier: [f64; 3],
+    allowed: impl Fn(usize, [f64; 3]) -> [f64; 3],
+) -> u32 {
     let mut largest = 0;
     for at in 0..64 {
         let node = &mut out.0[at / 4].0[4 * (at % 4)..][..4];
@@ -282,7 +283,7 @@ fn constrain(allowed: &Allowed<'_>, carrier: [f64; 3], out: &mut Velocities) -> 
             continue;
         }
         let v = std::array::from_fn(|a| f64::from(node[a]) + carrier[a]);
-        let v = allowed.constrain(at, v);
+        let v = allowed(at, v);
         for a in 0..3 {
             node[a] = (v[a] - carrier[a]) as f32;
             largest = largest.max((v[a] as f32).abs().to_bits());

@@ -351,7 +351,7 @@ impl ReferenceWorld {
             if stencil.is_none() {
                 continue;
             }
-            if !contains(&domain, particles.position[p]) {
+            if !domain.contains(particles.position[p]) {
                 particles.mass[p] = 0.0;
                 particles.volume[p] = 0.0;
                 report.left_domain.push(p as u32);
@@ -368,11 +368,6 @@ impl ReferenceWorld {
             report.dt_object = cause.object;
         }
     }
-}
-
-/// Whether a point is in a box, faces included; NaN is not.
-fn contains(domain: &Aabb, x: [f64; 3]) -> bool {
-    (0..3).all(|i| domain.min[i] <= x[i] && x[i] <= domain.max[i])
 }
 
 /// What has to be remembered from the start of a frame to its end.

@@ -142,8 +142,7 @@ fn an_isolated_particle_is_stable_just_below_the_critical_step_and_not_above() {
 #[derive(Clone, Copy, Debug)]
 enum Clamp {
     Region,
-    Sticky,
-    Slip,
+    Wall(Surface),
 }
 
 /// Period [s] and amplitude after ten periods, relative to the start, of a bar in its first axial mode, held `offset` cells
@@ -167,20 +166,9 @@ fn bar(cells: usize, offset: f64, held: Clamp) -> (f64, f64) {
             min: [-10.0 * dx, -10.0 * dx, -10.0 * dx],
             max: [at, 10.0 * dx, 10.0 * dx],
         })),
-        Clamp::Sticky => add_plane(
-            &mut scene,
-            [at, 0.0, 0.0],
-            [1.0, 0.0, 0.0],
-            Surface::Sticky,
-            0.0,
-        ),
-        Clamp::Slip => add_plane(
-            &mut scene,
-            [at, 0.0, 0.0],
-            [1.0, 0.0, 0.0],
-            Surface::Slip,
-            0.0,
-        ),
+        Clamp::Wall(surface) => {
+            add_plane(&mut scene, [at, 0.0, 0.0], [1.0, 0.0, 0.0], surface, 0.0)
+        }
     }
     let mut world = ReferenceWorld::new(&scene);
     let k = std::f64::consts::PI / (2.0 * length);
@@ -228,8 +216,8 @@ fn a_bar_rings_at_its_textbook_period_to_second_order_wherever_it_is_held() {
     for (offset, held, gain) in [
         (0.0, Clamp::Region, 3.5),
         (0.2, Clamp::Region, 2.5),
-        (0.6, Clamp::Sticky, 2.5),
-        (0.0, Clamp::Slip, 3.5),
+        (0.6, Clamp::Wall(Surface::Sticky), 2.5),
+        (0.0, Clamp::Wall(Surface::Slip), 3.5),
     ] {
         let (coarse, _) = bar(13, offset, held);
         let (fine, amplitude) = bar(26, offset, held);

@@ -326,7 +326,7 @@ impl Region {
     pub fn contains(&self, x: [f64; 3]) -> bool {
         let from = |c: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| x[a] - c[a]) };
         match *self {
-            Self::Box(b) => (0..3).all(|a| (b.min[a]..=b.max[a]).contains(&x[a])),
+            Self::Box(b) => b.contains(x),
             Self::Sphere { center, radius } => {
                 let r = from(center);
                 dot(r, r) <= radius * radius

@@ -6,7 +6,6 @@ use super::{
     edit::bounds_of,
     error::{At, Finding, SceneErrors},
     report::BuildReport,
-    select::contains,
     spec::SceneFile,
 };
 use crate::{
@@ -46,7 +45,7 @@ pub(super) fn check(
         let positions = &scene.particles.position[object.particles.clone()];
         let outside = positions
             .iter()
-            .filter(|p| !contains(&scene.domain, **p))
+            .filter(|p| !scene.domain.contains(**p))
             .count();
         if outside > 0 {
             let message = format!(
@@ -112,7 +111,7 @@ pub(super) fn check(
             .particles
             .position
             .iter()
-            .any(|p| contains(&region.bounds, *p));
+            .any(|p| region.bounds.contains(*p));
         if !held {
             let at = At {
                 field: format!("pinned_regions[{n}]"),

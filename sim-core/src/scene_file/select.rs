@@ -30,7 +30,7 @@ impl Placed {
                 all.filter(|&i| ids.contains(&id[i])).collect()
             }
             Select::Boxes(boxes) => {
-                let inside = |p| boxes.iter().any(|b| contains(b, p));
+                let inside = |p| boxes.iter().any(|b| b.contains(p));
                 all.filter(|&i| inside(position(i))).collect()
             }
             Select::Component(n, link) => {
@@ -159,11 +159,6 @@ impl Placed {
         parts.sort_by_key(|p| (usize::MAX - p.len(), p[0]));
         Ok(parts)
     }
-}
-
-/// Whether a box holds a point.
-pub(super) fn contains(b: &Aabb, p: [f64; 3]) -> bool {
-    (0..3).all(|a| (b.min[a]..=b.max[a]).contains(&p[a]))
 }
 
 /// Longest side of a box [m].

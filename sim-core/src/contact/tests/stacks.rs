@@ -112,10 +112,7 @@ fn a_block_on_two_others_takes_no_energy_from_nowhere() {
     // Off their lattice, by a fixed linear congruence: what is regular presses regularly.
     let mut seed = 1_u64;
     for x in scene.particles.position.iter_mut().flatten() {
-        seed = seed
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        *x += 0.3 * spacing * ((seed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0);
+        *x += 0.3 * spacing * crate::test_scenes::random(&mut seed);
     }
     add_plane(
         &mut scene,
