@@ -341,6 +341,9 @@ enum World {
 impl World {
     fn new(args: &Args, scene: &Scene) -> anyhow::Result<Self> {
         if args.f64 {
+            if scene.conditions.settle > 0.0 {
+                bail!("--f64 cannot let a scene come to rest: add --set settle=0");
+            }
             return Ok(Self::Reference(Box::new(ReferenceWorld::new(scene))));
         }
         let isa = args.isa.unwrap_or_else(Isa::detect);

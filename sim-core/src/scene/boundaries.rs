@@ -246,6 +246,9 @@ pub struct Conditions {
     pub domain_policy: DomainPolicy,
     /// Rate at which all velocities decay towards rest [1/s], >= 0.
     pub damping: f64,
+    /// How long everything comes to rest before time 0 [s], with velocities damped and nothing moved but by gravity; 0:
+    /// matter begins without stress. Only where no rule and no collider moves by itself.
+    pub settle: f64,
     /// See [`Transfer`].
     pub transfer: Transfer,
     /// Part of the strain rate of `C` that every APIC transfer to the grid drops, 0..=1 (the RPIC damping of

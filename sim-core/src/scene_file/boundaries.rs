@@ -260,9 +260,10 @@ pub(super) fn pinned_region(table: Table) -> Option<PinnedRegion> {
     })
 }
 
-/// `damping`, `transfer`, `rpic_damping` and the arrays `[[prescribed]]`, `[[impulses]]` and `[[releases]]`.
+/// `damping`, `settle`, `transfer`, `rpic_damping` and the arrays `[[prescribed]]`, `[[impulses]]` and `[[releases]]`.
 pub(super) fn conditions(root: &Table, policy: DomainPolicy, objects: &Names) -> ConditionSpecs {
     let damping = root.get("damping").and_then(|e| e.number(l::DAMPING));
+    let settle = root.get("settle").and_then(|e| e.number(l::SETTLE));
     let rpic_damping = root
         .get("rpic_damping")
         .and_then(|e| e.number(l::RPIC_DAMPING));
@@ -276,6 +277,7 @@ pub(super) fn conditions(root: &Table, policy: DomainPolicy, objects: &Names) ->
     let mut found = ConditionSpecs {
         domain_policy: policy,
         damping: damping.unwrap_or(0.0),
+        settle: settle.unwrap_or(0.0),
         transfer: transfer.unwrap_or_default(),
         rpic_damping: rpic_damping.unwrap_or(0.0),
         ..Default::default()
@@ -479,6 +481,7 @@ pub(super) fn build_conditions(
     let mut conditions = Conditions {
         domain_policy: specs.domain_policy,
         damping: specs.damping,
+        settle: specs.settle,
         transfer: specs.transfer,
         rpic_damping: specs.rpic_damping,
         ..Default::default()

@@ -19,6 +19,7 @@ pub(super) const SCALE: Bounds = bounds(1e-6, 1e6, "m per unit");
 pub(super) const ANGLE: Bounds = bounds(-3600.0, 3600.0, "degrees");
 pub(super) const DIRECTION: Bounds = bounds(-1e6, 1e6, "");
 pub(super) const TOLERANCE: Bounds = bounds(1e-6, 0.5, "of the radius");
+pub(super) const SETTLE: Bounds = bounds(0.0, 100.0, "s");
 pub(super) const JITTER: Bounds = bounds(0.0, 0.5, "of the spacing");
 pub(super) const FRICTION: Bounds = bounds(0.0, 100.0, "");
 pub(super) const RESTITUTION: Bounds = bounds(0.0, 1.0, "");

@@ -315,6 +315,8 @@ pub struct ConditionSpecs {
     pub domain_policy: DomainPolicy,
     /// See [`Conditions::damping`](crate::scene::Conditions::damping).
     pub damping: f64,
+    /// See [`Conditions::settle`](crate::scene::Conditions::settle).
+    pub settle: f64,
     /// See [`Conditions::transfer`](crate::scene::Conditions::transfer).
     pub transfer: Transfer,
     /// See [`Conditions::rpic_damping`](crate::scene::Conditions::rpic_damping).

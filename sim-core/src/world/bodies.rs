@@ -220,11 +220,16 @@ impl World {
                 })
                 .collect();
             self.form_body(object, &loose, None);
-            let o = &self.scene.objects[object];
-            let (linear, g) = (o.linear_velocity, o.velocity_gradient);
-            let spin = [g[2][1] - g[1][2], g[0][2] - g[2][0], g[1][0] - g[0][1]];
-            self.set_body_velocity(object, linear, spin.map(|w| 0.5 * w));
+            self.start_body(object);
         }
+    }
+
+    /// Gives a body the velocity and spin that it begins with.
+    pub(super) fn start_body(&mut self, object: usize) {
+        let o = &self.scene.objects[object];
+        let (linear, g) = (o.linear_velocity, o.velocity_gradient);
+        let spin = [g[2][1] - g[1][2], g[0][2] - g[2][0], g[1][0] - g[0][1]];
+        self.set_body_velocity(object, linear, spin.map(|w| 0.5 * w));
     }
 
     /// Whether a point [m] is in the domain.

@@ -50,7 +50,25 @@ pub(super) fn validate(scene: &Scene) -> Result<(), WorldError> {
         all(&format!("velocity of {what}"), &region.velocity)?;
         span(&what, &region.span)?;
     }
+    if scene.conditions.settle > 0.0 && moves(scene) {
+        return Err(WorldError::Unsettled);
+    }
     conditions(&scene.conditions)
+}
+
+/// Whether something moves by itself, or acts on particles.
+fn moves(scene: &Scene) -> bool {
+    let conditions = &scene.conditions;
+    let colliders = scene.colliders.iter();
+    let regions = scene.pinned_regions.iter();
+    colliders
+        .map(|c| &c.motion)
+        .any(|m| *m != ColliderMotion::Static)
+        || regions.map(|r| r.velocity).any(|v| v != [0.0; 3])
+        || scene.objects.iter().any(|o| o.body_force.is_some())
+        || !conditions.prescribed.is_empty()
+        || !conditions.impulses.is_empty()
+        || !conditions.releases.is_empty()
 }
 
 fn collider(what: &str, collider: &Collider) -> Result<(), WorldError> {
@@ -122,6 +140,7 @@ fn collider(what: &str, collider: &Collider) -> Result<(), WorldError> {
 }
 
 fn conditions(conditions: &Conditions) -> Result<(), WorldError> {
+    within(|| "settle".into(), conditions.settle, 0.0, 1e4)?;
     for (id, rule) in conditions.prescribed.iter().enumerate() {
         let what = format!("prescribed motion {id}");
         selection(&what, &rule.selection)?;

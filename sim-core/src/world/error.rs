@@ -65,6 +65,11 @@ pub enum WorldError {
         /// Object id.
         object: usize,
     },
+    /// A scene cannot come to rest while something in it moves by itself.
+    #[error(
+        "settle is for scenes in which nothing moves by itself: no moving collider or held region, no rule, no body_force"
+    )]
+    Unsettled,
     /// Parallel arrays differ in length.
     #[error(
         "scene has {positions} particle positions and {volumes} volumes, expected equal counts"

@@ -96,7 +96,7 @@ impl Standing {
     }
 
     /// Forgets what it saw.
-    fn look_anew(&mut self) {
+    pub fn look_anew(&mut self) {
         self.looks.clear();
         self.unseen = 0.0;
     }
@@ -342,7 +342,7 @@ impl World {
     }
 
     /// Takes note of where an object is.
-    fn watch(&mut self, object: usize, frame: f64) {
+    pub(super) fn watch(&mut self, object: usize, frame: f64) {
         let position = &self.published.position;
         let samples = samples(&self.scene.objects[object]);
         self.state.standing[object].look(frame, || samples.map(|p| position[p]).collect());

@@ -48,6 +48,10 @@ impl World {
         self.form_bodies();
         self.publish_bodies();
         self.report = StepReport::default();
+        if self.scene.conditions.settle > 0.0 {
+            self.come_to_rest(&newcomers);
+            self.report = StepReport::default();
+        }
     }
 
     /// Flags particles outside the domain.

@@ -15,6 +15,7 @@ mod initial;
 mod nodes;
 mod outside;
 mod published;
+mod settling;
 mod shape_match;
 mod spheres;
 mod stand_in;

@@ -10,6 +10,7 @@ mod resting;
 mod rigid;
 mod robustness;
 mod rules;
+mod settling;
 mod shape_match;
 mod sleep;
 mod spheres;

@@ -1,0 +1,91 @@
+//! What happens before time 0: objects that stand where they are placed take up their own weight.
+//!
+//! Matter begins without stress, so gravity sets it ringing. A scene may let it come to rest first.
+
+use super::{Frame, World};
+use crate::{
+    particles::{Extremes, Motion, NO_PARTICLE},
+    simd::LANES,
+    step::sort::Newcomer,
+};
+
+/// Damping in that time, over its length: vibration shrinks by `e^-10`, and what is slower than one swing in it creeps.
+const DECAY: f64 = 20.0;
+
+impl World {
+    /// Lets everything come to rest under gravity, as long as the scene says, then gives the particles the velocities
+    /// of `newcomers` and the bodies theirs. Time does not pass, and what is still afterwards may sleep at once.
+    pub(super) fn come_to_rest(&mut self, newcomers: &[Newcomer]) {
+        let span = self.scene.conditions.settle;
+        let objects = 0..self.scene.objects.len();
+        for motion in &mut self.state.particles.motion {
+            *motion = Motion::REST;
+        }
+        for object in objects.clone() {
+            self.set_body_velocity(object, [0.0; 3], [0.0; 3]);
+        }
+        let own = self.scene.conditions.damping;
+        self.scene.conditions.damping = own + DECAY / span;
+        self.publish_particles();
+        self.report = self.measure(&Frame::new(0.0));
+        let frames = (span * self.scene.frame_rate).ceil().max(1.0);
+        for _ in 0..frames as usize {
+            let mut frame = Frame::new(span / frames);
+            self.advance(&mut frame);
+            self.publish_particles();
+            self.report = self.measure(&frame);
+            for object in objects.clone() {
+                if self.is_automatic(object) {
+                    self.watch(object, frame.length);
+                }
+            }
+        }
+        self.scene.conditions.damping = own;
+        self.begin(newcomers);
+        self.publish_particles();
+    }
+
+    fn publish_particles(&mut self) {
+        let (particles, carrier) = (&self.state.particles, self.state.carrier);
+        self.published.update(particles, carrier, self.scene.dx);
+        self.publish_bodies();
+    }
+
+    /// Gives everything its initial velocity, and forgets how it came to rest.
+    fn begin(&mut self, newcomers: &[Newcomer]) {
+        let mut of = vec![usize::MAX; self.scene.particles.position.len()];
+        for (n, newcomer) in newcomers.iter().enumerate() {
+            of[newcomer.id as usize] = n;
+        }
+        let particles = &mut self.state.particles;
+        for (motion, fixed) in particles.motion.iter_mut().zip(&particles.fixed) {
+            *motion = Motion::REST;
+            for lane in (0..LANES).filter(|&lane| fixed.id[lane] != NO_PARTICLE) {
+                let newcomer = &newcomers[of[fixed.id[lane] as usize]];
+                for a in 0..3 {
+                    motion.v[a].0[lane] = newcomer.v[a];
+                }
+                for n in 0..9 {
+                    motion.c[n].0[lane] = newcomer.c[n];
+                }
+            }
+        }
+        for (id, object) in self.scene.objects.iter().enumerate() {
+            let moves = object.velocity.is_some()
+                || object.linear_velocity != [0.0; 3]
+                || object.velocity_gradient != [[0.0; 3]; 3];
+            if moves {
+                self.state.standing[id].look_anew();
+            }
+        }
+        for object in 0..self.scene.objects.len() {
+            self.start_body(object);
+        }
+        self.state.extremes.fill(Extremes::NONE);
+        self.state.carrier = [0.0; 3];
+        self.state.grid_speed = 0.0;
+        self.state.drift = f64::INFINITY;
+        self.state.episodes = Default::default();
+        self.state.momentum.fill([0.0; 3]);
+    }
+}
