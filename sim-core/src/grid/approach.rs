@@ -2,7 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::{NONE, NodeBlock, TILE, boundary::near_block, topology::OFFSETS};
+use super::{
+    NONE, NodeBlock, TILE,
+    boundary::{corners, near_block},
+    topology::OFFSETS,
+};
 use crate::{
     colliders::{
         NodeConditions, Placed,
@@ -13,15 +17,29 @@ use crate::{
     simd::{F32x16, LANES},
 };
 
-/// Nodes of a tile.
-const NODES: usize = TILE * TILE * TILE;
 /// Cells along an edge in which particles of a block may be, -1..=4.
 const CELLS: usize = TILE - 2;
+/// All of these cells.
+const CUBE: usize = CELLS * CELLS * CELLS;
+/// Nodes along an edge of a block.
+const EDGE: usize = BLOCK as usize;
+/// Gap beyond which no surface holds on to matter [cells].
+const CLEAR: f32 = 0.25;
 /// Particle blocks per task at least.
 const TASK: usize = 16;
 
-/// What the particles of one block are near to: ids of colliders, and what the nodes -2..=5 around the block see.
-pub(crate) type Approach = Vec<(usize, Vec<Nearest>)>;
+/// The particle of a cell that is nearest to a collider.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen {
+    /// Number of the collider.
+    body: usize,
+    /// The cell, 0..6 per axis: -1..=4 in the block of its particles.
+    cell: [i32; 3],
+    nearest: Nearest,
+}
+
+/// What the particles of one block are near to, collider after collider and cell after cell.
+pub(crate) type Approach = Vec<Seen>;
 
 /// Everything that acts on nodes in one substep.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +48,8 @@ pub(crate) struct Acting<'a> {
     pub boundaries: &'a NodeConditions<'a>,
     /// Those that move, or come and go.
     pub moving: &'a NodeConditions<'a>,
+    /// Those that are regions.
+    pub regions: &'a NodeConditions<'a>,
     /// Per particle block.
     pub approaches: &'a [Approach],
     /// Substep [s].
@@ -42,6 +62,8 @@ pub(crate) struct Allowed<'a> {
     conditions: NodeConditions<'a>,
     /// Node by node, for every collider.
     nearest: Vec<Nearest>,
+    /// Whether all is colliders that stand still, and no node is inside any.
+    is_outside: bool,
     index: [i32; 3],
     dt: f64,
 }
@@ -68,36 +90,52 @@ fn approach(
     // Cells of the block, and as far as particles may drift.
     let min = block.index.map(|i| f64::from(BLOCK * i) - 1.5);
     let max = block.index.map(|i| f64::from(BLOCK * (i + 1)) + 0.5);
-    let (mut cells, mut is_used) = ([Nearest::NONE; CELLS * CELLS * CELLS], false);
     for body in boundaries.bodies() {
-        if !body.is_near(min, max, RANGE + RADIUS_MAX) {
-            continue;
-        }
-        if std::mem::take(&mut is_used) {
-            cells.fill(Nearest::NONE);
-        }
-        for g in block.groups.clone() {
-            let (id, x) = (&particles.fixed[g].id, &particles.groups[g].x);
-            if is_out_of_range(body, block.index, x) {
-                continue;
-            }
-            for lane in (0..LANES).filter(|&lane| id[lane] != NO_PARTICLE) {
-                let local = [x[0].0[lane], x[1].0[lane], x[2].0[lane]];
-                let at = position_in_cells(block.index, local);
-                let half_spacing = half_spacings[id[lane] as usize];
-                if let Some(nearest) = body.nearest_of(at, half_spacing, 1.0) {
-                    is_used = true;
-                    // From -1 on, the block's centre is at 1.5; without the library's rounding.
-                    let [i, j, k] = local.map(|x| (x + 3.0).clamp(0.0, 5.5) as usize);
-                    cells[(i * CELLS + j) * CELLS + k].take(&nearest);
-                }
-            }
-        }
-        if is_used {
-            found.push((body.id, spread(&cells)));
+        if body.is_near(min, max, RANGE + RADIUS_MAX) {
+            approach_body(block, particles, half_spacings, body, &mut found);
         }
     }
     found
+}
+
+/// Adds what the particles of a block see of one collider.
+fn approach_body(
+    block: &Block,
+    particles: &Particles,
+    half_spacings: &[f64],
+    body: &Placed<'_>,
+    found: &mut Approach,
+) {
+    let (mut cells, mut is_used) = ([Nearest::NONE; CUBE], false);
+    for g in block.groups.clone() {
+        let (id, x) = (&particles.fixed[g].id, &particles.groups[g].x);
+        if is_out_of_range(body, block.index, x) {
+            continue;
+        }
+        for lane in (0..LANES).filter(|&lane| id[lane] != NO_PARTICLE) {
+            let local = [x[0].0[lane], x[1].0[lane], x[2].0[lane]];
+            let at = position_in_cells(block.index, local);
+            let half_spacing = half_spacings[id[lane] as usize];
+            if let Some(nearest) = body.nearest_of(at, half_spacing, 1.0) {
+                is_used = true;
+                // From -1 on, the block's centre is at 1.5; without the library's rounding.
+                let [i, j, k] = local.map(|x| (x + 3.0).clamp(0.0, 5.5) as usize);
+                cells[(i * CELLS + j) * CELLS + k].take(&nearest);
+            }
+        }
+    }
+    if !is_used {
+        return;
+    }
+    for (n, nearest) in cells.iter().enumerate() {
+        if nearest.gap < f32::INFINITY {
+            found.push(Seen {
+                body: body.id,
+                cell: [n / (CELLS * CELLS), n / CELLS % CELLS, n % CELLS].map(|i| i as i32),
+                nearest: *nearest,
+            });
+        }
+    }
 }
 
 /// Whether none of sixteen particles can be in range: distances change no faster than places do, so that one stands for
@@ -124,48 +162,76 @@ fn is_out_of_range(body: &Placed<'_>, block: [i32; 3], x: &[F32x16; 3]) -> bool 
     body.distance(position_in_cells(block, centre)).value > RANGE + RADIUS_MAX + radius
 }
 
-/// Tells the nodes -2..=5 how near the particles are that reach them: those of the cells around them.
-fn spread(cells: &[Nearest; CELLS * CELLS * CELLS]) -> Vec<Nearest> {
-    // One axis after the other, with cells by their rank in place of what they hold.
-    let mut columns = [u64::MAX; CELLS * CELLS * TILE];
-    let mut is_used = [false; CELLS * CELLS];
-    for (row, used) in is_used.iter_mut().enumerate() {
-        for k in 0..CELLS {
-            let rank = rank(cells, CELLS * row + k);
-            *used |= rank != u64::MAX;
-            for to in &mut columns[TILE * row + k..][..3] {
-                *to = rank.min(*to);
+/// Tells the nodes of a block, for collider `b` of `count`, how near the particles are that reach them: those of the cells
+/// around them. Of what is equally near it is the first; `seen` has cells -1..=4 of the block, 0..6 per axis, z fastest.
+fn spread(seen: &[(usize, Nearest)], nearest: &mut [Nearest], b: usize, count: usize) {
+    let Some((_, first)) = seen.first() else {
+        return;
+    };
+    if seen.iter().all(|(_, one)| one.normal == first.normal) {
+        // Nearly always, and always in front of a plane: gaps say it all.
+        let mut gaps = [f32::INFINITY; CUBE];
+        for (cell, one) in seen {
+            gaps[*cell] = smaller(gaps[*cell], one.gap);
+        }
+        let gaps = smallest_around(&gaps, f32::INFINITY);
+        for (at, &gap) in gaps.as_flattened().iter().enumerate() {
+            if gap < f32::INFINITY {
+                let normal = first.normal;
+                nearest[count * at + b] = Nearest { gap, normal };
             }
         }
+        return;
     }
-    let mut slabs = [u64::MAX; CELLS * TILE * TILE];
-    for row in (0..CELLS * CELLS).filter(|&row| is_used[row]) {
-        let (i, j) = (row / CELLS, row % CELLS);
-        let from = &columns[TILE * row..][..TILE];
-        for to in slabs[TILE * (TILE * i + j)..][..3 * TILE].chunks_exact_mut(TILE) {
-            take_ranks(to, from);
+    let mut ranks = [u64::MAX; CUBE];
+    for (n, (cell, one)) in seen.iter().enumerate() {
+        ranks[*cell] = smaller(ranks[*cell], rank(one.gap, n));
+    }
+    let ranks = smallest_around(&ranks, u64::MAX);
+    for (at, &rank) in ranks.as_flattened().iter().enumerate() {
+        if rank != u64::MAX {
+            nearest[count * at + b] = seen[rank as u32 as usize].1;
         }
     }
-    let mut ranks = [u64::MAX; NODES];
-    for i in (0..CELLS).filter(|i| is_used[CELLS * i..][..CELLS].contains(&true)) {
-        let from = &slabs[TILE * TILE * i..][..TILE * TILE];
-        for to in ranks[TILE * TILE * i..][..3 * TILE * TILE].chunks_exact_mut(TILE * TILE) {
-            take_ranks(to, from);
-        }
-    }
-    let of_rank = |rank| match rank {
-        u64::MAX => Nearest::NONE,
-        rank => cells[rank as u32 as usize],
-    };
-    ranks.into_iter().map(of_rank).collect()
 }
 
-/// Orders cells by gap, then by number, which is the low half; the largest of all where there is no gap.
-fn rank(cells: &[Nearest; CELLS * CELLS * CELLS], cell: usize) -> u64 {
-    let gap = cells[cell].gap;
-    if gap == f32::INFINITY {
-        return u64::MAX;
+/// The smallest of the 27 cells around every node of a block, from those of -1..=4; rows along z.
+fn smallest_around<T: Copy + PartialOrd>(cells: &[T; CUBE], none: T) -> [[T; EDGE]; EDGE * EDGE] {
+    // One axis after the other.
+    let mut rows = [[none; EDGE]; CELLS * CELLS];
+    for (row, to) in rows.iter_mut().enumerate() {
+        let from = &cells[CELLS * row..][..CELLS];
+        for k in 0..EDGE {
+            to[k] = smaller(smaller(from[k], from[k + 1]), from[k + 2]);
+        }
     }
+    let mut slabs = [[none; EDGE]; CELLS * EDGE];
+    for (n, to) in slabs.iter_mut().enumerate() {
+        let first = n / EDGE * CELLS + n % EDGE;
+        *to = smallest_of_rows([&rows[first], &rows[first + 1], &rows[first + 2]]);
+    }
+    let mut nodes = [[none; EDGE]; EDGE * EDGE];
+    for (n, to) in nodes.iter_mut().enumerate() {
+        *to = smallest_of_rows([&slabs[n], &slabs[n + EDGE], &slabs[n + 2 * EDGE]]);
+    }
+    nodes
+}
+
+fn smallest_of_rows<T: Copy + PartialOrd>([a, b, c]: [&[T; EDGE]; 3]) -> [T; EDGE] {
+    let mut smallest = *a;
+    for k in 0..EDGE {
+        smallest[k] = smaller(smaller(a[k], b[k]), c[k]);
+    }
+    smallest
+}
+
+#[inline(always)]
+fn smaller<T: PartialOrd>(a: T, b: T) -> T {
+    if b < a { b } else { a }
+}
+
+/// Orders gaps, then what they belong to, which is the low half.
+fn rank(gap: f32, of: usize) -> u64 {
     // Integers in the order of the floats: negative ones turned round, below the others.
     let bits = gap.to_bits();
     let order = if gap.is_sign_negative() {
@@ -173,13 +239,7 @@ fn rank(cells: &[Nearest; CELLS * CELLS * CELLS], cell: usize) -> u64 {
     } else {
         bits | 1 << 31
     };
-    u64::from(order) << 32 | cell as u64
-}
-
-fn take_ranks(to: &mut [u64], from: &[u64]) {
-    for (to, from) in to.iter_mut().zip(from) {
-        *to = (*to).min(*from);
-    }
+    u64::from(order) << 32 | of as u64
 }
 
 impl<'a> Acting<'a> {
@@ -194,31 +254,41 @@ impl<'a> Acting<'a> {
             return None;
         }
         // What the particle blocks around it are near to; most are near to nothing.
-        let mut around: [(usize, &[_]); 27] = [(0, &[]); 27];
+        let mut around: [([i32; 3], &[Seen]); 27] = [([0; 3], &[]); 27];
         let mut count = 0;
         for n in (0..27).filter(|&n| block.tiles[n] != NONE) {
-            around[count] = (n, &self.approaches[block.tiles[n] as usize]);
+            around[count] = (OFFSETS[n], &self.approaches[block.tiles[n] as usize]);
             count += usize::from(!around[count].1.is_empty());
         }
         let around = &around[..count];
         let mut conditions = near_block(self.boundaries, block.index);
+        let [first, last] = corners(block.index);
+        let is_inside = |body: &Placed<'_>| body.is_near(first, last, 0.0);
         conditions.retain_bodies(|body| {
-            let here = |(id, _): &(usize, _)| *id == body.id;
-            body.holds() || around.iter().any(|(_, approach)| approach.iter().any(here))
+            let here = |seen: &Seen| seen.body == body.id;
+            // Without matter near it, a collider acts on nodes inside, and counts with its speed.
+            body.holds() && (moves(body) || is_inside(body))
+                || around.iter().any(|(_, approach)| approach.iter().any(here))
         });
         if conditions.is_empty() {
             return None;
         }
         let bodies = conditions.bodies();
         let mut nearest = vec![Nearest::NONE; 64 * bodies.len()];
-        for &(n, approach) in around {
-            for (id, tile) in approach {
-                if let Some(b) = bodies.iter().position(|body| body.id == *id) {
-                    join(&mut nearest[b..], bodies.len(), tile, OFFSETS[n]);
-                }
+        let mut reaching = Vec::new();
+        for (b, body) in bodies.iter().enumerate() {
+            reaching.clear();
+            for (offset, approach) in around {
+                let of_body = approach.iter().filter(|seen| seen.body == body.id);
+                reaching.extend(of_body.filter_map(|seen| seen.from(*offset)));
             }
+            spread(&reaching, &mut nearest, b, bodies.len());
         }
+        let mut bodies = bodies.iter();
+        let is_outside =
+            !self.regions.cover(first, last) && bodies.all(|b| !moves(b) && !is_inside(b));
         Some(Allowed {
+            is_outside,
             conditions,
             nearest,
             index: block.index,
@@ -227,27 +297,34 @@ impl<'a> Acting<'a> {
     }
 }
 
-/// Takes in the tile of the particle block at an offset from a node block.
-fn join(nearest: &mut [Nearest], count: usize, tile: &[Nearest], offset: [i32; 3]) {
-    // Where they overlap: first and last node in the block's numbers, and what to add for the tile's.
-    let shift = offset.map(|o| 2 - BLOCK * o);
-    let first = shift.map(|s| (-s).max(0));
-    let end = shift.map(|s| (TILE as i32 - s).min(BLOCK));
-    for i in first[0]..end[0] {
-        for j in first[1]..end[1] {
-            for k in first[2]..end[2] {
-                let here = (i * BLOCK + j) * BLOCK + k;
-                let [x, y, z] = [i + shift[0], j + shift[1], k + shift[2]].map(|i| i as usize);
-                nearest[here as usize * count].take(&tile[(x * TILE + y) * TILE + z]);
-            }
-        }
+/// Whether matter with this velocity [cells/s] at a node outside of all colliders touches none of them in a substep of `dt`
+/// [s], whatever its direction: then they leave it as it is.
+fn is_clear(nearest: &[Nearest], v: [f64; 3], dt: f64) -> bool {
+    let travel = dt * (v[0].abs() + v[1].abs() + v[2].abs());
+    let mut gaps = nearest.iter().map(|nearest| nearest.gap);
+    // Less than all of the gap, for round-off.
+    gaps.all(|gap| gap > CLEAR && travel <= 0.99 * f64::from(gap))
+}
+
+fn moves(body: &Placed<'_>) -> bool {
+    body.speed(1.0, 1.0) > 0.0
+}
+
+impl Seen {
+    /// The same by the number of its cell around a node block that has the particles' block at an offset, if it is there.
+    fn from(&self, offset: [i32; 3]) -> Option<(usize, Nearest)> {
+        let [i, j, k] = std::array::from_fn(|a| self.cell[a] + BLOCK * offset[a]);
+        let range = 0..CELLS as i32;
+        let is_there = range.contains(&i) && range.contains(&j) && range.contains(&k);
+        let cell = (i * CELLS as i32 + j) * CELLS as i32 + k;
+        is_there.then_some((cell as usize, self.nearest))
     }
 }
 
 impl Allowed<'_> {
     /// Largest speed that it may give to nodes [cells/s].
     pub fn speed(&self) -> f64 {
-        let [first, last] = super::boundary::corners(self.index);
+        let [first, last] = corners(self.index);
         self.conditions.speed(first, last)
     }
 
@@ -258,10 +335,13 @@ impl Allowed<'_> {
 
     /// The same where some of it is obeyed already.
     pub fn constrain_rest(&self, at: usize, obeyed: &Attached) -> [f64; 3] {
-        let local = [at / 16, at / 4 % 4, at % 4];
-        let x = std::array::from_fn(|a| f64::from(BLOCK * self.index[a] + local[a] as i32));
         let count = self.conditions.bodies().len();
         let nearest = &self.nearest[count * at..][..count];
+        if self.is_outside && is_clear(nearest, obeyed.velocity, self.dt) {
+            return obeyed.velocity;
+        }
+        let local = [at / 16, at / 4 % 4, at % 4];
+        let x = std::array::from_fn(|a| f64::from(BLOCK * self.index[a] + local[a] as i32));
         self.conditions.constrain(x, nearest, self.dt, 1.0, obeyed)
     }
 
@@ -278,46 +358,126 @@ impl Allowed<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{
+        colliders::{Boundaries, Substep},
+        scene::Surface,
+        test_scenes::{add_plane, empty},
+    };
+
+    /// What particle blocks at all offsets see of one collider, in cells of about one in seven.
+    fn sights(normal: impl Fn(usize) -> [f32; 3]) -> Vec<([i32; 3], Vec<Seen>)> {
+        let block = |(o, offset): (usize, &[i32; 3])| {
+            let cells = (0..CUBE).filter(|n| (n * 31 + o * 17) % 7 == 0);
+            let seen = cells.map(|n| Seen {
+                body: 0,
+                cell: [n / 36, n / 6 % 6, n % 6].map(|i| i as i32),
+                nearest: Nearest {
+                    // Few different ones, so that many are equally near.
+                    gap: ((n * 37 + o * 11) % 23) as f32 - 9.0,
+                    normal: normal(n + 5 * o),
+                },
+            });
+            (*offset, seen.collect())
+        };
+        OFFSETS.iter().enumerate().map(block).collect()
+    }
 
     #[test]
     fn a_node_sees_the_nearest_of_all_cells_around_it_and_no_other() {
-        let mut cells = [Nearest::NONE; CELLS * CELLS * CELLS];
-        for (n, cell) in cells.iter_mut().enumerate().filter(|(n, _)| n % 7 < 2) {
-            cell.gap = (n * 37 % 101) as f32 - 30.0;
-        }
-        let nodes = spread(&cells);
-        for n in 0..NODES {
-            let node = [n / 64, n / 8 % 8, n % 8];
-            let sees = |c: &usize| {
-                let cell = [c / 36, c / 6 % 6, c % 6];
-                (0..3).all(|a| (cell[a]..cell[a] + 3).contains(&node[a]))
-            };
-            let around = (0..cells.len()).filter(sees).map(|c| cells[c].gap);
-            assert_eq!(
-                nodes[n].gap,
-                around.fold(f32::INFINITY, f32::min),
-                "{node:?}"
-            );
+        let normals: [fn(usize) -> [f32; 3]; 2] = [|_| [0.0, 1.0, 0.0], |n| [n as f32, 1.0, 2.0]];
+        for normal in normals {
+            let sights = sights(normal);
+            let all = sights.iter();
+            let reaching: Vec<_> = all
+                .flat_map(|(offset, seen)| seen.iter().filter_map(|one| one.from(*offset)))
+                .collect();
+            let mut found = vec![Nearest::NONE; 2 * 64];
+            spread(&reaching, &mut found, 1, 2);
+            for at in 0..64 {
+                let node = [at / 16, at / 4 % 4, at % 4].map(|i| i as i32);
+                let mut expected = Nearest::NONE;
+                for (offset, seen) in &sights {
+                    for one in seen {
+                        // Cells -1..=4 of a block that lies four cells farther per offset.
+                        let cell = |a: usize| one.cell[a] - 1 + 4 * offset[a];
+                        if (0..3).all(|a| (cell(a) - node[a]).abs() <= 1) {
+                            expected.take(&one.nearest);
+                        }
+                    }
+                }
+                assert!(expected.gap < f32::INFINITY);
+                assert_eq!(found[2 * at + 1], expected, "{node:?}");
+                assert_eq!(found[2 * at], Nearest::NONE);
+            }
         }
     }
 
     #[test]
-    fn a_node_block_takes_from_a_tile_what_lies_over_it() {
-        let mut tile = vec![Nearest::NONE; NODES];
-        for (n, node) in tile.iter_mut().enumerate() {
-            node.gap = n as f32;
+    fn what_nothing_is_near_to_is_near_to_nothing() {
+        let mut found = vec![Nearest::NONE; 64];
+        let far = Nearest {
+            gap: 0.25,
+            normal: [1.0, 0.0, 0.0],
+        };
+        // The last cell of the block reaches its last eight nodes.
+        spread(&[(CUBE - 1 - 43, far)], &mut found, 0, 1);
+        let near = found.iter().filter(|nearest| nearest.gap == 0.25).count();
+        assert_eq!(near, 8);
+        assert_eq!(found[63], far);
+        assert_eq!(found[0], Nearest::NONE);
+    }
+
+    #[test]
+    fn what_is_clear_of_all_colliders_goes_on_as_it_was() {
+        let now = Substep {
+            time: 0.0,
+            dt: 1e-3,
+            frame_start: 0.0,
+            frame_length: 1e-2,
+        };
+        let mut scene = empty(0.1);
+        for (normal, surface) in [
+            ([0.0, 0.0, 1.0], Surface::Sticky),
+            ([0.6, 0.0, 0.8], Surface::Slip),
+            ([0.0, 1.0, 0.0], Surface::Separate),
+        ] {
+            add_plane(&mut scene, [0.0; 3], normal, surface, 0.5);
         }
-        for offset in OFFSETS {
-            let mut nearest = vec![Nearest::NONE; 64];
-            join(&mut nearest, 1, &tile, offset);
-            for (n, found) in nearest.iter().enumerate() {
-                let local = [n / 16, n / 4 % 4, n % 4];
-                let at: [i32; 3] = std::array::from_fn(|a| local[a] as i32 - BLOCK * offset[a] + 2);
-                let inside = at.iter().all(|i| (0..8).contains(i));
-                let number = (at[0] * 64 + at[1] * 8 + at[2]) as f32;
-                let expected = if inside { number } else { f32::INFINITY };
-                assert_eq!(found.gap, expected, "{offset:?} {local:?}");
+        let boundaries = Boundaries::new(&scene, scene.dx);
+        let conditions = boundaries.on_nodes(&vec![], &now);
+        let bodies = conditions.bodies();
+        let gaps = [0.26, 0.4, 0.9, f32::INFINITY];
+        let nearest: Vec<Nearest> = (0..64 * bodies.len())
+            .map(|n| Nearest {
+                gap: gaps[n * 29 % 23 % 4],
+                normal: bodies[n % bodies.len()]
+                    .distance([9.0; 3])
+                    .normal
+                    .map(|n| n as f32),
+            })
+            .collect();
+        let allowed = Allowed {
+            nearest: nearest.clone(),
+            is_outside: true,
+            index: [0; 3],
+            dt: now.dt,
+            conditions: conditions.clone(),
+        };
+        let mut free = 0;
+        for at in 0..64 {
+            for n in 0..200 {
+                // Up to three times as fast as what crosses the smallest gap.
+                let turn = f64::from(n * 64 + at);
+                let v = [1.3, 2.1, 3.7].map(|k| (k * turn).sin() * 2.6 * f64::from(n));
+                let at = at as usize;
+                let x = [at / 16, at / 4 % 4, at % 4].map(|i| i as f64);
+                let near = &nearest[bodies.len() * at..][..bodies.len()];
+                let obeyed = Attached::free(v);
+                let expected = conditions.constrain(x, near, now.dt, 1.0, &obeyed);
+                assert_eq!(allowed.constrain(at, v), expected, "{near:?} {v:?}");
+                free += usize::from(is_clear(near, v, now.dt));
             }
         }
+        assert!((1000..12_000).contains(&free), "{free} of 12800 are clear");
     }
 }

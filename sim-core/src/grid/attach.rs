@@ -1,5 +1,7 @@
 //! Nodes whose matter is attached to flat boundaries along the axes move as lines across them.
 
+use std::cell::Cell;
+
 use rayon::prelude::*;
 
 use super::{
@@ -7,12 +9,17 @@ use super::{
     approach::{Acting, Allowed},
     boundary::attaches,
     node_pass::{constrain, holds_matter},
-    topology::neighbours,
+    topology::Place,
 };
 use crate::{
     colliders::attach::{Attached, Nodes, attached},
     particles::BLOCK,
 };
+
+/// Node blocks per task at least, of all and of those near such a boundary.
+const TASK: [usize; 2] = [256, 8];
+/// Not looked for yet.
+const UNKNOWN: u32 = NONE - 1;
 
 /// A block near such a boundary as it was before.
 struct Before<'a> {
@@ -22,9 +29,11 @@ struct Before<'a> {
 
 /// A block and those around it, as they were.
 struct Around<'a> {
-    /// Per offset, or [`NONE`].
-    blocks: [u32; 27],
-    index: [i32; 3],
+    place: Place,
+    own: &'a Before<'a>,
+    /// Per offset the number of a block, [`NONE`] or [`UNKNOWN`]: lines end in few of the blocks around.
+    blocks: [Cell<u32>; 27],
+    places: &'a [Place],
     before: &'a [Before<'a>],
     carrier: [f64; 3],
 }
@@ -32,16 +41,20 @@ struct Around<'a> {
 impl Around<'_> {
     /// The block that holds a node, at most one block away, and the node's place in it.
     fn at(&self, index: [i32; 3]) -> Option<(&Before<'_>, usize)> {
-        let offset: [i32; 3] =
-            std::array::from_fn(|a| index[a].div_euclid(BLOCK) - self.index[a] + 1);
-        let block = self.blocks[((offset[0] * 3 + offset[1]) * 3 + offset[2]) as usize];
+        let (field, here) = self.place;
+        let place: [i32; 3] = std::array::from_fn(|a| index[a].div_euclid(BLOCK));
         let [i, j, k] = index.map(|i| i.rem_euclid(BLOCK));
-        (block != NONE).then(|| {
-            (
-                &self.before[block as usize],
-                ((i * BLOCK + j) * BLOCK + k) as usize,
-            )
-        })
+        let node = ((i * BLOCK + j) * BLOCK + k) as usize;
+        if place == here {
+            return Some((self.own, node));
+        }
+        let [x, y, z] = std::array::from_fn(|a| place[a] - here[a] + 1);
+        let known = &self.blocks[((x * 3 + y) * 3 + z) as usize];
+        if known.get() == UNKNOWN {
+            let found = self.places.binary_search(&(field, place));
+            known.set(found.map_or(NONE, |n| n as u32));
+        }
+        (known.get() != NONE).then(|| (&self.before[known.get() as usize], node))
     }
 }
 
@@ -71,51 +84,47 @@ pub(super) fn attach(
     if acting.boundaries.faces().is_empty() {
         return 0;
     }
-    let near: Vec<usize> = (0..nodes.len())
-        .into_par_iter()
-        .filter(|&n| attaches(acting.boundaries, nodes[n].index) && holds_matter(&velocities[n]))
+    let mut near: Vec<(&NodeBlock, &mut Velocities)> = nodes
+        .par_iter()
+        .zip(velocities)
+        .with_min_len(TASK[0])
+        .filter(|(block, out)| attaches(acting.boundaries, block.index) && holds_matter(out))
         .collect();
+    let places: Vec<Place> = near.iter().map(|(at, _)| (at.field, at.index)).collect();
     let before: Vec<Before<'_>> = near
         .par_iter()
-        .map(|&n| Before {
-            velocities: velocities[n],
-            allowed: acting.on(&nodes[n]),
+        .with_min_len(TASK[1])
+        .map(|(block, out)| Before {
+            velocities: **out,
+            allowed: acting.on(block),
         })
         .collect();
-    let place = |&n: &usize| (nodes[n].field, nodes[n].index);
-    let after: Vec<(u32, Velocities)> = near
-        .par_iter()
+    near.par_iter_mut()
         .zip(&before)
-        .map(|(n, block)| {
+        .zip(&places)
+        .with_min_len(TASK[1])
+        .map(|(((_, out), own), &place)| {
             let around = Around {
-                blocks: neighbours(&near, place(n), place),
-                index: nodes[*n].index,
+                place,
+                own,
+                blocks: [const { Cell::new(UNKNOWN) }; 27],
+                places: &places,
                 before: &before,
                 carrier,
             };
-            constrain_block(block, &around, acting)
+            constrain_block(out, &around, acting)
         })
-        .collect();
-    let mut largest = 0;
-    for (n, (speed, block)) in near.into_iter().zip(after) {
-        velocities[n] = block;
-        largest = largest.max(speed);
-    }
-    largest
+        .reduce(|| 0, u32::max)
 }
 
-/// All conditions on the nodes of one block.
-fn constrain_block(
-    block: &Before<'_>,
-    around: &Around<'_>,
-    acting: &Acting<'_>,
-) -> (u32, Velocities) {
-    let allowed = block.allowed.as_ref();
+/// All conditions on the nodes of one block, which are what they were. Returns the largest magnitude as above.
+fn constrain_block(out: &mut Velocities, around: &Around<'_>, acting: &Acting<'_>) -> u32 {
+    let allowed = around.own.allowed.as_ref();
     let given = allowed.map_or(0, |allowed| (allowed.speed() as f32).to_bits());
-    let mut out = block.velocities;
-    let left = constrain(&mut out, around.carrier, |at, v| {
+    let (_, block) = around.place;
+    let left = constrain(out, around.carrier, |at, v| {
         let local = [at / 16, at / 4 % 4, at % 4];
-        let index = std::array::from_fn(|a| BLOCK * around.index[a] + local[a] as i32);
+        let index = std::array::from_fn(|a| BLOCK * block[a] + local[a] as i32);
         let obeyed = attached(acting.boundaries.faces(), index, around, 1.0);
         let obeyed = obeyed.unwrap_or(Attached::free(v));
         match allowed {
@@ -123,5 +132,5 @@ fn constrain_block(
             None => obeyed.velocity,
         }
     });
-    (given.max(left), out)
+    given.max(left)
 }

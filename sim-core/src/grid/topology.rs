@@ -17,14 +17,10 @@ pub(crate) const OFFSETS: [[i32; 3]; 27] = {
 };
 
 /// Field and block index.
-type Place = (u32, [i32; 3]);
+pub(super) type Place = (u32, [i32; 3]);
 
 /// Positions in `sorted` of the blocks at the 27 offsets from a place in its field, or [`NONE`].
-pub(super) fn neighbours<T>(
-    sorted: &[T],
-    (field, index): Place,
-    key: impl Fn(&T) -> Place,
-) -> [u32; 27] {
+fn neighbours<T>(sorted: &[T], (field, index): Place, key: impl Fn(&T) -> Place) -> [u32; 27] {
     let mut found = [NONE; 27];
     for column in 0..9 {
         // The three blocks of a column along z follow one another: one search finds them all.
