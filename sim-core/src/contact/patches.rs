@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::sites::{Node, Site, Sites, coordinates, unit};
+use super::sites::{Node, Site, Sites, coordinates, members, unit};
 use crate::mat3::dot;
 
 /// Length of the mean normal of a patch from which on the patch counts as flat: its nodes within some 25 degrees.
@@ -89,7 +89,7 @@ fn edges(sites: &[&Site]) -> Vec<[usize; 2]> {
             index[axis] += 1;
             let next = order.binary_search_by_key(&index, |(site, _)| site.index);
             let next = next.ok().map(|place| order[place]);
-            for at in (0..64).filter(|at| site.mask >> at & 1 == 1) {
+            for at in members(site.mask) {
                 let (other, to) = if coordinates(at)[axis] < 3 {
                     (Some((site, first)), at + stride)
                 } else {

@@ -7,8 +7,6 @@ use crate::{
     mat3::dot,
 };
 
-/// Nodes of a block.
-pub(super) const NODES: usize = 64;
 /// Nodes along an edge of a block with one more on each side.
 const HALO: usize = 6;
 
@@ -82,6 +80,15 @@ pub(super) fn coordinates(at: usize) -> [i32; 3] {
     [at / 16, at / 4 % 4, at % 4].map(|i| i as i32)
 }
 
+/// Numbers of the bits that are set, ascending.
+pub(super) fn members(mut mask: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let at = mask.trailing_zeros() as usize;
+        mask &= mask.wrapping_sub(1);
+        (at < 64).then_some(at)
+    })
+}
+
 /// Velocity [cells/s] and mass of a node.
 pub(super) fn read(block: &Velocities, at: usize) -> ([f64; 3], f64) {
     let row = &block.0[at / 4].0[4 * (at % 4)..][..4];
@@ -116,6 +123,16 @@ fn at_place(
 ) -> Vec<(Site, Vec<Node>)> {
     let sharers = &grid.sharers[place.nodes.clone()];
     let around = &grid.around[place.nodes.clone()];
+    // At most places no node has mass of two: particles may drift further than they did.
+    let (mut once, mut twice) = (0, 0);
+    for &block in sharers {
+        let bits = occupied(&grid.velocities[block as usize]);
+        twice |= once & bits;
+        once |= bits;
+    }
+    if twice == 0 {
+        return vec![];
+    }
     let occupied: Vec<u64> = sharers
         .iter()
         .map(|&block| occupied(&grid.velocities[block as usize]))
@@ -137,18 +154,24 @@ fn at_place(
                 continue;
             };
             let scale = fields.map(|field| fullness[field as usize]);
-            let nodes = (0..NODES).filter(|at| mask >> at & 1 == 1);
-            let nodes = nodes.map(|at| {
-                let (up_a, up_b) = (of_a.at(at), of_b.at(at));
-                let way = std::array::from_fn(|a| scale[1] * up_b[a] - scale[0] * up_a[a]);
-                Node {
+            let mut nodes = Vec::with_capacity(mask.count_ones() as usize);
+            let mut row = (usize::MAX, [[[0.0; 4]; 3]; 2]);
+            for at in members(mask) {
+                if row.0 != at / 4 {
+                    row = (at / 4, [of_a.row(at / 4), of_b.row(at / 4)]);
+                }
+                let [up_a, up_b] = &row.1;
+                let mut way = [0.0; 3];
+                for a in 0..3 {
+                    way[a] = scale[1] * up_b[a][at % 4] - scale[0] * up_a[a][at % 4];
+                }
+                nodes.push(Node {
                     at,
                     mass: blocks.map(|block| read(&grid.velocities[block], at).1),
                     normal: unit(way),
                     gap: f64::NEG_INFINITY,
-                }
-            });
-            let nodes = nodes.collect();
+                });
+            }
             let site = Site {
                 shared,
                 fields,
@@ -194,12 +217,17 @@ impl Gradients {
         let mut mass = [0.0; HALO * HALO * HALO];
         for i in 0..HALO {
             for j in 0..HALO {
-                for k in 0..HALO {
-                    let [x, y, z] = [i, j, k].map(|n| n + 3);
-                    let neighbour = around[9 * (x / 4) + 3 * (y / 4) + z / 4];
-                    if neighbour != NONE {
-                        let row = &grid.velocities[neighbour as usize].0[4 * (x % 4) + y % 4];
-                        mass[(i * HALO + j) * HALO + k] = row.0[4 * (z % 4) + 3];
+                let [x, y] = [i + 3, j + 3];
+                let column = 9 * (x / 4) + 3 * (y / 4);
+                let row = &mut mass[(i * HALO + j) * HALO..][..HALO];
+                // The last node of the block below, those of the block, the first of the block above.
+                for (block, from, to) in [(0, 3, 0..1), (1, 0, 1..5), (2, 0, 5..6)] {
+                    let block = around[column + block];
+                    if block != NONE {
+                        let nodes = &grid.velocities[block as usize].0[4 * (x % 4) + y % 4].0;
+                        for (n, mass) in row[to].iter_mut().enumerate() {
+                            *mass = nodes[4 * (from + n) + 3];
+                        }
                     }
                 }
             }
@@ -207,23 +235,78 @@ impl Gradients {
         Self(mass)
     }
 
-    /// Gradient of mass at a node of the block, up to a factor: central differences, averaged across with the
-    /// weights 1, 2, 1, so that particles in rows do not show.
-    fn at(&self, at: usize) -> [f64; 3] {
+    /// Gradients of mass at the four nodes of a row of the block, per axis, up to a factor: central differences, averaged
+    /// across with the weights 1, 2, 1, so that particles in rows do not show.
+    fn row(&self, row: usize) -> [[f64; 4]; 3] {
         const ACROSS: [f64; 3] = [1.0, 2.0, 1.0];
-        let [i, j, k] = coordinates(at).map(|c| c as usize);
-        let mut up = [0.0; 3];
+        let mut up = [[0.0; 4]; 3];
         for x in 0..3 {
             for y in 0..3 {
+                let start = ((row / 4 + x) * HALO + row % 4 + y) * HALO;
+                let mut m = [0.0; HALO];
+                for (m, mass) in m.iter_mut().zip(&self.0[start..]) {
+                    *m = f64::from(*mass);
+                }
+                let [along_x, along_y] = [x, y].map(|n| n as f64 - 1.0);
                 for z in 0..3 {
-                    let m = f64::from(self.0[((i + x) * HALO + j + y) * HALO + k + z]);
-                    let offset = [x, y, z].map(|n| n as f64 - 1.0);
-                    up[0] += m * offset[0] * ACROSS[y] * ACROSS[z];
-                    up[1] += m * offset[1] * ACROSS[x] * ACROSS[z];
-                    up[2] += m * offset[2] * ACROSS[x] * ACROSS[y];
+                    let along_z = z as f64 - 1.0;
+                    // In the same order for every node. All factors are powers of two.
+                    if x != 1 {
+                        let share = along_x * ACROSS[y] * ACROSS[z];
+                        for k in 0..4 {
+                            up[0][k] += m[k + z] * share;
+                        }
+                    }
+                    if y != 1 {
+                        let share = along_y * ACROSS[x] * ACROSS[z];
+                        for k in 0..4 {
+                            up[1][k] += m[k + z] * share;
+                        }
+                    }
+                    if z != 1 {
+                        let share = along_z * ACROSS[x] * ACROSS[y];
+                        for k in 0..4 {
+                            up[2][k] += m[k + z] * share;
+                        }
+                    }
                 }
             }
         }
         up
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_scenes::random;
+
+    #[test]
+    fn gradients_of_a_row_are_those_of_its_nodes_one_by_one_to_the_bit() {
+        const ACROSS: [f64; 3] = [1.0, 2.0, 1.0];
+        let mut seed = 3;
+        let masses = std::array::from_fn(|_| (random(&mut seed).max(0.0) * 2.0) as f32);
+        let gradients = Gradients(masses);
+        for at in 0..64 {
+            let mut up = [0.0; 3];
+            for n in 0..27 {
+                let offset = [n / 9, n / 3 % 3, n % 3];
+                let [i, j, k] = [0, 1, 2].map(|a| coordinates(at)[a] as usize + offset[a]);
+                let m = f64::from(masses[(i * HALO + j) * HALO + k]);
+                for a in 0..3 {
+                    let across = ACROSS[offset[(a + 1) % 3]] * ACROSS[offset[(a + 2) % 3]];
+                    up[a] += m * (offset[a] as f64 - 1.0) * across;
+                }
+            }
+            let row = gradients.row(at / 4);
+            assert_eq!([0, 1, 2].map(|a| row[a][at % 4]), up, "node {at}");
+        }
+    }
+
+    #[test]
+    fn members_of_a_mask_come_in_order() {
+        let mask = 1 << 63 | 0b1010_0001;
+        assert_eq!(members(mask).collect::<Vec<_>>(), [0, 5, 7, 63]);
+        assert_eq!(members(0).count(), 0);
     }
 }
