@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use muxide::api::{Muxer, MuxerBuilder, MuxerError, VideoCodec};
 use openh264::encoder::{
-    ColorPrimaries, Encoder, EncoderConfig, FrameRate, FrameType, IntraFramePeriod,
+    ColorPrimaries, Complexity, Encoder, EncoderConfig, FrameRate, FrameType, IntraFramePeriod,
     RateControlMode, TransferCharacteristics, VuiConfig,
 };
 use openh264::formats::{RgbSliceU8, YUVBuffer};
@@ -77,6 +77,8 @@ pub struct Mp4Writer {
     encoder: Encoder,
     muxer: Muxer<File>,
     frames: u64,
+    /// The latest picture as the encoder takes it.
+    newest: Option<YUVBuffer>,
     coded: Vec<u8>,
 }
 
@@ -104,6 +106,11 @@ impl Mp4Writer {
                 (fps * KEY_FRAME_SECONDS).ceil() as u32,
             ))
             .skip_frames(false)
+            // Whoever simulates needs the processor more than a video needs its last few bytes.
+            .complexity(Complexity::Low)
+            .scene_change_detect(false)
+            .adaptive_quantization(false)
+            .background_detection(false)
             .num_threads(1)
             .vui(color);
         let encoder =
@@ -133,6 +140,7 @@ impl Mp4Writer {
             encoder,
             muxer,
             frames: 0,
+            newest: None,
             coded: Vec::new(),
         })
     }
@@ -163,18 +171,25 @@ impl Mp4Writer {
             .copied()
             .collect();
         let pixels = RgbSliceU8::new(&even, (width as usize, height as usize));
+        self.newest = Some(YUVBuffer::from_rgb8_source(pixels));
+        self.repeat()
+    }
+
+    /// Appends the latest picture once more; nothing before there is one.
+    ///
+    /// # Errors
+    /// When encoding fails.
+    pub fn repeat(&mut self) -> Result<(), Mp4Error> {
+        let Some(picture) = &self.newest else {
+            return Ok(());
+        };
         let seconds = self.frames as f64 / self.fps;
         let encode = |source| Mp4Error::Encode {
             path: self.path.clone(),
             source,
         };
-        let stream = self
-            .encoder
-            .encode_at(
-                &YUVBuffer::from_rgb8_source(pixels),
-                Timestamp::from_millis((seconds * 1e3) as u64),
-            )
-            .map_err(encode)?;
+        let time = Timestamp::from_millis((seconds * 1e3) as u64);
+        let stream = self.encoder.encode_at(picture, time).map_err(encode)?;
         let is_key = matches!(stream.frame_type(), FrameType::IDR);
         self.coded.clear();
         stream.write_vec(&mut self.coded);

@@ -64,7 +64,6 @@ struct Video {
     writer: Mp4Writer,
     path: PathBuf,
     times: TimeLine,
-    newest: Option<Image>,
 }
 
 struct Sequence {
@@ -127,7 +126,6 @@ impl Outputs {
                     writer: Mp4Writer::create(path, options.width, options.height, options.fps)?,
                     path: path.clone(),
                     times: TimeLine::new(options.fps),
-                    newest: None,
                 })
             }
             None => None,
@@ -167,13 +165,11 @@ impl Outputs {
             self.written.last_picture = Some(path);
         }
         if let (Some(stills), Some(video)) = (wanted.stills, &mut self.video) {
-            let still = video.newest.take();
             for _ in 0..stills {
-                video.writer.add(still.as_ref().unwrap_or(&image))?;
+                video.writer.repeat()?;
             }
             video.writer.add(&image)?;
             video.times.advance(stills + 1);
-            video.newest = Some(image);
         }
         Ok(())
     }

@@ -29,8 +29,8 @@ pub fn picture(
 /// A frame as seen by a camera, not drawn yet: all that a picture needs of the frame's memory, which can be given back.
 #[derive(Clone, Debug)]
 pub struct Projected {
-    /// Nearest first.
-    ellipses: Vec<Ellipse>,
+    /// What shows of every [`CHUNK`] Gaussians, in the order of the frame.
+    chunks: Vec<Vec<Ellipse>>,
     width: u32,
     height: u32,
 }
@@ -39,23 +39,33 @@ impl Projected {
     /// First half of [`picture`].
     pub fn new(gaussians: &[GaussianState], sh: Option<Harmonics>, camera: &Camera) -> Self {
         Self {
-            ellipses: front_to_back(gaussians, &Projection::new(camera, sh)),
+            chunks: ellipses(gaussians, &Projection::new(camera, sh)),
             width: camera.width,
             height: camera.height,
         }
+    }
+
+    /// The ellipse that a key of [`strips`] stands for.
+    fn of(&self, key: u64) -> Ellipse {
+        let place = (key & 0xffff_ffff) as usize;
+        self.chunks[place / CHUNK][place % CHUNK]
     }
 
     /// Second half of [`picture`].
     pub fn draw(&self, background: [f32; 3]) -> Image {
         let (width, height) = (self.width as usize, self.height as usize);
         let mut rgb = vec![0; 3 * width * height];
-        let strips = strips(&self.ellipses, height);
+        let mut strips = strips(&self.chunks, height);
         // `max(1)`: chunks of zero bytes are not allowed, and a picture without pixels has none.
         rgb.par_chunks_mut((3 * width * SIZE).max(1))
-            .zip(&strips)
+            .zip(&mut strips)
             .enumerate()
             .for_each(|(row, (pixels, members))| {
-                draw_strip(&self.ellipses, members, row, width, background, pixels);
+                // Keys are unique, so that there is one order.
+                members.sort_unstable();
+                // In one place: fetched from all over the frame tile by tile, they would cost a cache miss each time.
+                let ellipses: Vec<Ellipse> = members.iter().map(|&key| self.of(key)).collect();
+                draw_strip(&ellipses, row, width, background, pixels);
             });
         Image {
             width: self.width,
@@ -65,38 +75,33 @@ impl Projected {
     }
 }
 
-/// Everything that shows, nearest first; equal depths in the order of the frame.
-fn front_to_back(gaussians: &[GaussianState], projection: &Projection) -> Vec<Ellipse> {
-    let chunks: Vec<Vec<Ellipse>> = gaussians
-        .par_chunks(CHUNK)
-        .map(|chunk| {
+/// Everything that shows.
+fn ellipses(gaussians: &[GaussianState], projection: &Projection) -> Vec<Vec<Ellipse>> {
+    let of_chunk = |chunk: &[GaussianState]| {
+        let mut shown = Vec::with_capacity(chunk.len());
+        shown.extend(
             chunk
                 .iter()
-                .filter_map(|gaussian| projection.ellipse(gaussian))
-                .collect()
-        })
-        .collect();
-    let unsorted: Vec<Ellipse> = chunks.concat();
-    // The bits of positive floats sort like the floats; the place in the frame makes every key unique.
-    let mut keys: Vec<u64> = unsorted
-        .iter()
-        .enumerate()
-        .map(|(place, ellipse)| u64::from(ellipse.depth.to_bits()) << 32 | place as u64)
-        .collect();
-    keys.par_sort_unstable();
-    keys.par_iter()
-        .with_min_len(CHUNK)
-        .map(|key| unsorted[(key & 0xffff_ffff) as usize])
-        .collect()
+                .filter_map(|gaussian| projection.ellipse(gaussian)),
+        );
+        shown
+    };
+    gaussians.par_chunks(CHUNK).map(of_chunk).collect()
 }
 
-/// Which ellipses reach each strip of [`SIZE`] rows, nearest first.
-fn strips(ellipses: &[Ellipse], height: usize) -> Vec<Vec<u32>> {
+/// The ellipses that reach each strip of [`SIZE`] rows, as keys: they sort nearest first, equal depths in the order of the
+/// frame.
+fn strips(chunks: &[Vec<Ellipse>], height: usize) -> Vec<Vec<u64>> {
     let mut strips = vec![Vec::new(); height.div_ceil(SIZE)];
-    for (place, ellipse) in ellipses.iter().enumerate() {
-        let (center, reach) = (ellipse.center[1], ellipse.reach[1]);
-        for row in tiles(center - reach, center + reach, strips.len()) {
-            strips[row].push(place as u32);
+    for (chunk, ellipses) in chunks.iter().enumerate() {
+        for (n, ellipse) in ellipses.iter().enumerate() {
+            let (center, reach) = (ellipse.center[1], ellipse.reach[1]);
+            // The bits of positive floats sort like the floats; the place in the frame makes every key unique.
+            let place = (chunk * CHUNK + n) as u64;
+            let key = u64::from(ellipse.depth.to_bits()) << 32 | place;
+            for row in tiles(center - reach, center + reach, strips.len()) {
+                strips[row].push(key);
+            }
         }
     }
     strips
@@ -110,10 +115,9 @@ fn tiles(low: f32, high: f32, count: usize) -> Range<usize> {
     first.min(count)..end.min(count)
 }
 
-/// Draws strip `row`, whose bytes are `pixels`.
+/// Draws strip `row`, whose bytes are `pixels`; `ellipses` are those that reach it, nearest first.
 fn draw_strip(
     ellipses: &[Ellipse],
-    members: &[u32],
     row: usize,
     width: usize,
     background: [f32; 3],
@@ -121,11 +125,6 @@ fn draw_strip(
 ) {
     let columns = width.div_ceil(SIZE);
     let top = (row * SIZE) as f32;
-    // A copy in one place: fetched from all over the depth order tile by tile, they would cost a cache miss each time.
-    let ellipses: Vec<Ellipse> = members
-        .iter()
-        .map(|&member| ellipses[member as usize])
-        .collect();
     let spans: Vec<Range<usize>> = ellipses
         .iter()
         .map(|ellipse| {
@@ -159,7 +158,7 @@ fn draw_strip(
     let mut tile = Tile::default();
     for column in 0..columns {
         tile.clear(column * SIZE, row * SIZE);
-        tile.blend(&ellipses, &sorted[first[column]..first[column + 1]]);
+        tile.blend(ellipses, &sorted[first[column]..first[column + 1]]);
         tile.write(background, width, pixels);
     }
 }
