@@ -1,4 +1,5 @@
-//! Matter that stays attached to a flat boundary along the axes: a held region, a sticky or slipping wall.
+//! Matter at a flat boundary along the axes: attached to a held region, a sticky or slipping wall, or pressed on a surface
+//! that lets go.
 //!
 //! There the velocity across the boundary is zero *in its plane*, wherever that lies between nodes, and proportional to
 //! the distance next to it. So of every line of nodes across the boundary only those half a cell and more in front of it
@@ -13,8 +14,19 @@
 //! That is of second order in the cell size. Nodes at rest in the plane and behind it are not: the layer next to the
 //! boundary is strained by three quarters of what it should be, and a bar that is held so is 0.19 cells longer
 //! (`docs/decisions/0015-walls-of-second-order.md`).
+//!
+//! A surface that lets go holds nodes back in one direction only: the two behind may not move inwards faster than in that
+//! proportion, `v_i >= eta_i / eta v`. What forces alone would give a line is moved to the nearest by mass of all that obey
+//! this. Again energy never grows, and where matter presses evenly the line is the attached one.
+//!
+//! Friction moves a line from where it is towards where it would be attached, along the surface, at most until the
+//! coefficient times the momentum that presses has gone to the surface.
 
-use super::{Held, Placed, THIN, approach::TOUCHING, shape::Shape};
+use super::{
+    Held, Placed, THIN,
+    approach::{RANGE, TOUCHING},
+    shape::Shape,
+};
 use crate::{
     mat3::dot,
     scene::{Aabb, Surface},
@@ -53,6 +65,8 @@ pub(crate) struct Face {
     /// Components of the velocity that it holds.
     grips: [bool; 3],
     velocity: [f64; 3],
+    /// Whether it lets go of what moves away.
+    releases: bool,
     /// Coulomb coefficient.
     friction: f64,
 }
@@ -89,6 +103,9 @@ impl Attached {
     }
 }
 
+/// Mass and velocity, relative to the boundary, of the three nodes of a line: the target and the two behind.
+type Members = [(f64, [f64; 3]); 3];
+
 /// Per axis and side.
 type All<'a> = [[Option<&'a Face>; 2]; 3];
 
@@ -109,6 +126,7 @@ impl Face {
             },
             grips: [true; 3],
             velocity: [0.0; 3],
+            releases: false,
             friction: 0.0,
         }
     }
@@ -119,7 +137,8 @@ impl Face {
         let Shape::HalfSpace { .. } = body.body.shape else {
             return None;
         };
-        if !body.holds() || body.angular != [0.0; 3] {
+        let releases = contact.surface == Surface::Separate;
+        if body.angular != [0.0; 3] || releases && contact.gives_back() {
             return None;
         }
         let normal = body.distance(body.start.translation).normal;
@@ -130,6 +149,7 @@ impl Face {
         Some(Self {
             grips: std::array::from_fn(|a| sticky || a == axis),
             velocity: body.linear,
+            releases,
             friction: if sticky { 0.0 } else { contact.friction },
             ..Self::new(Owner::Body(body.id), axis, side, at, cell)
         })
@@ -188,61 +208,121 @@ impl Face {
         })
     }
 
-    /// Whether matter in the line of nodes through `index` is attached to it.
-    fn acts(&self, index: [i32; 3], nodes: &impl Nodes, cell: f64) -> bool {
+    /// How near matter in the line of nodes through `index` is to it [units]; none where it does not act on it.
+    fn gap(&self, index: [i32; 3], nodes: &impl Nodes, cell: f64) -> Option<f64> {
         if !self.bounds.contains(index.map(|i| f64::from(i) * cell)) {
-            return false;
+            return None;
         }
         let nearest = self.behind(index, 1);
-        nodes.node(nearest).is_some()
-            && match self.owner {
-                Owner::Body(id) => {
-                    (OVERLAP * cell..TOUCHING * cell).contains(&nodes.gap(nearest, id))
-                }
-                Owner::Region(_) => true,
-            }
+        nodes.node(nearest)?;
+        let Owner::Body(id) = self.owner else {
+            return Some(0.0);
+        };
+        let gap = nodes.gap(nearest, id);
+        let range = if self.releases { RANGE } else { TOUCHING };
+        (OVERLAP * cell..range * cell).contains(&gap).then_some(gap)
     }
 
-    /// What [`component`] gives for all that it grips, where no other face acts and nothing rubs: most nodes.
-    fn carry(&self, velocity: &mut [f64; 3], index: [i32; 3], nodes: &impl Nodes) {
+    /// Whether it grips the same component of the same nodes as another of the same axis may.
+    fn meets(&self, other: &Self) -> bool {
+        let ranks = |n: i32| other.rank(self.target - n * self.side);
+        (0..=2).any(|n| (0..=2).contains(&ranks(n)))
+    }
+
+    /// Mass and velocity, relative to the boundary, of the nodes of the line through `index`, from the target on.
+    fn members(&self, index: [i32; 3], nodes: &impl Nodes) -> Members {
+        [0, 1, 2].map(|n| match nodes.node(self.behind(index, n)) {
+            Some((m, v)) => (m, std::array::from_fn(|a| v[a] - self.velocity[a])),
+            None => (0.0, [0.0; 3]),
+        })
+    }
+
+    /// Velocity of the nodes of an attached line over that of its target.
+    fn shares(&self) -> [f64; 3] {
+        [1.0, self.share[0], self.share[1]]
+    }
+
+    /// Velocity, relative to the boundary, of the target of a line that is attached to it.
+    fn carried(&self, line: &Members) -> [f64; 3] {
         let (mut shared, mut mass) = ([0.0; 3], 0.0);
-        for (n, share) in (0..).zip([1.0, self.share[0], self.share[1]]) {
-            if let Some((m, v)) = nodes.node(self.behind(index, n)) {
-                for q in 0..3 {
-                    shared[q] += share * m * (v[q] - self.velocity[q]);
-                }
-                mass += share * share * m;
+        for ((m, v), share) in line.iter().zip(self.shares()) {
+            for q in 0..3 {
+                shared[q] += share * m * v[q];
             }
+            mass += share * share * m;
         }
-        let own = match self.rank(index[self.axis]) {
-            0 => 1.0,
-            rank => self.share[rank as usize - 1],
-        };
+        shared.map(|shared| if mass > 0.0 { shared / mass } else { 0.0 })
+    }
+
+    /// Moves a node of a line that is attached to it, and to nothing else.
+    fn hold(&self, velocity: &mut [f64; 3], line: &Members, rank: usize, rubs: [bool; 3]) {
+        let carried = self.carried(line);
         for q in (0..3).filter(|&q| self.grips[q]) {
-            let carried = if mass > 0.0 {
-                own * (shared[q] / mass)
-            } else {
-                0.0
-            };
-            velocity[q] = self.velocity[q] + carried;
+            velocity[q] = self.velocity[q] + self.shares()[rank] * carried[q];
+        }
+        if self.friction > 0.0 {
+            let given = line.iter().zip(self.shares());
+            let given =
+                given.map(|((m, v), share)| m * (share * carried[self.axis] - v[self.axis]));
+            let pressed = f64::from(self.side) * given.sum::<f64>();
+            self.rub(velocity, line, pressed, rank, rubs);
         }
     }
 
-    /// Coulomb friction on a node in or behind the plane of a line that is `pressed` with this momentum: such nodes share it.
-    fn rub(&self, v: &mut [f64; 3], pressed: f64, index: [i32; 3], nodes: &impl Nodes) {
-        let mass_at = |n: i32| {
-            let node = nodes.node(self.behind(index, n));
-            node.map_or(0.0, |(mass, _)| mass)
-        };
-        let mass = mass_at(1) + mass_at(2);
-        let mut relative: [f64; 3] = std::array::from_fn(|a| v[a] - self.velocity[a]);
-        relative[self.axis] = 0.0;
-        let speed = dot(relative, relative).sqrt();
-        if speed > 0.0 && pressed > 0.0 {
-            let taken = (self.friction * pressed / (mass * speed)).min(1.0);
-            for a in 0..3 {
-                v[a] -= taken * relative[a];
+    /// Speeds away from the boundary of the nodes of a line that may come closer by `closing`, and the momentum that
+    /// the boundary gives to them.
+    fn press(&self, line: &Members, closing: f64) -> ([f64; 3], f64) {
+        let mass = line.map(|(m, _)| m);
+        let free = line.map(|(_, v)| f64::from(self.side) * v[self.axis] + closing);
+        let share = self.shares();
+        let mut speed = free;
+        // The nearest of what is allowed is where none, both or one of the nodes behind are held: where no free one is
+        // too far inwards and no held one is pulled at.
+        for is_held in [[false; 2], [true; 2], [true, false], [false, true]] {
+            let held = || (1..3).filter(|&n| is_held[n - 1]);
+            let of_line = mass[0] + held().map(|n| share[n] * share[n] * mass[n]).sum::<f64>();
+            let shared =
+                mass[0] * free[0] + held().map(|n| share[n] * mass[n] * free[n]).sum::<f64>();
+            // Matter that does not reach the target just stops.
+            let carried = if mass[0] > 0.0 { shared / of_line } else { 0.0 };
+            let least = share.map(|share| share * carried);
+            speed = [carried, free[1], free[2]];
+            held().for_each(|n| speed[n] = least[n]);
+            let obeys = |n: usize| {
+                mass[n] == 0.0
+                    || if is_held[n - 1] {
+                        least[n] >= free[n]
+                    } else {
+                        free[n] >= least[n]
+                    }
+            };
+            if obeys(1) && obeys(2) {
+                break;
             }
+        }
+        let given = (0..3).map(|n| mass[n] * (speed[n] - free[n])).sum();
+        (speed.map(|speed| speed - closing), given)
+    }
+
+    /// Coulomb friction on a node of a line on which this momentum presses: the line goes towards where it would be
+    /// attached along the boundary, all of the way if that takes no more than the coefficient allows. Only in the
+    /// components `rubs`, which no other boundary has a hold of.
+    fn rub(&self, v: &mut [f64; 3], line: &Members, pressed: f64, rank: usize, rubs: [bool; 3]) {
+        let carried = self.carried(line);
+        let along = || (0..3).filter(|&q| q != self.axis && rubs[q]);
+        let mut taken = [0.0; 3];
+        for ((m, v), share) in line.iter().zip(self.shares()) {
+            along().for_each(|q| taken[q] += m * (share * carried[q] - v[q]));
+        }
+        let all = dot(taken, taken).sqrt();
+        let most = self.friction * pressed;
+        if most <= 0.0 {
+            return;
+        }
+        let part = if all > most { most / all } else { 1.0 };
+        for q in along() {
+            let attached = self.velocity[q] + self.shares()[rank] * carried[q];
+            v[q] += part * (attached - v[q]);
         }
     }
 }
@@ -286,63 +366,109 @@ fn line(along: &[Option<&Face>; 2], q: usize, i: i32) -> Option<Line> {
     Some(line)
 }
 
-/// Velocity of a node near flat boundaries; none where matter is attached to none of them.
+/// Velocity of a node near flat boundaries during `dt`; none where none of them acts on it.
 pub(crate) fn attached(
     faces: &[Face],
     index: [i32; 3],
     nodes: &impl Nodes,
     cell: f64,
+    dt: f64,
 ) -> Option<Attached> {
     let near = |face: &Face| (0..=2).contains(&face.rank(index[face.axis]));
     if !faces.iter().any(near) {
         return None;
     }
-    let raw = nodes.node(index)?.1;
-    let mut found = Attached::free(raw);
+    let mut found = Attached::free(nodes.node(index)?.1);
     // Those that act on this node or on those that move as one with it.
     let mut all: All<'_> = [[None; 2]; 3];
+    let mut pressing: [Option<(&Face, f64)>; 3] = [None; 3];
     let mut count = 0;
     for face in faces {
         let of = &mut all[face.axis][usize::from(face.side > 0)];
         let is_in_reach = (-2..=4).contains(&face.rank(index[face.axis]));
-        if of.is_none() && is_in_reach && face.acts(index, nodes, cell) {
+        if of.is_some() || !is_in_reach {
+            continue;
+        }
+        let Some(gap) = face.gap(index, nodes, cell) else {
+            continue;
+        };
+        if !face.releases {
             *of = Some(face);
             if near(face) {
                 found.owners[count] = Some(face.owner);
                 count += 1;
             }
+        } else if near(face) && pressing[face.axis].is_none() {
+            pressing[face.axis] = Some((face, gap));
+        }
+    }
+    // Nodes that another boundary has a hold of in the same direction are left to the conditions on single nodes.
+    for (axis, of) in pressing.iter_mut().enumerate() {
+        let alone = |face: &Face| {
+            let mut holding = all.iter().flatten().flatten();
+            let mut facing = faces.iter().filter(|other| other.axis == axis);
+            !holding.any(|other| other.grips[axis])
+                && !facing.any(|other| other.side != face.side && face.meets(other))
+        };
+        *of = of.filter(|(face, _)| alone(face));
+        if let Some((face, _)) = of {
+            found.owners[count] = Some(face.owner);
+            count += 1;
         }
     }
     if count == 0 {
         return None;
     }
-    let mut acting = all.iter().flatten().flatten();
-    if let (Some(face), None) = (acting.next(), acting.next())
-        && face.friction == 0.0
-    {
-        face.carry(&mut found.velocity, index, nodes);
-        return Some(found);
-    }
-    for q in 0..3 {
-        let mut gripping = all.iter().flatten().flatten();
-        if let Some(face) = gripping.find(|face| face.grips[q] && near(face)) {
-            let u = face.velocity[q];
-            found.velocity[q] = u + component(&all, index, q, u, nodes).0;
+    let holding = || all.iter().flatten().flatten().filter(|face| near(face));
+    let rubs: [bool; 3] =
+        std::array::from_fn(|q| pressing[q].is_none() && !holding().any(|face| face.grips[q]));
+    let mut holding = all.iter().flatten().flatten();
+    match (holding.next(), holding.next()) {
+        (None, _) => {}
+        // Nearly always.
+        (Some(face), None) if near(face) => {
+            let rank = face.rank(index[face.axis]) as usize;
+            let line = face.members(index, nodes);
+            face.hold(&mut found.velocity, &line, rank, rubs);
         }
+        _ => hold_all(&mut found.velocity, &all, index, nodes, rubs),
     }
-    for face in all.iter().flatten().flatten() {
-        if face.friction > 0.0 && (1..=2).contains(&face.rank(index[face.axis])) {
-            let u = face.velocity[face.axis];
-            let given = component(&all, index, face.axis, u, nodes).1;
-            face.rub(
-                &mut found.velocity,
-                given * f64::from(face.side),
-                index,
-                nodes,
-            );
+    for (face, gap) in pressing.into_iter().flatten() {
+        let rank = face.rank(index[face.axis]) as usize;
+        let line = face.members(index, nodes);
+        let (speed, given) = face.press(&line, gap.max(0.0) / dt);
+        if given > 0.0 {
+            found.velocity[face.axis] =
+                face.velocity[face.axis] + f64::from(face.side) * speed[rank];
+            face.rub(&mut found.velocity, &line, given, rank, rubs);
         }
     }
     Some(found)
+}
+
+/// Moves a node of lines that are attached to several boundaries.
+fn hold_all(
+    velocity: &mut [f64; 3],
+    all: &All<'_>,
+    index: [i32; 3],
+    nodes: &impl Nodes,
+    rubs: [bool; 3],
+) {
+    let near = |face: &&&Face| (0..=2).contains(&face.rank(index[face.axis]));
+    let holding = || all.iter().flatten().flatten().filter(near);
+    for q in 0..3 {
+        if let Some(face) = holding().find(|face| face.grips[q]) {
+            let u = face.velocity[q];
+            velocity[q] = u + component(all, index, q, u, nodes).0;
+        }
+    }
+    for face in holding().filter(|face| face.friction > 0.0) {
+        let u = face.velocity[face.axis];
+        let given = component(all, index, face.axis, u, nodes).1;
+        let (line, rank) = (face.members(index, nodes), face.rank(index[face.axis]));
+        let pressed = given * f64::from(face.side);
+        face.rub(velocity, &line, pressed, rank as usize, rubs);
+    }
 }
 
 /// Component `q` of the velocity of a node relative to boundaries that move at `u`, and the momentum that they give to all
@@ -384,116 +510,4 @@ fn component(all: &All<'_>, index: [i32; 3], q: usize, u: f64, nodes: &impl Node
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Nodes along the first axis, all alike across it.
-    struct Row(Vec<(i32, f64, f64)>);
-
-    impl Nodes for Row {
-        fn node(&self, index: [i32; 3]) -> Option<(f64, [f64; 3])> {
-            let found = self.0.iter().find(|(i, ..)| *i == index[0]);
-            found.map(|&(_, m, v)| (m, [v, 0.5, 0.0]))
-        }
-
-        fn gap(&self, _: [i32; 3], _: usize) -> f64 {
-            0.0
-        }
-    }
-
-    fn wall(at: f64, side: i32, sticky: bool) -> Face {
-        Face {
-            grips: [true, sticky, sticky],
-            ..Face::new(Owner::Body(0), 0, side, at, 1.0)
-        }
-    }
-
-    #[test]
-    fn what_moves_in_proportion_to_the_distance_stays_as_it_is() {
-        for at in [-0.5, -0.3, 0.0, 0.2, 0.49, 0.5, 0.8] {
-            for side in [1, -1] {
-                let face = wall(at, side, false);
-                let speed = |i: i32| 0.7 * (f64::from(i) - at);
-                let nodes = (-4..=4).map(|i| (i, 1.0 + 0.1 * f64::from(i * i), speed(i)));
-                let nodes = Row(nodes.collect());
-                let mut seen = 0;
-                for i in -4..=4 {
-                    if let Some(found) = attached(&[face], [i, 0, 0], &nodes, 1.0) {
-                        assert!((found.velocity[0] - speed(i)).abs() < 1e-12, "{at} {i}");
-                        assert_eq!(found.velocity[1], 0.5);
-                        seen += 1;
-                    }
-                }
-                assert_eq!(seen, 3);
-            }
-        }
-    }
-
-    #[test]
-    fn the_power_of_what_moves_as_one_is_kept_and_energy_never_grows() {
-        let nodes = Row(vec![
-            (-1, 0.2, 0.9),
-            (0, 0.6, -0.4),
-            (1, 1.0, 0.3),
-            (2, 1.0, 0.1),
-        ]);
-        let face = wall(0.1, 1, false);
-        let after = |i: i32| attached(&[face], [i, 0, 0], &nodes, 1.0);
-        assert_eq!(after(2), None);
-        let energy = |v: &dyn Fn(i32) -> f64| {
-            let nodes = nodes.0.iter().filter(|(i, ..)| *i < 2);
-            nodes.map(|&(i, m, _)| m * v(i).powi(2)).sum::<f64>()
-        };
-        let before = energy(&|i| nodes.node([i, 0, 0]).map_or(0.0, |(_, v)| v[0]));
-        let now = energy(&|i| after(i).map_or(0.0, |found| found.velocity[0]));
-        assert!(now < before, "{now} {before}");
-        // A projection: what is taken away is orthogonal, by mass, to what is left.
-        let power: f64 = nodes.0[..3]
-            .iter()
-            .map(|&(i, m, v)| {
-                let left = after(i).map_or(v, |found| found.velocity[0]);
-                m * left * (v - left)
-            })
-            .sum();
-        assert!(power.abs() < 1e-15, "{power}");
-    }
-
-    #[test]
-    fn a_slot_of_one_cell_holds_all_that_is_in_it() {
-        let faces = [wall(0.0, 1, true), wall(1.0, -1, true)];
-        let nodes = Row((-1..=2).map(|i| (i, 1.0, 2.0)).collect());
-        for i in -1..=2 {
-            let found = attached(&faces, [i, 0, 0], &nodes, 1.0).expect("both act");
-            assert_eq!(found.velocity, [0.0; 3]);
-        }
-    }
-
-    #[test]
-    fn in_a_slot_of_two_cells_the_middle_is_free() {
-        let faces = [wall(0.0, 1, false), wall(2.0, -1, false)];
-        let nodes = Row((-1..=3).map(|i| (i, 1.0, 1.0)).collect());
-        let at = |i| attached(&faces, [i, 0, 0], &nodes, 1.0).map(|found| found.velocity[0]);
-        // 1 - 1 - 1 over 1 + 1 + 1: both mirrored nodes move against the middle one.
-        let middle = -1.0 / 3.0;
-        assert_eq!(at(1), Some(middle));
-        assert_eq!([at(0), at(2)], [Some(0.0); 2]);
-        assert_eq!([at(-1), at(3)], [Some(-middle); 2]);
-    }
-
-    #[test]
-    fn a_line_that_is_pressed_loses_the_coefficient_times_what_presses_it() {
-        let nodes = Row(vec![(-1, 0.2, -0.01), (0, 0.6, -0.02), (1, 1.0, -0.01)]);
-        let face = Face {
-            friction: 0.3,
-            ..wall(0.0, 1, false)
-        };
-        let mut change = [0.0; 2];
-        for &(i, m, v) in &nodes.0 {
-            let found = attached(&[face], [i, 0, 0], &nodes, 1.0).expect("it touches");
-            change[0] += m * (found.velocity[0] - v);
-            change[1] += m * (found.velocity[1] - 0.5);
-        }
-        assert!(change[0] > 0.0);
-        assert!((change[1] + 0.3 * change[0]).abs() < 1e-15, "{change:?}");
-    }
-}
+mod tests;

@@ -125,7 +125,7 @@ fn constrain_block(out: &mut Velocities, around: &Around<'_>, acting: &Acting<'_
     let left = constrain(out, around.carrier, |at, v| {
         let local = [at / 16, at / 4 % 4, at % 4];
         let index = std::array::from_fn(|a| BLOCK * block[a] + local[a] as i32);
-        let obeyed = attached(acting.boundaries.faces(), index, around, 1.0);
+        let obeyed = attached(acting.boundaries.faces(), index, around, 1.0, acting.dt);
         let obeyed = obeyed.unwrap_or(Attached::free(v));
         match allowed {
             Some(allowed) => allowed.constrain_rest(at, &obeyed),

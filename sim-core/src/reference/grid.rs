@@ -116,7 +116,7 @@ impl Grid {
         let velocities: Vec<[f64; 3]> = (self.nodes.iter().zip(nearest))
             .map(|((index, node), nearest)| {
                 let x = index.map(|i| f64::from(i) * dx);
-                let obeyed = attached(boundaries.faces(), *index, &seen, dx);
+                let obeyed = attached(boundaries.faces(), *index, &seen, dx, dt);
                 let obeyed = obeyed.unwrap_or(Attached::free(node.velocity));
                 boundaries.constrain(x, nearest, dt, dx, &obeyed)
             })

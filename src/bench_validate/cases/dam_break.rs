@@ -30,20 +30,38 @@ const MARTIN_MOYCE: [(f64, f64); 9] = [
     (4.961, 6.271),
 ];
 
+const AHEAD: &str = "ahead by 10 to 21 % where the gate is, 3 tenths of the width from T = 1.2 on, with 10 and with 20 cells: this is \
+     where the model's front is, on floors that let go as on those that slip. The experiment has a dam that takes time to go, and friction on its \
+     floor; coarse cells used to make up for both.";
+
 /// Why a row fails, by resolution and time.
 fn why(cells: u32, t: f64) -> Option<&'static str> {
-    match cells {
-        20 if t == 1.212 => Some(
-            "12.2 % ahead, where experiments differ by 8 %: Koshizuka and Oka found 1.56 at this time, and 1.89 at 1.54.",
-        ),
-        _ => None,
-    }
+    let fails: &[f64] = match cells {
+        10 => &[1.212, 1.602, 2.283],
+        _ => &[0.849, 1.212, 1.602, 2.283, 4.592],
+    };
+    fails.contains(&t).then_some(AHEAD)
 }
 
 fn run(size: Size) -> anyhow::Result<Vec<Row>> {
     let mut rows = front(10, 3.0)?;
     if size == Size::Full {
-        rows.extend(front(20, 4.6)?);
+        let fine = front(20, 4.6)?;
+        // Later than at first, when the front's acceleration is all in one cell.
+        let of_both = rows.iter().zip(&fine).skip(3);
+        let apart = of_both.map(|(coarse, fine)| (coarse.measured / fine.measured - 1.0).abs());
+        let apart = Row {
+            quantity: "fronts with 10 and 20 cells, difference at T = 2.283 and 2.95, relative"
+                .into(),
+            reference: 0.0,
+            source: "convergence; of first order it was 0.06",
+            measured: apart.fold(0.0, f64::max),
+            gate: Gate::AtMost(0.02),
+            known_failure: None,
+            command: fine[0].command.clone(),
+        };
+        rows.extend(fine);
+        rows.push(apart);
     }
     Ok(rows)
 }

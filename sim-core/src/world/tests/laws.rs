@@ -107,18 +107,27 @@ fn a_block_slides_down_an_incline_as_coulomb_says() {
 fn a_block_sticks_to_an_incline_below_the_friction_angle() {
     for across in [24.0_f64, 10.0, 0.0] {
         let friction = 25.0_f64.to_radians().tan();
-        // The load comes suddenly, and while the block rings it is off the plane for half of the time: it slips by
-        // 0.16 cells in the first second (0.29 in three).
+        // The load comes suddenly, and while the block rings it is off the plane for half of the time: it slips by 8, 12
+        // and 23 mm. With finer cells it rings longer and slips farther (in half a second 9, 15 and 26 mm at cells of 5,
+        // 2.5 and 1.25 cm), so that there is no figure to hold this against.
         let (along, _) = slide(across.to_radians(), friction, 0.0, 60);
-        assert!(along.abs() < 0.02, "{across} degrees: slipped {along} m");
-        // Damped, it stops ringing, and creeps by less than 1e-4 cells per second, at 95 % of what friction holds. Not so
-        // where the plane passes through nodes, which is a weakness: there round-off decides. Six runs whose friction
-        // differs by 1e-6 degrees each crept by 0 to 0.18 cells in this second, six others, with a rotation of `F` that
-        // differs in its last digit, by 0.007 to 0.18.
-        let (before, _) = slide(across.to_radians(), friction, 20.0, 60);
-        let (after, _) = slide(across.to_radians(), friction, 20.0, 120);
-        let (creep, most) = (after - before, if across == 0.0 { 0.01 } else { 1e-4 });
-        assert!(creep.abs() < most, "{across} degrees: crept {creep} m");
+        assert!(along.abs() < 0.03, "{across} degrees: slipped {along} m");
+        // Damped, it stops ringing, and creeps by less than 1e-4 m/s at 95 % of what friction holds. Not so where the plane
+        // lies along the grid, wherever between nodes, which is a weakness: there it creeps by 12 mm/s, and not at 90 %.
+        let creep_at = |share: f64| {
+            let friction = 24.0_f64.to_radians().tan() / share;
+            let [before, after] =
+                [60, 120].map(|frames| slide(across.to_radians(), friction, 20.0, frames).0);
+            after - before
+        };
+        let most = if across == 0.0 { 0.015 } else { 1e-4 };
+        for (share, most) in [(0.95, most), (0.9, 1e-4)] {
+            let creep = creep_at(share);
+            assert!(
+                creep.abs() < most,
+                "{across} degrees, at {share}: crept {creep} m"
+            );
+        }
     }
 }
 
