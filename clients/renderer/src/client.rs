@@ -11,6 +11,7 @@ use glam::Vec3;
 use serde::Serialize;
 
 use crate::camera::{Camera, Orbit, up_from_gravity};
+use crate::courtesy::Courtesy;
 use crate::mp4::Mp4Error;
 use crate::output::{Outputs, Written};
 use crate::png::PngError;
@@ -119,7 +120,8 @@ pub enum RenderError {
 /// was, and also after an error. `on_frame` hears of every frame that was rendered.
 ///
 /// It always takes the newest frame, so that a slow renderer skips frames and the server never waits; it stays when the
-/// server goes, and carries on with the next one of that name.
+/// server goes, and carries on with the next one of that name. While the simulation is slower than the clock it waits up to
+/// four times as long as a picture took before the next one.
 ///
 /// # Errors
 /// When there is no server within `options.patience`, or a file cannot be written.
@@ -162,6 +164,7 @@ fn watch(
         return Ok(());
     };
     let mut scene: Option<SceneView> = None;
+    let mut courtesy = Courtesy::default();
     let goal = options.frames.unwrap_or(u64::MAX);
     while summary.frames_rendered < goal && !stop.load(Ordering::Relaxed) {
         let frame = match reader.next(GLANCE) {
@@ -173,7 +176,9 @@ fn watch(
             }
             Err(error) => return Err(error.into()),
         };
+        let start = Instant::now();
         let header = *frame.header();
+        courtesy.note(header.sim_time, header.publish_ns);
         if scene.as_ref().map(|scene| scene.header().epoch) != Some(header.epoch) {
             // Not two at a time: the server keeps room for few.
             drop(scene.take());
@@ -186,10 +191,10 @@ fn watch(
         let wanted = outputs.wants(header.step, header.sim_time, frame.is_new_run(), is_last);
         if wanted.anything() {
             let camera = camera(options, scene.header());
-            let start = Instant::now();
+            let drawing = Instant::now();
             let projected = project(frame, scene, &camera);
             let image = projected.draw(BACKGROUND);
-            summary.render_ms += start.elapsed().as_secs_f64() * 1e3;
+            summary.render_ms += drawing.elapsed().as_secs_f64() * 1e3;
             outputs.write(wanted, header.step, image)?;
             summary.frames_rendered += 1;
         } else {
@@ -210,6 +215,9 @@ fn watch(
         }
         if is_last {
             break;
+        }
+        if wanted.anything() {
+            std::thread::sleep(courtesy.wait(start.elapsed()));
         }
     }
     Ok(())

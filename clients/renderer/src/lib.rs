@@ -6,6 +6,7 @@
 
 pub mod camera;
 pub mod client;
+mod courtesy;
 pub mod image;
 pub mod mp4;
 mod output;
