@@ -1,3 +1,5 @@
+//! Lines of nodes at planes: what is attached, what presses, what rubs.
+
 use super::*;
 
 /// Nodes along the first axis, all alike across it.
