@@ -326,7 +326,7 @@ pub const ALL: [Failure; 22] = [
     Failure {
         name: "growth of fluids",
         scene: scene_text!("stability/slosh"),
-        measured: "depth of a pool after 5 s over that of its volume, twice the height of its centre",
+        measured: "depth of a pool over that of its volume, twice the least height of its centre in the fifth second: it sways",
         ideal: "1",
         duration: 5.0,
         variants: &[
@@ -336,7 +336,11 @@ pub const ALL: [Failure; 22] = [
             ("half the dx", &[("dx", "0.025")]),
         ],
         // The basin is 0.6 m long and 0.2 m wide: 24 litres stand 0.2 m deep.
-        read: |o| Ok(2.0 * o.last("/objects/0/com/1")? / 0.2),
+        read: |o| {
+            let late = o.series("/objects/0/com/1");
+            let late = late.iter().filter(|(t, _)| *t > 4.0);
+            Ok(2.0 * late.map(|(_, y)| *y).fold(f64::INFINITY, f64::min) / 0.2)
+        },
         remedy: "finer `dx`; what else was tried is in [decision 0014](decisions/0014-volume-of-fluids.md)",
     },
     Failure {
