@@ -58,8 +58,8 @@ pub(crate) struct Face {
     side: i32,
     /// The node along the axis that carries those behind.
     target: i32,
-    /// Velocity of the next two nodes behind over that of the target.
-    share: [f64; 2],
+    /// Velocity of the target and of the two nodes behind, when attached, over that of the target.
+    share: [f64; 3],
     /// Where nodes are, across the axis [units].
     bounds: Aabb,
     /// Components of the velocity that it holds.
@@ -119,7 +119,7 @@ impl Face {
             axis,
             side,
             target: side * target as i32,
-            share: [(eta - 1.0) / eta, (eta - 2.0) / eta],
+            share: [1.0, (eta - 1.0) / eta, (eta - 2.0) / eta],
             bounds: Aabb {
                 min: [f64::NEG_INFINITY; 3],
                 max: [f64::INFINITY; 3],
@@ -189,6 +189,11 @@ impl Face {
         self.side * (self.target - i)
     }
 
+    /// Whether a node is of one of its lines.
+    fn has(&self, index: [i32; 3]) -> bool {
+        (0..=2).contains(&self.rank(index[self.axis]))
+    }
+
     /// In the line of nodes through `index` the one that is `n` behind its target.
     fn behind(&self, index: [i32; 3], n: i32) -> [i32; 3] {
         let mut node = index;
@@ -225,8 +230,7 @@ impl Face {
 
     /// Whether it grips the same component of the same nodes as another of the same axis may.
     fn meets(&self, other: &Self) -> bool {
-        let ranks = |n: i32| other.rank(self.target - n * self.side);
-        (0..=2).any(|n| (0..=2).contains(&ranks(n)))
+        (0..=2).any(|n| other.has(self.behind([0; 3], n)))
     }
 
     /// Mass and velocity, relative to the boundary, of the nodes of the line through `index`, from the target on.
@@ -237,15 +241,10 @@ impl Face {
         })
     }
 
-    /// Velocity of the nodes of an attached line over that of its target.
-    fn shares(&self) -> [f64; 3] {
-        [1.0, self.share[0], self.share[1]]
-    }
-
     /// Velocity, relative to the boundary, of the target of a line that is attached to it.
     fn carried(&self, line: &Members) -> [f64; 3] {
         let (mut shared, mut mass) = ([0.0; 3], 0.0);
-        for ((m, v), share) in line.iter().zip(self.shares()) {
+        for ((m, v), share) in line.iter().zip(self.share) {
             for q in 0..3 {
                 shared[q] += share * m * v[q];
             }
@@ -258,10 +257,10 @@ impl Face {
     fn hold(&self, velocity: &mut [f64; 3], line: &Members, rank: usize, rubs: [bool; 3]) {
         let carried = self.carried(line);
         for q in (0..3).filter(|&q| self.grips[q]) {
-            velocity[q] = self.velocity[q] + self.shares()[rank] * carried[q];
+            velocity[q] = self.velocity[q] + self.share[rank] * carried[q];
         }
         if self.friction > 0.0 {
-            let given = line.iter().zip(self.shares());
+            let given = line.iter().zip(self.share);
             let given =
                 given.map(|((m, v), share)| m * (share * carried[self.axis] - v[self.axis]));
             let pressed = f64::from(self.side) * given.sum::<f64>();
@@ -274,7 +273,7 @@ impl Face {
     fn press(&self, line: &Members, closing: f64) -> ([f64; 3], f64) {
         let mass = line.map(|(m, _)| m);
         let free = line.map(|(_, v)| f64::from(self.side) * v[self.axis] + closing);
-        let share = self.shares();
+        let share = self.share;
         let mut speed = free;
         // The nearest of what is allowed is where none, both or one of the nodes behind are held: where no free one is
         // too far inwards and no held one is pulled at.
@@ -311,7 +310,7 @@ impl Face {
         let carried = self.carried(line);
         let along = || (0..3).filter(|&q| q != self.axis && rubs[q]);
         let mut taken = [0.0; 3];
-        for ((m, v), share) in line.iter().zip(self.shares()) {
+        for ((m, v), share) in line.iter().zip(self.share) {
             along().for_each(|q| taken[q] += m * (share * carried[q] - v[q]));
         }
         let all = dot(taken, taken).sqrt();
@@ -321,7 +320,7 @@ impl Face {
         }
         let part = if all > most { most / all } else { 1.0 };
         for q in along() {
-            let attached = self.velocity[q] + self.shares()[rank] * carried[q];
+            let attached = self.velocity[q] + self.share[rank] * carried[q];
             v[q] += part * (attached - v[q]);
         }
     }
@@ -345,7 +344,7 @@ fn line(along: &[Option<&Face>; 2], q: usize, i: i32) -> Option<Line> {
             if own.0 != i {
                 return None;
             }
-            own = (face.target, face.share[rank as usize - 1]);
+            own = (face.target, face.share[rank as usize]);
         }
     }
     let (target, own) = own;
@@ -358,7 +357,7 @@ fn line(along: &[Option<&Face>; 2], q: usize, i: i32) -> Option<Line> {
         own,
     };
     for face in faces().filter(|face| face.target == target) {
-        for (n, share) in (1..).zip(face.share) {
+        for (n, share) in (0..).zip(face.share).skip(1) {
             line.members[line.count] = (target - n * face.side, share);
             line.count += 1;
         }
@@ -374,8 +373,7 @@ pub(crate) fn attached(
     cell: f64,
     dt: f64,
 ) -> Option<Attached> {
-    let near = |face: &Face| (0..=2).contains(&face.rank(index[face.axis]));
-    if !faces.iter().any(near) {
+    if !faces.iter().any(|face| face.has(index)) {
         return None;
     }
     let mut found = Attached::free(nodes.node(index)?.1);
@@ -394,11 +392,11 @@ pub(crate) fn attached(
         };
         if !face.releases {
             *of = Some(face);
-            if near(face) {
+            if face.has(index) {
                 found.owners[count] = Some(face.owner);
                 count += 1;
             }
-        } else if near(face) && pressing[face.axis].is_none() {
+        } else if face.has(index) && pressing[face.axis].is_none() {
             pressing[face.axis] = Some((face, gap));
         }
     }
@@ -419,14 +417,19 @@ pub(crate) fn attached(
     if count == 0 {
         return None;
     }
-    let holding = || all.iter().flatten().flatten().filter(|face| near(face));
+    let holding = || {
+        all.iter()
+            .flatten()
+            .flatten()
+            .filter(|face| face.has(index))
+    };
     let rubs: [bool; 3] =
         std::array::from_fn(|q| pressing[q].is_none() && !holding().any(|face| face.grips[q]));
     let mut holding = all.iter().flatten().flatten();
     match (holding.next(), holding.next()) {
         (None, _) => {}
         // Nearly always.
-        (Some(face), None) if near(face) => {
+        (Some(face), None) if face.has(index) => {
             let rank = face.rank(index[face.axis]) as usize;
             let line = face.members(index, nodes);
             face.hold(&mut found.velocity, &line, rank, rubs);
@@ -454,8 +457,12 @@ fn hold_all(
     nodes: &impl Nodes,
     rubs: [bool; 3],
 ) {
-    let near = |face: &&&Face| (0..=2).contains(&face.rank(index[face.axis]));
-    let holding = || all.iter().flatten().flatten().filter(near);
+    let holding = || {
+        all.iter()
+            .flatten()
+            .flatten()
+            .filter(|face| face.has(index))
+    };
     for q in 0..3 {
         if let Some(face) = holding().find(|face| face.grips[q]) {
             let u = face.velocity[q];

@@ -513,6 +513,11 @@ impl NodeConditions<'_> {
         &self.bodies
     }
 
+    /// Whether held regions are among them.
+    pub fn has_regions(&self) -> bool {
+        !self.regions.is_empty()
+    }
+
     /// Those that may act on a box of nodes.
     pub fn near(&self, first: [f64; 3], last: [f64; 3]) -> Self {
         let near = |body: &&Placed<'_>| body.is_near(first, last, NODES_REACH);

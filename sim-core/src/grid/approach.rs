@@ -48,8 +48,6 @@ pub(crate) struct Acting<'a> {
     pub boundaries: &'a NodeConditions<'a>,
     /// Those that move, or come and go.
     pub moving: &'a NodeConditions<'a>,
-    /// Those that are regions.
-    pub regions: &'a NodeConditions<'a>,
     /// Per particle block.
     pub approaches: &'a [Approach],
     /// Substep [s].
@@ -285,8 +283,7 @@ impl<'a> Acting<'a> {
             spread(&reaching, &mut nearest, b, bodies.len());
         }
         let mut bodies = bodies.iter();
-        let is_outside =
-            !self.regions.cover(first, last) && bodies.all(|b| !moves(b) && !is_inside(b));
+        let is_outside = !conditions.has_regions() && bodies.all(|b| !moves(b) && !is_inside(b));
         Some(Allowed {
             is_outside,
             conditions,

@@ -208,11 +208,7 @@ impl World {
 
         // Particles back to scene order; moments, energies, hash.
         let measuring = Instant::now();
-        let State {
-            particles, carrier, ..
-        } = &self.state;
-        self.published.update(particles, *carrier, self.scene.dx);
-        self.publish_bodies();
+        self.publish();
         self.settle(&frame);
         self.state.steps += 1;
         self.state.sim_time += frame.length;
@@ -221,6 +217,13 @@ impl World {
         report.timings.total = start.elapsed().as_secs_f64();
         self.report = report;
         self.report.clone()
+    }
+
+    /// Brings particles back to scene order.
+    fn publish(&mut self) {
+        let (particles, carrier) = (&self.state.particles, self.state.carrier);
+        self.published.update(particles, carrier, self.scene.dx);
+        self.publish_bodies();
     }
 
     /// The latest report; before the first step that of the initial state, step 0.

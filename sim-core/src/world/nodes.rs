@@ -27,8 +27,6 @@ impl World {
         let substep = self.substep(frame, dt);
         let boundaries = self.boundaries.on_nodes(&self.state.paths, &substep);
         let moving = self.boundaries.moving_on_nodes(&self.state.paths, &substep);
-        let mut regions = boundaries.clone();
-        regions.retain_bodies(|_| false);
         let cells_per_mass = self.cells_per_mass();
         let grid = &mut self.workspace.grid;
         frame.work.grid_nodes += NODES * grid.nodes.len() as u64;
@@ -36,7 +34,6 @@ impl World {
         let acting = Acting {
             boundaries: &boundaries,
             moving: &moving,
-            regions: &regions,
             approaches: &approaches(&self.state.particles, &self.half_spacings, &boundaries),
             dt,
         };

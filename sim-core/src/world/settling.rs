@@ -26,13 +26,13 @@ impl World {
         }
         let own = self.scene.conditions.damping;
         self.scene.conditions.damping = own + DECAY / span;
-        self.publish_particles();
+        self.publish();
         self.report = self.measure(&Frame::new(0.0));
         let frames = (span * self.scene.frame_rate).ceil().max(1.0);
         for _ in 0..frames as usize {
             let mut frame = Frame::new(span / frames);
             self.advance(&mut frame);
-            self.publish_particles();
+            self.publish();
             self.report = self.measure(&frame);
             for object in objects.clone() {
                 if self.is_automatic(object) {
@@ -42,13 +42,7 @@ impl World {
         }
         self.scene.conditions.damping = own;
         self.begin(newcomers);
-        self.publish_particles();
-    }
-
-    fn publish_particles(&mut self) {
-        let (particles, carrier) = (&self.state.particles, self.state.carrier);
-        self.published.update(particles, carrier, self.scene.dx);
-        self.publish_bodies();
+        self.publish();
     }
 
     /// Gives everything its initial velocity, and forgets how it came to rest.

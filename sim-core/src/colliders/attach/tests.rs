@@ -130,10 +130,10 @@ fn a_surface_that_lets_go_gives_the_nearest_by_mass_of_all_that_it_allows() {
         let change: [f64; 3] = std::array::from_fn(|n| line[n].0 * (speed[n] - line[n].1[0]));
         let mut carried = 0.0;
         for n in [1, 2] {
-            let beyond = after[n] - face.shares()[n] * after[0];
+            let beyond = after[n] - face.share[n] * after[0];
             assert!(beyond > -1e-12, "{line:?}: {beyond}");
             assert!(change[n] > -1e-12 && change[n] * beyond < 1e-12, "{line:?}");
-            carried += face.shares()[n] * change[n];
+            carried += face.share[n] * change[n];
         }
         assert!((change[0] + carried).abs() < 1e-12, "{line:?}");
         assert!((given - change.iter().sum::<f64>()).abs() < 1e-12);
