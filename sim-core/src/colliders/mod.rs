@@ -48,8 +48,10 @@ const BODY_SKIN: f64 = 0.05;
 pub(crate) struct Substep {
     /// Simulated time at its start [s].
     pub time: f64,
-    /// Its size [s].
+    /// Its size [s]: how long everything moves.
     pub dt: f64,
+    /// How long forces act in it [s], see [`kick`](crate::kinematics::kick).
+    pub kick: f64,
     /// Start of the frame [s].
     pub frame_start: f64,
     /// Length of the frame [s].
@@ -278,6 +280,7 @@ impl Boundaries {
         let now = Substep {
             time: 0.0,
             dt: 0.0,
+            kick: 0.0,
             frame_start: 0.0,
             frame_length: 0.0,
         };

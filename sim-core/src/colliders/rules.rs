@@ -142,8 +142,8 @@ pub(crate) struct Pushes<'a> {
     /// Velocity change of the members [units/s].
     impulses: Vec<(&'a Members, [f64; 3])>,
     forces: Vec<(&'a Acceleration, Force)>,
-    /// Length of the substep [s].
-    dt: f64,
+    /// How long forces act [s].
+    kick: f64,
 }
 
 /// A body force in one substep.
@@ -175,7 +175,7 @@ impl Pushes<'_> {
             };
             match force {
                 Force::Same(given) => add(*given),
-                Force::ByPlace(formulas) => add(of.change(formulas.at(of.rest[number]), self.dt)),
+                Force::ByPlace(formulas) => add(of.change(formulas.at(of.rest[number]), self.kick)),
             }
         }
         change
@@ -183,9 +183,9 @@ impl Pushes<'_> {
 }
 
 impl Acceleration {
-    /// Velocity change [units/s] by an acceleration [m/s^2] within a substep.
-    fn change(&self, acceleration: [f64; 3], dt: f64) -> [f64; 3] {
-        acceleration.map(|x| dt * x / self.unit)
+    /// Velocity change [units/s] by an acceleration [m/s^2] that acts for `kick` [s].
+    fn change(&self, acceleration: [f64; 3], kick: f64) -> [f64; 3] {
+        acceleration.map(|x| kick * x / self.unit)
     }
 }
 
@@ -330,7 +330,8 @@ impl Rules {
             || self.prescribed.iter().any(|r| substep.is_in(&r.span))
     }
 
-    /// What impulses and body forces add to velocities in a substep. Formulas are worked out here as far as they do not
+    /// What impulses and body forces add to velocities in a substep: a force acts as long as forces do, an impulse is given
+    /// in the substeps in which it lasts, so that all of it is. Formulas are worked out here as far as they do not
     /// depend on the particle.
     pub fn pushes(&self, substep: &Substep) -> Pushes<'_> {
         let impulses = self.impulses.iter().filter_map(|impulse| {
@@ -339,7 +340,9 @@ impl Rules {
         });
         let forces = self.accelerations.iter().map(|of| {
             let force = match of.field.at_time(substep.time) {
-                Snapshot::Uniform(acceleration) => Force::Same(of.change(acceleration, substep.dt)),
+                Snapshot::Uniform(acceleration) => {
+                    Force::Same(of.change(acceleration, substep.kick))
+                }
                 Snapshot::Varying(formulas) => Force::ByPlace(formulas),
             };
             (of, force)
@@ -347,7 +350,7 @@ impl Rules {
         Pushes {
             impulses: impulses.collect(),
             forces: forces.collect(),
-            dt: substep.dt,
+            kick: substep.kick,
         }
     }
 
@@ -432,6 +435,7 @@ mod tests {
         Substep {
             time,
             dt,
+            kick: dt,
             frame_start: 0.0,
             frame_length: 1.0,
         }

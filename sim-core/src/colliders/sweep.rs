@@ -155,6 +155,7 @@ mod tests {
     const NOW: Substep = Substep {
         time: 0.0,
         dt: 0.01,
+        kick: 0.01,
         frame_start: 0.0,
         frame_length: 1.0,
     };

@@ -429,6 +429,7 @@ mod tests {
         let now = Substep {
             time: 0.0,
             dt: 1e-3,
+            kick: 1e-3,
             frame_start: 0.0,
             frame_length: 1e-2,
         };

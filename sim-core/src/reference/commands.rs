@@ -70,6 +70,8 @@ impl ReferenceWorld {
                 angular: [x, y, z],
             } => {
                 let spin = Mat3([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]);
+                // The velocity is that of now; those of particles are behind.
+                let linear = std::array::from_fn(|i| linear[i] - self.lag * self.gravity[i]);
                 self.particles
                     .set_affine_motion(range(object), linear, spin);
             }
@@ -83,6 +85,7 @@ impl ReferenceWorld {
                 let now = Substep {
                     time: self.sim_time,
                     dt: 0.0,
+                    kick: 0.0,
                     frame_start: self.sim_time,
                     frame_length: 0.0,
                 };

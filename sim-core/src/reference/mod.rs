@@ -1,7 +1,7 @@
 //! The scalar `f64` reference solver: the oracle of the tests and the reference of the accuracy charts.
 //!
 //! Explicit MLS-MPM (Hu et al. 2018) with quadratic B-splines, the affine transfer of APIC (Jiang et al. 2015)
-//! and symplectic Euler, written from the equations, one particle and one node at a time. No guard: a time step
+//! and leapfrog steps, written from the equations, one particle and one node at a time. No guard: a time step
 //! beyond the stability limit blows up, as it must.
 
 mod commands;
@@ -19,6 +19,7 @@ use crate::{
     },
     command::Command,
     expression::GRADIENT_STEP,
+    kinematics::kick,
     mat3::Mat3,
     materials::{Coefficients, Material, Trial},
     moments::{ParticleArrays, bodies_of, object_moments, total_momentum},
@@ -39,6 +40,8 @@ pub struct ReferenceWorld {
     materials: Vec<Material>,
     steps: u64,
     sim_time: f64,
+    /// How far velocities are behind positions [s], see [`kick`].
+    lag: f64,
     boundaries: Boundaries,
     paths: Paths,
     rules: Rules,
@@ -144,6 +147,7 @@ impl ReferenceWorld {
             parts: scene.parts(),
             steps: 0,
             sim_time: 0.0,
+            lag: 0.0,
             boundaries: Boundaries::new(scene, 1.0),
             paths: vec![None; scene.colliders.len()],
             rules: Rules::new(scene, 1.0),
@@ -195,12 +199,15 @@ impl ReferenceWorld {
     }
 
     fn substep(&mut self, dt: f64, cause: TimeStep, frame: &mut Frame) {
+        let [kick, lag] = kick(self.lag, dt, self.scene.cfl);
+        self.lag = lag;
         let (frame_start, frame_length) = (frame.start_time, frame.length);
         let report = &mut frame.report;
         let (dx, particles) = (self.scene.dx, &mut self.particles);
         let substep = Substep {
             time: self.sim_time,
             dt,
+            kick,
             frame_start,
             frame_length,
         };
@@ -224,7 +231,7 @@ impl ReferenceWorld {
                 }
             }
         }
-        let keep = self.scene.conditions.damping_factor(dt);
+        let keep = self.scene.conditions.damping_factor(kick);
         let before = particles.position.clone();
         let mut grid = Grid::default();
         let mut stencils: Vec<Option<Stencil>> = vec![None; particles.mass.len()];
@@ -244,7 +251,7 @@ impl ReferenceWorld {
                     dt: 0.0,
                 };
                 let tau = material.law.respond(&state, &numbers).tau;
-                let k = -dt * particles.volume[p] * 4.0 / (dx * dx);
+                let k = -kick * particles.volume[p] * 4.0 / (dx * dx);
                 let mut c = Mat3(particles.affine[p]);
                 if let Some([a, b]) = self.scene.conditions.affine_kept()
                     && !material.law.is_rigid()
@@ -275,7 +282,7 @@ impl ReferenceWorld {
                     let heavy = ANCHOR * m;
                     let affine = Mat3(c.map(|row| row.map(|x| heavy * x)));
                     let v = std::array::from_fn(|i| {
-                        particles.velocity[p][i] / keep - dt * self.gravity[i]
+                        particles.velocity[p][i] / keep - kick * self.gravity[i]
                     });
                     grid.scatter(&stencil, heavy, v, &affine);
                 } else {
@@ -299,9 +306,10 @@ impl ReferenceWorld {
                 }
             }
         }
-        for (_, node) in &mut grid.nodes {
+        // A particle half-way between two nodes gives nothing to the third.
+        for (_, node) in grid.nodes.iter_mut().filter(|(_, node)| node.mass > 0.0) {
             node.velocity = std::array::from_fn(|i| {
-                keep * (node.momentum[i] / node.mass + dt * self.gravity[i])
+                keep * (node.momentum[i] / node.mass + kick * self.gravity[i])
             });
         }
         grid.constrain(&boundaries, &nearest, dt, dx);
@@ -376,6 +384,7 @@ struct Frame {
     start_time: f64,
     length: f64,
     start_momentum: Vec<[f64; 3]>,
+    start_lag: f64,
 }
 
 impl ReferenceWorld {
@@ -386,6 +395,7 @@ impl ReferenceWorld {
             start_time: self.sim_time,
             length,
             start_momentum: self.objects().iter().map(momentum).collect(),
+            start_lag: self.lag,
         }
     }
 
@@ -397,7 +407,8 @@ impl ReferenceWorld {
             }
         }
         let mut report = frame.report;
-        let elapsed = self.sim_time - frame.start_time;
+        // How long forces acted.
+        let elapsed = self.sim_time - frame.start_time + frame.start_lag - self.lag;
         let mut start_momentum = frame.start_momentum;
         for (object, impulse) in self.rules.given(frame.start_time, self.sim_time) {
             for i in 0..3 {

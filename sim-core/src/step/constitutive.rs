@@ -18,7 +18,7 @@ pub(crate) struct PartLaw {
     pub law: Law,
     /// Its numbers.
     pub coefficients: Coefficients<f64>,
-    /// `4 dt / (rho0 dx^2)` of the coming substep: Kirchhoff stress [Pa] to affine velocity [1/s].
+    /// `4 kick / (rho0 dx^2)` of the coming substep: Kirchhoff stress [Pa] to affine velocity [1/s].
     pub stress_scale: f32,
     /// Whether particles share their volume ratio over the grid.
     pub shares_volume: bool,
@@ -42,7 +42,7 @@ pub(crate) struct Deformed<'a> {
 
 /// What a law makes of two groups.
 pub(crate) struct Answer {
-    /// `A = C - 4 dt / (rho0 dx^2) tau`: what particles carry to the grid besides velocity (MLS-MPM, Hu et al.
+    /// `A = C - 4 kick / (rho0 dx^2) tau`: what particles carry to the grid besides velocity (MLS-MPM, Hu et al.
     /// 2018).
     pub affine: [[F32x16; 9]; 2],
     /// Elastic deformation gradients; left alone by laws that are not plastic.

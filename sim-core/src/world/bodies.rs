@@ -336,6 +336,11 @@ impl World {
         if !self.has_bodies() {
             return 0.0;
         }
+        // Their velocities are those of now, and they move along the mean one: no half substep is missing.
+        let substep = &Substep {
+            kick: substep.dt,
+            ..*substep
+        };
         let mut objects = Vec::new();
         let mut waders = Vec::new();
         for (object, rigid) in self.state.rigid.iter().enumerate() {
@@ -507,6 +512,14 @@ impl World {
             part.object == object && !self.is_joined(n) && !part.particles.is_empty()
         };
         self.state.rigid[object].is_some() && !self.parts.iter().enumerate().any(apart)
+    }
+
+    /// Mass of an object's body [kg]; 0 without one.
+    pub(super) fn mass_of_body(&self, object: usize) -> f64 {
+        match (&self.state.rigid[object], &self.shapes[object]) {
+            (Some(_), Some(shape)) => shape.inertia.mass,
+            _ => 0.0,
+        }
     }
 
     /// Moments of an object that is one body, in full.

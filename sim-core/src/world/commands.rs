@@ -437,7 +437,7 @@ impl World {
             let there = std::array::from_fn(|a| linear[a] + turn[a]);
             self.set_body_velocity(object, there, angular);
         }
-        let carrier = self.state.carrier;
+        let (carrier, owed) = (self.state.carrier, self.owed());
         let [x, y, z] = angular;
         let spin = [0.0, -z, y, z, 0.0, -x, -y, x, 0.0];
         let all = &mut self.state.particles;
@@ -454,7 +454,7 @@ impl World {
                     let turn = cross(angular, r);
                     for a in 0..3 {
                         all.motion[g].v[a].0[lane] =
-                            ((linear[a] + turn[a]) / dx - carrier[a]) as f32;
+                            ((linear[a] - owed[a] + turn[a]) / dx - carrier[a]) as f32;
                     }
                     for n in 0..9 {
                         all.motion[g].c[n].0[lane] = spin[n] as f32;
@@ -462,6 +462,7 @@ impl World {
                 }
             }
         }
-        self.state.momentum[object] = linear.map(|v| state.mass * v);
+        let behind = state.mass - self.mass_of_body(object);
+        self.state.momentum[object] = [0, 1, 2].map(|a| state.mass * linear[a] - behind * owed[a]);
     }
 }

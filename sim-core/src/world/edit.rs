@@ -63,7 +63,7 @@ impl World {
         let Some(rigid) = self.state.rigid[object].take() else {
             return;
         };
-        let dx = self.scene.dx;
+        let (dx, owed) = (self.scene.dx, self.owed());
         let loose = self.loosened(object, &rigid);
         let mut newcomers = Vec::with_capacity(loose.len());
         for p in &loose {
@@ -72,11 +72,16 @@ impl World {
                 continue;
             };
             let mass = self.grain(object, p.id, p.x).mass;
+            for a in 0..3 {
+                self.state.momentum[object][a] -= mass * owed[a];
+            }
             newcomers.push(Newcomer {
                 id: p.id,
                 part: part as u32,
                 x: p.x.map(|x| x / dx),
-                v: std::array::from_fn(|a| (p.v[a] / dx - self.state.carrier[a]) as f32),
+                v: std::array::from_fn(|a| {
+                    ((p.v[a] - owed[a]) / dx - self.state.carrier[a]) as f32
+                }),
                 c: p.c.map(|c| c as f32),
                 mass: (mass / self.mass_unit) as f32,
             });
@@ -99,6 +104,8 @@ impl World {
     /// Joins the particles of those parts of an object that are to be rigid to one body.
     pub(super) fn freeze(&mut self, object: usize) {
         let (dx, carrier) = (self.scene.dx, self.state.carrier);
+        // Velocities of bodies are those of now.
+        let owed = self.owed();
         let rigid: Vec<bool> = (0..self.parts.len())
             .map(|p| self.parts[p].object == object && self.is_joined(p))
             .collect();
@@ -127,7 +134,7 @@ impl World {
                             id,
                             x: position_in_cells(block.index, at).map(|x| x * dx),
                             v: std::array::from_fn(|a| {
-                                (f64::from(motion.v[a].0[lane]) + carrier[a]) * dx
+                                (f64::from(motion.v[a].0[lane]) + carrier[a]) * dx + owed[a]
                             }),
                             c: std::array::from_fn(|n| f64::from(motion.c[n].0[lane])),
                             visible,
@@ -143,6 +150,12 @@ impl World {
             return;
         }
         loose.sort_unstable_by_key(|p| p.id);
+        for p in &loose {
+            let mass = self.grain(object, p.id, p.x).mass;
+            for a in 0..3 {
+                self.state.momentum[object][a] += mass * owed[a];
+            }
+        }
         self.state.live -= loose.len();
         self.rearrange();
         for (part, rigid) in rigid.into_iter().enumerate() {

@@ -55,6 +55,8 @@ pub(super) struct Frame {
     pub contact_work: contact::Work,
     /// Particles that sleep through it.
     pub asleep: usize,
+    /// How long forces acted on particles in it [s]: from the moment of their velocities before it to that after it.
+    pub kicked: f64,
     /// Kinetic energy that objects lost by being modelled with less [J].
     pub fidelity_loss: f64,
     /// Work done.
@@ -87,6 +89,7 @@ impl Frame {
             updates: 0,
             contact_work: contact::Work::default(),
             asleep: 0,
+            kicked: 0.0,
             fidelity_loss: 0.0,
             work: Work::default(),
             last_dt: 0.0,
@@ -180,6 +183,7 @@ struct Checkpoint {
     remaining: f64,
     substeps: u32,
     drift: f64,
+    lag: f64,
     carrier: [f64; 3],
     grid_speed: f64,
     extremes: Vec<Extremes>,
@@ -196,6 +200,10 @@ impl World {
         }
         self.workspace.prescribed = self.rules.speeds(&self.published.cells, frame.length);
         self.recentre();
+        if self.state.particles.groups.is_empty() {
+            self.state.lag = 0.0;
+        }
+        let lag = self.state.lag;
         while frame.remaining > 0.0 {
             if !self.state.particles.groups.is_empty() {
                 self.meet_as_spheres(frame);
@@ -206,6 +214,7 @@ impl World {
                 break;
             }
         }
+        frame.kicked = frame.length + lag - self.state.lag;
         self.take_out_bodies(frame);
         let laws = self.laws(0.0);
         limit_shapes(self.isa, &mut self.state.particles, &laws, frame.length);
@@ -233,6 +242,7 @@ impl World {
             remaining: frame.remaining,
             substeps: frame.substeps,
             drift: self.state.drift,
+            lag: self.state.lag,
             carrier: self.state.carrier,
             grid_speed: self.state.grid_speed,
             extremes: self.state.extremes.clone(),
@@ -287,6 +297,7 @@ impl World {
                 return;
             }
             frame.accept(dt, limit);
+            self.state.lag = self.lag_after(dt);
             taken.push(dt);
             self.collect_extremes();
             if ends {
@@ -332,6 +343,7 @@ impl World {
         frame.substeps = to.substeps;
         frame.remaining = to.remaining;
         self.state.drift = to.drift;
+        self.state.lag = to.lag;
         self.state.carrier = to.carrier;
         self.state.grid_speed = to.grid_speed;
         self.state.extremes.clone_from(&to.extremes);
@@ -373,11 +385,11 @@ impl World {
         self.survey();
     }
 
-    /// Runs one particle pass: gathered motion advances by `dt`, stress acts for `next_dt`.
+    /// Runs one particle pass: gathered motion advances by `dt`, forces are those of a substep of `next_dt`.
     fn particles(&mut self, frame: &mut Frame, stage: Stage, dt: f64, next_dt: f64) -> Findings {
         let start = Instant::now();
-        let laws = self.laws(next_dt);
         let [now, next] = self.around(frame, stage, dt, next_dt);
+        let laws = self.laws(next.kick);
         // Field by field: particles and grid change while it is in use.
         let touch = Touch::new(
             &self.boundaries,
@@ -392,8 +404,8 @@ impl World {
             stage,
             dt: dt as f32,
             carrier: self.state.carrier,
-            next_carrier: self.carrier_after(next.dt),
-            next_keep: self.scene.conditions.damping_factor(next.dt),
+            next_carrier: self.carrier_after(next.kick),
+            next_keep: self.scene.conditions.damping_factor(next.kick),
             affine_kept: self.scene.conditions.affine_kept(),
             laws: &laws,
             max_strain: MAX_STRAIN as f32,
@@ -436,8 +448,8 @@ impl World {
         frame.timings.particles += start.elapsed().as_secs_f64();
     }
 
-    /// Law and numbers of every part, for a coming substep of `dt` [s].
-    fn laws(&self, dt: f64) -> Vec<PartLaw> {
+    /// Law and numbers of every part, where stress acts for `kick` [s].
+    fn laws(&self, kick: f64) -> Vec<PartLaw> {
         let dx = self.scene.dx;
         (0..self.parts.len())
             .map(|part| {
@@ -450,7 +462,7 @@ impl World {
                         || material.law.is_solid()
                             && material.poisson_ratio > NEARLY_INCOMPRESSIBLE,
                     cells_per_rest_mass: self.mass_unit / (density * dx * dx * dx),
-                    stress_scale: (4.0 * dt / (density * dx * dx)) as f32,
+                    stress_scale: (4.0 * kick / (density * dx * dx)) as f32,
                     visible: self.is_visible(part),
                 }
             })

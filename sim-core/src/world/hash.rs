@@ -37,6 +37,7 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
     hash.update(bytes_of(&state.gravity));
     hash.update(bytes_of(&state.carrier));
     hash.update(bytes_of(&state.sim_time));
+    hash.update(bytes_of(&state.lag));
     for material in &state.materials {
         hash.update(bytes_of(&(material.law.id())));
         hash.update(bytes_of(&[

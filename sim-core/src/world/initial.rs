@@ -21,6 +21,7 @@ impl World {
         self.state = State {
             steps: self.state.steps,
             sim_time: 0.0,
+            lag: 0.0,
             gravity: scene.gravity,
             materials: self.parts.iter().map(|p| p.material.clone()).collect(),
             shaped: (0..self.parts.len())

@@ -52,7 +52,7 @@ use frame::Frame;
 use initial::half_spacings;
 use published::Published;
 
-/// A scene in motion: 3D MLS-MPM with APIC transfers, quadratic B-splines and symplectic Euler in `f32`, on
+/// A scene in motion: 3D MLS-MPM with APIC transfers, quadratic B-splines and leapfrog steps in `f32`, on
 /// the current rayon pool. Same scene and commands give the same bits on any thread count and instruction set.
 #[derive(Debug)]
 pub struct World {
@@ -82,6 +82,9 @@ struct State {
     steps: u64,
     /// Simulated time [s].
     sim_time: f64,
+    /// How far velocities of particles are behind positions, see [`kick`](crate::kinematics::kick) [s]: half a substep,
+    /// nothing where they begin to move.
+    lag: f64,
     /// Gravitational acceleration [m/s^2].
     gravity: [f64; 3],
     /// Current material of every part.
@@ -236,7 +239,7 @@ impl World {
         &self.published.position
     }
 
-    /// Particle velocities [m/s] in scene order.
+    /// Particle velocities [m/s] in scene order: of half a substep before, where a particle is not part of a body.
     pub fn velocities(&self) -> &[[f32; 3]] {
         &self.published.velocity
     }
@@ -279,6 +282,7 @@ impl World {
         let now = Substep {
             time: self.state.sim_time,
             dt: 0.0,
+            kick: 0.0,
             frame_start: self.state.sim_time,
             frame_length: 0.0,
         };
@@ -306,6 +310,7 @@ impl World {
                 },
             };
             state.level = self.level(id);
+            let whole = self.mass_of_body(id);
             // What left with particles that were taken out is no contact.
             let kept = match before.get(id) {
                 Some(old) if old.mass > 0.0 => Some(state.mass / old.mass),
@@ -313,7 +318,8 @@ impl World {
             };
             for a in 0..3 {
                 let momentum = state.mass * state.linear_velocity[a];
-                let weight = state.mass * self.state.gravity[a] * frame.length;
+                let pulled = whole * frame.length + (state.mass - whole) * frame.kicked;
+                let weight = self.state.gravity[a] * pulled;
                 if let Some(kept) = kept {
                     let expected = kept * self.state.momentum[id][a] + weight;
                     state.contact_impulse[a] = momentum - expected;

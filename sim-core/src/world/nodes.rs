@@ -22,9 +22,9 @@ impl World {
     /// Runs the grid pass; returns the largest velocity component [cells/s].
     pub(super) fn nodes(&mut self, frame: &mut Frame, dt: f64) -> f64 {
         let start = Instant::now();
-        self.state.carrier = self.carrier_after(dt);
-        let keep = self.scene.conditions.damping_factor(dt) as f32;
         let substep = self.substep(frame, dt);
+        self.state.carrier = self.carrier_after(substep.kick);
+        let keep = self.scene.conditions.damping_factor(substep.kick) as f32;
         let boundaries = self.boundaries.on_nodes(&self.state.paths, &substep);
         let moving = self.boundaries.moving_on_nodes(&self.state.paths, &substep);
         let cells_per_mass = self.cells_per_mass();

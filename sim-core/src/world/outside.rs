@@ -3,6 +3,7 @@
 use super::{Frame, State, World, fidelity::extent, published::Published};
 use crate::{
     colliders::{Path, Substep, sweep::SKIN, touch::Touch},
+    kinematics::kick,
     particles::{BLOCK, NO_PARTICLE},
     scene::DomainPolicy,
     step::particle_pass::Stage,
@@ -18,11 +19,12 @@ pub(super) struct OutsideSpeeds {
 }
 
 impl World {
-    /// The substep of size `dt` that comes next.
+    /// The substep of size `dt` that comes next. The one place that says how long forces act in it.
     pub(super) fn substep(&self, frame: &Frame, dt: f64) -> Substep {
         Substep {
             time: self.state.sim_time + (frame.length - frame.remaining()),
             dt,
+            kick: kick(self.state.lag, dt, self.scene.cfl)[0],
             frame_start: self.state.sim_time,
             frame_length: frame.length,
         }
@@ -37,11 +39,13 @@ impl World {
         next_dt: f64,
     ) -> [Substep; 2] {
         let now = self.substep(frame, dt);
+        let lag = self.lag_after(dt);
         let next = match stage {
             Stage::Scatter => now,
             Stage::Fused | Stage::Gather => Substep {
                 time: now.time + dt,
                 dt: next_dt,
+                kick: kick(lag, next_dt, self.scene.cfl)[0],
                 ..now
             },
         };
@@ -61,11 +65,21 @@ impl World {
         )
     }
 
-    /// The carrier velocity after a transfer: gravity and damping are its own.
-    pub(super) fn carrier_after(&self, dt: f64) -> [f64; 3] {
-        let keep = self.scene.conditions.damping_factor(dt) as f32;
+    /// How far velocities are behind positions after a substep of `dt` [s].
+    pub(super) fn lag_after(&self, dt: f64) -> f64 {
+        kick(self.state.lag, dt, self.scene.cfl)[1]
+    }
+
+    /// What gravity has yet to add to velocities for them to be those of now [m/s].
+    pub(super) fn owed(&self) -> [f64; 3] {
+        self.state.gravity.map(|g| self.state.lag * g)
+    }
+
+    /// The carrier velocity after a transfer in which forces act for `kick` [s]: gravity and damping are its own.
+    pub(super) fn carrier_after(&self, kick: f64) -> [f64; 3] {
+        let keep = self.scene.conditions.damping_factor(kick) as f32;
         std::array::from_fn(|a| {
-            let pulled = dt * self.state.gravity[a] / self.scene.dx;
+            let pulled = kick * self.state.gravity[a] / self.scene.dx;
             (self.state.carrier[a] + pulled) * f64::from(keep)
         })
     }

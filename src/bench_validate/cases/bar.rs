@@ -72,7 +72,7 @@ fn run(size: Size) -> anyhow::Result<Vec<Row>> {
             all[all.len() - 1]
         ),
         reference: 2.0,
-        source: "quadratic splines; the substep, which follows the cells, is of first order",
+        source: "quadratic splines, and kicks from middle to middle of the substeps",
         measured: order(first, last),
         gate: Gate::AtLeast(0.9),
         known_failure: None,

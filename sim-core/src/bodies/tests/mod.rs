@@ -122,6 +122,7 @@ impl Stage {
             let substep = Substep {
                 time: start + from,
                 dt: length,
+                kick: length,
                 frame_start: start,
                 frame_length: dt,
             };
