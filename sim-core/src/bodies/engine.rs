@@ -7,7 +7,7 @@ use super::{
     impact_time::first_contact,
     meet::{CLOSE, Contact, Pair, contacts, is_free, pairs},
     shape::Shape,
-    solve::{Mover, Point, SWEEPS, impact, settle_energy, sweep},
+    solve::{Mover, Point, SWEEPS, impact, settle_energy, sweep, sweeps},
     touch::{Feature, Solid, gap},
     vector::{Vec3, add, along, length, scaled, sub},
 };
@@ -243,7 +243,7 @@ fn collide(actors: &mut [Actor<'_>], contacts: &mut [Contact], bounce: f64) {
         match &mut points[..] {
             [one] => impact(one, &mut movers),
             several => {
-                sweep(several, &mut movers, SWEEPS);
+                sweep(several, &mut movers, sweeps(several.len()));
                 settle_energy(several, &mut movers);
             }
         }
@@ -320,7 +320,8 @@ fn press(
             point
         })
         .collect();
-    sweep(&mut points, &mut movers, SWEEPS);
+    let most = sweeps(points.len());
+    sweep(&mut points, &mut movers, most);
     memory.clear();
     for (contact, point) in contacts.iter_mut().zip(points) {
         let force = scaled(point.impulse(), 1.0 / left);

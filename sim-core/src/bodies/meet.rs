@@ -3,6 +3,7 @@
 use super::{
     engine::{Actor, Drive, SLOP, Setting, TOUCH},
     overlap::only_facing,
+    rims::choose,
     solve::Point,
     touch::{Feature, Solid, Spot, near, reduce, spot},
     vector::{Vec3, add, length, sub},
@@ -150,6 +151,7 @@ pub(super) fn contacts<'a>(
                 spots.push(spot);
             }
         }
+        choose(&a, &b, &mut spots);
         only_facing(&a, &b, &pair.near, &mut spots, setting.dx);
         let (restitution, friction, holds, sticks) = match pair.b < actors.len() {
             true => {

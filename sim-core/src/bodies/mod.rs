@@ -4,6 +4,7 @@
 //! all bodies of a scene through one substep: impacts at their moment, forces of resting contact, flight.
 
 pub(crate) mod body;
+mod cylinder;
 mod distance;
 pub(crate) mod engine;
 mod field;
@@ -12,6 +13,7 @@ mod meet;
 pub(crate) mod nodes;
 mod overlap;
 mod points;
+mod rims;
 pub(crate) mod shape;
 mod solve;
 mod surface;

@@ -35,12 +35,11 @@ pub(super) fn only_facing(
         return;
     }
     spots.retain(|spot| {
-        let Feature { second, point } = spot.feature;
-        let (of, against) = match second {
+        let (of, against) = match spot.feature.second {
             true => (b, spot.normal),
             false => (a, scaled(spot.normal, -1.0)),
         };
-        of.looks(point, against) > FACING
+        of.looks(spot, against) > FACING
     });
     if spots.is_empty() {
         spots.extend(way_out(a, b, near, dx));
@@ -57,6 +56,10 @@ fn way_out(a: &Solid<'_>, b: &Solid<'_>, near: &[(Feature, f64)], dx: f64) -> Op
             true => (b, 1.0),
             false => (a, -1.0),
         };
+        // Points that move stand for no part of a surface.
+        if of.computed(feature.point).is_some() {
+            continue;
+        }
         normal = along(normal, sign, of.outward(feature.point));
         middle = add(middle, place(of, feature.point));
         count += 1.0;
@@ -80,16 +83,30 @@ fn way_out(a: &Solid<'_>, b: &Solid<'_>, near: &[(Feature, f64)], dx: f64) -> Op
 
 impl Solid<'_> {
     /// How much a point of its surface looks in a direction: the largest component of the outward normals there.
-    fn looks(&self, n: u32, direction: Vec3) -> f64 {
+    fn looks(&self, spot: &Spot, direction: Vec3) -> f64 {
+        let n = spot.feature.point;
         let Self::Body(shape, body) = self else {
             return 1.0;
         };
+        if let Some(k) = self.computed(n) {
+            return self.computed_looks(k, spot.x, direction);
+        }
         match &shape.form {
             Form::Ball(_) => 1.0,
             Form::Cuboid(_) => {
                 // On an edge or a corner, all directions between the normals of its faces.
                 let normals = self.faces(n).into_iter().flatten();
                 let parts = normals.map(|normal| dot(normal, direction).max(0.0).powi(2));
+                parts.sum::<f64>().sqrt()
+            }
+            Form::Cylinder(cylinder) => {
+                let normals = cylinder.normals(shape.points[n as usize]);
+                let normals = normals.into_iter().flatten();
+                let parts = normals.map(|normal| {
+                    dot(rotate(body.rotation, normal), direction)
+                        .max(0.0)
+                        .powi(2)
+                });
                 parts.sum::<f64>().sqrt()
             }
             Form::Field(_) => {
@@ -113,6 +130,18 @@ impl Solid<'_> {
                 let share = 0.5_f64.powi(faces - 1);
                 let sum = |sum, normal: &Vec3| along(sum, share, *normal);
                 normals.iter().flatten().fold([0.0; 3], sum)
+            }
+            Form::Cylinder(cylinder) => {
+                let normals = cylinder.normals(shape.points[n as usize]);
+                // Points of a rim stand for half as much of the lid and of the side.
+                let share = if normals.iter().all(Option::is_some) {
+                    0.5
+                } else {
+                    1.0
+                };
+                let sum = |sum, normal: &Vec3| along(sum, share, *normal);
+                let sum = normals.iter().flatten().fold([0.0; 3], sum);
+                rotate(body.rotation, sum)
             }
             Form::Field(_) => {
                 let normal = shape.normal(shape.points[n as usize]);

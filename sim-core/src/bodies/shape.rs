@@ -2,6 +2,7 @@
 
 use super::{
     body::{Body, Inertia},
+    cylinder::{Cylinder, upright},
     field::Field,
     points::{Cluster, cluster, of_cuboid},
     vector::{Vec3, add, along, length, scaled, solve, sub, unit},
@@ -49,7 +50,7 @@ pub(crate) struct Shape {
     /// Depth of the point that is deepest inside [m].
     pub depth: f64,
     pub(super) form: Form,
-    /// Points of the surface, cluster after cluster; a ball needs none.
+    /// Points of the surface, cluster after cluster; a ball needs none, a cylinder has more that move (`rims`).
     pub(super) points: Vec<Vec3>,
     pub(super) clusters: Vec<Cluster>,
 }
@@ -61,6 +62,8 @@ pub(super) enum Form {
     Ball(f64),
     /// Along the axes of the frame, by half its edges.
     Cuboid(Vec3),
+    /// Along an axis of the frame.
+    Cylinder(Cylinder),
     Field(Box<Field>),
 }
 
@@ -86,7 +89,16 @@ pub(crate) fn frame(grains: &[Grain], attitude: [f64; 4]) -> Option<Body> {
         }
     }
     let size = second[0][0] + second[1][1] + second[2][2];
-    let axes = principal_axes(Mat3(second), size);
+    let second = Mat3(second);
+    let mut axes = principal_axes(second, size);
+    if [(0, 1), (0, 2), (1, 2)].map(|(p, q)| apart(&second, p, q) < ALIKE * size) == [true; 3] {
+        let inside = |g: &Grain| Grain {
+            x: rotate(conjugate(attitude), sub(g.x, com)),
+            ..*g
+        };
+        let grains: Vec<Grain> = grains.iter().map(inside).collect();
+        axes = upright(&grains).unwrap_or(axes);
+    }
     Some(Body {
         com,
         rotation: product(attitude, quaternion(&axes)),
@@ -107,6 +119,8 @@ impl Shape {
             (Form::Ball(radius), vec![])
         } else if let Some(half) = cuboid(&local, &volumes) {
             (Form::Cuboid(half), of_cuboid(half, spacing))
+        } else if let Some(cylinder) = Cylinder::of(&local, &volumes) {
+            (Form::Cylinder(cylinder), cylinder.points(spacing))
         } else {
             let (field, points) = Field::new(&local, &volumes);
             (Form::Field(Box::new(field)), points)
@@ -116,6 +130,9 @@ impl Shape {
         let (radius, depth) = match &form {
             Form::Ball(radius) => (*radius, *radius),
             Form::Cuboid(half) => (farthest, half.iter().copied().fold(f64::INFINITY, f64::min)),
+            Form::Cylinder(Cylinder { radius, half, .. }) => {
+                (radius.hypot(*half), radius.min(*half))
+            }
             Form::Field(field) => (farthest, field.depth()),
         };
         Self {
@@ -167,6 +184,7 @@ impl Shape {
         match &self.form {
             Form::Ball(radius) => length(x) - radius,
             Form::Cuboid(half) => box_distance(*half, x).value,
+            Form::Cylinder(cylinder) => cylinder.distance(x).value,
             Form::Field(field) => field.distance(x),
         }
     }
@@ -176,6 +194,7 @@ impl Shape {
         match &self.form {
             Form::Ball(_) => unit(x, [0.0, 0.0, 1.0]),
             Form::Cuboid(half) => box_distance(*half, x).normal,
+            Form::Cylinder(cylinder) => cylinder.distance(x).normal,
             Form::Field(field) => field.normal(x),
         }
     }
@@ -234,6 +253,11 @@ fn cuboid(points: &[Vec3], volumes: &[f64]) -> Option<Vec3> {
     (fits && (filled - 1.0).abs() < ROUND).then(|| half.map(|x| scale * x))
 }
 
+/// Difference of the two eigenvalues of a symmetric matrix between two axes alone.
+fn apart(m: &Mat3<f64>, p: usize, q: usize) -> f64 {
+    (m.0[q][q] - m.0[p][p]).hypot(2.0 * m.0[p][q])
+}
+
 /// Eigenvectors of a symmetric matrix of this size as columns, right-handed (Jacobi); where two eigenvalues are as good
 /// as equal, those of the identity.
 fn principal_axes(mut m: Mat3<f64>, size: f64) -> Mat3<f64> {
@@ -241,8 +265,7 @@ fn principal_axes(mut m: Mat3<f64>, size: f64) -> Mat3<f64> {
     for _ in 0..12 {
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
             let off = m.0[p][q];
-            let apart = (m.0[q][q] - m.0[p][p]).hypot(2.0 * off);
-            if off.abs() <= 1e-15 * size || apart < ALIKE * size {
+            if off.abs() <= 1e-15 * size || apart(&m, p, q) < ALIKE * size {
                 continue;
             }
             let angle = 0.5 * (2.0 * off).atan2(m.0[q][q] - m.0[p][p]);

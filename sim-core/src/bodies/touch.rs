@@ -2,6 +2,7 @@
 
 use super::{
     body::Body,
+    rims::near_rims,
     shape::{Form, Shape},
     vector::{Vec3, add, along, length, sub, unit},
 };
@@ -13,7 +14,7 @@ use crate::{
 /// Rounds in which the point of a ball nearest to a surface is found.
 const ROUNDS: usize = 16;
 /// Cosine of the angle between normals up to which points belong to one face.
-const FACE: f64 = 0.9;
+pub(super) const FACE: f64 = 0.9;
 
 /// A body or a collider at a moment.
 #[derive(Clone, Copy, Debug)]
@@ -43,14 +44,14 @@ pub(super) struct Spot {
 }
 
 impl Solid<'_> {
-    fn distance(&self, x: Vec3) -> f64 {
+    pub fn distance(&self, x: Vec3) -> f64 {
         match self {
             Self::Body(shape, body) => shape.distance(body.inverse_point(x)),
             Self::Wall(wall) => wall.distance(x).value - wall.skin(),
         }
     }
 
-    fn normal(&self, x: Vec3) -> Vec3 {
+    pub fn normal(&self, x: Vec3) -> Vec3 {
         match self {
             Self::Body(shape, body) => rotate(body.rotation, shape.normal(body.inverse_point(x))),
             Self::Wall(wall) => wall.distance(x).normal,
@@ -64,8 +65,11 @@ impl Solid<'_> {
             return None;
         };
         match &shape.form {
-            Form::Field(_) | Form::Cuboid(_) => {
-                let x = body.point(shape.points[n as usize]);
+            Form::Field(_) | Form::Cuboid(_) | Form::Cylinder(_) => {
+                let x = match self.computed(n) {
+                    Some(k) => self.compute(k, other)?,
+                    None => body.point(shape.points[n as usize]),
+                };
                 Some((x, other.distance(x)))
             }
             Form::Ball(radius) => {
@@ -103,7 +107,7 @@ impl Solid<'_> {
         )
     }
 
-    fn is_ball(&self) -> bool {
+    pub fn is_ball(&self) -> bool {
         matches!(
             self,
             Self::Body(
@@ -141,7 +145,10 @@ pub(super) fn spot(a: &Solid<'_>, b: &Solid<'_>, feature: Feature) -> Spot {
     let (x, gap) = of
         .probe(feature.point, other)
         .unwrap_or(([0.0; 3], f64::INFINITY));
-    let outward = other.normal(x);
+    let outward = match of.computed(feature.point) {
+        Some(k) => of.computed_normal(k, x, other),
+        None => other.normal(x),
+    };
     // The ball's own point, where what was probed is its centre.
     let x = match of {
         Solid::Body(shape, _) if of.is_ball() && !other.is_field() => {
@@ -178,7 +185,8 @@ pub(super) fn near(a: &Solid<'_>, b: &Solid<'_>, margin: f64) -> Vec<(Feature, f
                 let feature = Feature { second, point: 0 };
                 found.push((feature, gap(a, b, feature)));
             }
-            Form::Field(_) | Form::Cuboid(_) => {
+            Form::Field(_) | Form::Cuboid(_) | Form::Cylinder(_) => {
+                found.extend(near_rims(a, b, second, margin));
                 for cluster in &shape.clusters {
                     let center = body.point(cluster.center);
                     if other.distance(center) > 2.0 * (cluster.radius + margin) {
@@ -189,7 +197,11 @@ pub(super) fn near(a: &Solid<'_>, b: &Solid<'_>, margin: f64) -> Vec<(Feature, f
                             second,
                             point: n as u32,
                         };
-                        found.push((feature, gap(a, b, feature)));
+                        let x = body.point(shape.points[n]);
+                        let gap = other.distance(x);
+                        if gap <= margin && of.counts(feature.point, x, gap, other) {
+                            found.push((feature, gap));
+                        }
                     }
                 }
             }
@@ -227,11 +239,14 @@ fn span(face: &[Spot], deep: f64) -> Vec<Spot> {
     }
     let count = face.len() as f64;
     let middle = [0, 1, 2].map(|a| face.iter().map(|s| s.x[a]).sum::<f64>() / count);
-    // Strictly farther by more than round-off: of equals the first is kept, whoever moves or turns the scene.
+    // Strictly farther by more than round-off: of equals the first feature is kept, whoever moves or turns the scene,
+    // and the same ones in every step.
+    let mut order: Vec<usize> = (0..face.len()).collect();
+    order.sort_by_key(|&n| face[n].feature);
     let best = |score: &dyn Fn(&Spot) -> f64| {
-        let (mut at, mut most) = (0, score(&face[0]));
-        for (n, s) in face.iter().enumerate() {
-            let value = score(s);
+        let (mut at, mut most) = (order[0], score(&face[order[0]]));
+        for &n in &order {
+            let value = score(&face[n]);
             if value > most + 1e-9 * most.abs() {
                 (at, most) = (n, value);
             }

@@ -418,6 +418,11 @@ impl Placed<'_> {
         }
     }
 
+    /// What it is in its own frame [units].
+    pub fn shape(&self) -> &Shape {
+        &self.body.shape
+    }
+
     /// What happens at its surface.
     pub fn contact(&self) -> Contact {
         self.body.contact

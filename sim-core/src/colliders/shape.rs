@@ -155,7 +155,8 @@ pub(crate) fn box_distance(half: [f64; 3], x: [f64; 3]) -> Distance {
     }
 }
 
-fn cylinder_distance(radius: f64, half_height: f64, x: [f64; 3]) -> Distance {
+/// Distance from a cylinder about the origin that stands along y.
+pub(crate) fn cylinder_distance(radius: f64, half_height: f64, x: [f64; 3]) -> Distance {
     let r = x[0].hypot(x[2]);
     let radial = if r > 0.0 {
         [x[0] / r, 0.0, x[2] / r]

@@ -32,15 +32,12 @@ struct Setup {
     drop: f64,
 }
 
-const FACETS: &str = "a body that is neither ball nor cuboid has the surface of the lattice of its particles: a disk stands \
-     on facets a seventh of its radius wide and slides on them before it turns over their edges. Balls are exact.";
 const FOOT: &str = "matter stands on a flat foot and presses ahead of its middle as it turns, so that it turns more slowly; laid \
      down, it starts on a foot as wide as a third of its radius. The way is right, the spin is not.";
 
 /// Why a spin is wrong, where it is.
 fn why(setup: &Setup, rolls: bool) -> Option<&'static str> {
     match setup.what {
-        "rigid disk" => Some(FACETS),
         "disk" if setup.drop == 0.0 || !rolls => Some(FOOT),
         _ => None,
     }

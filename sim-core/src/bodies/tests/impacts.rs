@@ -51,12 +51,38 @@ fn a_block_dropped_flat_bounces_flat() {
     assert!(length(stage.bodies[id].angular_momentum) < 1e-9);
 }
 
+/// Kinds of bodies that are no balls.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Wedge,
+    Block,
+    Drum,
+}
+
+impl Kind {
+    fn grains(self) -> Vec<Grain> {
+        match self {
+            Self::Wedge => carved([0.0; 3], 0.1, [6, 5, 4], |r| r[0] + r[1] < 0.25),
+            Self::Block => block([0.0; 3], 0.1, [7, 3, 4]),
+            Self::Drum => drum([0.0; 3], 0.26, 0.2, 0.05),
+        }
+    }
+}
+
+/// Pairs of them.
+const PAIRS: [[Kind; 2]; 4] = [
+    [Kind::Wedge, Kind::Block],
+    [Kind::Drum, Kind::Block],
+    [Kind::Wedge, Kind::Drum],
+    [Kind::Drum, Kind::Drum],
+];
+
 /// A pair of bodies that are no balls on their way into each other.
-fn random_pair(dice: &mut Dice) -> Stage {
+fn random_pair(dice: &mut Dice, kinds: [Kind; 2]) -> Stage {
     let mut stage = Stage::new([0.0; 3]);
-    let wedge = carved([0.0; 3], 0.1, [6, 5, 4], |r| r[0] + r[1] < 0.25);
-    stage.add(&wedge);
-    stage.add(&block([0.0; 3], 0.1, [7, 3, 4]));
+    for kind in kinds {
+        stage.add(&kind.grains());
+    }
     for (n, body) in stage.bodies.iter_mut().enumerate() {
         let side = if n == 0 { -1.0 } else { 1.0 };
         body.rotation = from_rotation_vector(scaled(dice.vector(), 2.0));
@@ -69,31 +95,49 @@ fn random_pair(dice: &mut Dice) -> Stage {
 }
 
 #[test]
-fn three_hundred_frictional_impacts_keep_momentum_and_give_no_energy() {
+fn frictional_impacts_of_any_pair_keep_momentum_and_give_no_energy() {
     let mut dice = Dice(7);
-    let (mut hits, mut lost) = (0, 0);
-    for _ in 0..300 {
-        let mut stage = random_pair(&mut dice);
-        stage.surface = (0.5 + 0.5 * dice.roll(), 0.5 + 0.5 * dice.roll());
-        let (p, l) = stage.momentum();
-        let size = 0.5 * length(p) + stage.shapes[0].inertia.mass;
-        let mut energy = stage.energy();
-        let mut hit = false;
-        for _ in 0..30 {
-            stage.step(1.0 / 60.0);
-            let now = stage.energy();
-            assert!(now <= energy * (1.0 + 1e-12), "{energy} became {now}");
-            hit |= now < energy * (1.0 - 1e-9);
-            energy = now;
+    for kinds in PAIRS {
+        let has_drum = kinds.iter().any(|kind| matches!(kind, Kind::Drum));
+        let count = if has_drum { 100 } else { 300 };
+        let (mut hits, mut lost, mut parted) = (0, 0, 0);
+        for _ in 0..count {
+            let mut stage = random_pair(&mut dice, kinds);
+            stage.surface = (0.5 + 0.5 * dice.roll(), 0.5 + 0.5 * dice.roll());
+            let (p, l) = stage.momentum();
+            let size = 0.5 * length(p) + stage.shapes[0].inertia.mass;
+            let mut energy = stage.energy();
+            let mut hit = false;
+            for _ in 0..30 {
+                stage.step(1.0 / 60.0);
+                let now = stage.energy();
+                assert!(
+                    now <= energy * (1.0 + 1e-12),
+                    "{kinds:?}: {energy} became {now}"
+                );
+                hit |= now < energy * (1.0 - 1e-9);
+                energy = now;
+            }
+            lost += usize::from(hit);
+            let swap = length(sub(stage.momentum().0, p));
+            assert!(swap < 1e-12 * size, "{kinds:?}: {swap:e}");
+            let swap = length(sub(stage.momentum().1, l));
+            // A rim that rolls on without a bounce sinks in by `w^2 R dt^2 / 2` a step; beyond 0.002 cells bodies are
+            // moved apart, and what they carry past each other changes by that way times their momentum.
+            let is_parted = swap >= 1e-11 * size;
+            assert!(swap < 0.01 * DX * size, "{kinds:?}: {swap:e}");
+            parted += usize::from(is_parted);
+            hits += usize::from(stage.bodies[0].velocity[0] < 1.0 || hit);
         }
-        lost += usize::from(hit);
-        let swap = length(sub(stage.momentum().0, p));
-        assert!(swap < 1e-12 * size, "{swap:e}");
-        let swap = length(sub(stage.momentum().1, l));
-        assert!(swap < 1e-11 * size, "{swap:e}");
-        hits += usize::from(stage.bodies[0].velocity[0] < 1.0 || hit);
+        assert!(
+            parted <= if has_drum { 3 } else { 0 },
+            "{kinds:?}: {parted}"
+        );
+        assert!(
+            6 * hits > 5 * count && 3 * lost > 2 * count,
+            "{kinds:?}: {hits} hits, {lost} with losses"
+        );
     }
-    assert!(hits > 250 && lost > 200, "{hits} hits, {lost} with losses");
 }
 
 #[test]
@@ -101,7 +145,7 @@ fn the_point_of_impact_leaves_at_the_restitution_times_the_speed_of_approach() {
     use super::super::solve::{Mover, Point, impact};
     let mut dice = Dice(11);
     for _ in 0..300 {
-        let stage = random_pair(&mut dice);
+        let stage = random_pair(&mut dice, PAIRS[0]);
         let mut movers: Vec<Mover> = (0..2)
             .map(|n| {
                 let (shape, body) = (&stage.shapes[n], &stage.bodies[n]);
@@ -159,10 +203,11 @@ fn the_point_of_impact_leaves_at_the_restitution_times_the_speed_of_approach() {
 #[test]
 fn results_do_not_depend_on_order_motion_or_attitude_of_the_scene() {
     let mut dice = Dice(3);
-    for _ in 0..10 {
+    for n in 0..24 {
+        let kinds = PAIRS[n % PAIRS.len()];
         let seed = dice.0;
         let run = |swap: bool, boost: Vec3, turn: Vec3| {
-            let mut stage = random_pair(&mut Dice(seed));
+            let mut stage = random_pair(&mut Dice(seed), kinds);
             stage.surface = (0.4, 0.3);
             if swap {
                 stage.bodies.swap(0, 1);
@@ -195,16 +240,21 @@ fn results_do_not_depend_on_order_motion_or_attitude_of_the_scene() {
             found
         };
         let plain = run(false, [0.0; 3], [0.0; 3]);
-        // Round-off, magnified by what happens after the first impact.
+        // Round-off, magnified by what happens after the first impact. Normals across a rim and an edge are looked at 1e-4
+        // radii off the rim's lowest point, and are as far off as the gap, some 1e-14, is of that.
+        let has_drum = kinds.iter().any(|kind| matches!(kind, Kind::Drum));
         for (other, tolerance) in [
-            (run(true, [0.0; 3], [0.0; 3]), 1e-9),
+            (
+                run(true, [0.0; 3], [0.0; 3]),
+                if has_drum { 1e-7 } else { 1e-9 },
+            ),
             (run(false, [3.0, -1.0, 2.0], [0.0; 3]), 1e-7),
             (run(false, [0.0; 3], [0.3, 0.7, -0.4]), 1e-7),
         ] {
             for (p, q) in plain.iter().zip(&other) {
                 for n in 0..2 {
                     let error = length(sub(p[n], q[n]));
-                    assert!(error < tolerance, "{error:e}");
+                    assert!(error < tolerance, "{kinds:?}: {error:e}");
                 }
             }
         }

@@ -1,5 +1,6 @@
 //! Bodies alone: shapes, flight, impacts, resting contact.
 
+mod cylinders;
 mod flight;
 mod impacts;
 mod resting;
@@ -50,6 +51,13 @@ fn carved(center: Vec3, h: f64, cells: [usize; 3], keep: impl Fn(Vec3) -> bool) 
 fn ball(center: Vec3, radius: f64, h: f64) -> Vec<Grain> {
     let n = (2.0 * radius / h).ceil() as usize + 1;
     carved(center, h, [n; 3], |r| length(r) < radius)
+}
+
+/// A cylinder along z.
+fn drum(center: Vec3, radius: f64, half: f64, h: f64) -> Vec<Grain> {
+    let n = 2 * (radius / h).ceil() as usize + 2;
+    let layers = (2.0 * half / h).round() as usize;
+    carved(center, h, [n, n, layers], |r| r[0].hypot(r[1]) < radius)
 }
 
 /// The body that particles form.

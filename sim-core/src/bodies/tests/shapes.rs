@@ -63,19 +63,23 @@ fn a_ball_of_particles_is_a_ball_within_a_tenth_of_their_spacing() {
 #[test]
 fn other_shapes_are_no_balls_and_keep_their_surface_within_half_a_spacing() {
     let h = 0.05;
-    let (radius, half) = (0.3, 0.3);
+    // A tube.
+    let (radius, hole, half) = (0.3, 0.15, 0.3);
     let grains = carved([0.0; 3], h, [14; 3], |r| {
-        r[0].hypot(r[1]) < radius && r[2].abs() < half
+        let out = r[0].hypot(r[1]);
+        hole < out && out < radius && r[2].abs() < half
     });
     let (shape, body) = formed(&grains).expect("has mass");
     for n in 0..50 {
         let (s, c) = (0.7 + 0.37 * f64::from(n)).sin_cos();
-        let side = [radius * c, radius * s, 0.02 * f64::from(n % 7) - 0.06];
-        let found = shape.distance(body.inverse_point(side));
-        assert!(found.abs() < 0.5 * h, "{found} at the side");
-        let lid = [0.4 * radius * c, 0.4 * radius * s, half];
-        let found = shape.distance(body.inverse_point(lid));
-        assert!(found.abs() < 0.02 * h, "{found} on the lid");
+        for (out, what) in [(radius, "side"), (hole, "hole")] {
+            let x = [out * c, out * s, 0.02 * f64::from(n % 7) - 0.06];
+            let found = shape.distance(body.inverse_point(x));
+            assert!(found.abs() < 0.5 * h, "{found} at the {what}");
+        }
+        let middle = 0.5 * (radius + hole);
+        let found = shape.distance(body.inverse_point([middle * c, middle * s, half]));
+        assert!(found.abs() < 0.1 * h, "{found} on the lid");
     }
     // A thin plate and a single particle have a surface as well.
     for cells in [[6, 6, 1], [1, 1, 1]] {
