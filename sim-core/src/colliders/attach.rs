@@ -25,6 +25,7 @@
 use super::{
     Held, Placed, THIN,
     approach::{RANGE, TOUCHING},
+    edge,
     shape::Shape,
 };
 use crate::{
@@ -58,6 +59,8 @@ pub(crate) struct Face {
     side: i32,
     /// The node along the axis that carries those behind.
     target: i32,
+    /// How far it is in front of the boundary [cells].
+    eta: f64,
     /// Velocity of the target and of the two nodes behind, when attached, over that of the target.
     share: [f64; 3],
     /// Where nodes are, across the axis [units].
@@ -78,6 +81,9 @@ pub(crate) trait Nodes {
 
     /// How near matter that reaches a node is to a collider [units].
     fn gap(&self, index: [i32; 3], body: usize) -> f64;
+
+    /// Whether masses tell where matter ends: it keeps its shape and has one density.
+    fn tell_edges(&self) -> bool;
 }
 
 /// What boundaries along the axes made of a node.
@@ -119,6 +125,7 @@ impl Face {
             axis,
             side,
             target: side * target as i32,
+            eta,
             share: [1.0, (eta - 1.0) / eta, (eta - 2.0) / eta],
             bounds: Aabb {
                 min: [f64::NEG_INFINITY; 3],
@@ -223,7 +230,13 @@ impl Face {
         let Owner::Body(id) = self.owner else {
             return Some(0.0);
         };
-        let gap = nodes.gap(nearest, id);
+        let mut gap = nodes.gap(nearest, id);
+        if self.releases && gap < RANGE * cell && nodes.tell_edges() {
+            let mut normal = [0.0; 3];
+            normal[self.axis] = f64::from(self.side);
+            let edge = edge::edge(nearest, normal, self.eta - 1.0, nodes);
+            gap = cell * edge::gap(gap / cell, edge);
+        }
         let range = if self.releases { RANGE } else { TOUCHING };
         (OVERLAP * cell..range * cell).contains(&gap).then_some(gap)
     }

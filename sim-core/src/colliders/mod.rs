@@ -5,6 +5,7 @@
 pub(crate) mod approach;
 pub(crate) mod attach;
 pub(crate) mod contact;
+pub(crate) mod edge;
 mod held;
 mod mesh;
 pub(crate) mod pose;
@@ -38,7 +39,7 @@ pub(crate) const ON_FACE: f64 = 1e-6;
 const THIN: f64 = 4.0;
 
 /// How far in front of a collider it may act on nodes [cells]: the stencil's reach and a particle's radius.
-const NODES_REACH: f64 = 2.0;
+pub(crate) const NODES_REACH: f64 = 2.0;
 
 /// Distance from an open mesh at which bodies touch it [cells].
 const BODY_SKIN: f64 = 0.05;

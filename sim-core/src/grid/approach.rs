@@ -4,14 +4,14 @@ use rayon::prelude::*;
 
 use super::{
     NONE, NodeBlock, TILE,
-    boundary::{corners, near_block},
+    boundary::{attaches, corners, near_block},
     topology::OFFSETS,
 };
 use crate::{
     colliders::{
-        NodeConditions, Placed,
+        NODES_REACH, NodeConditions, Placed,
         approach::{Nearest, RADIUS_MAX, RANGE},
-        attach::Attached,
+        attach::{Attached, Nodes},
     },
     particles::{BLOCK, Block, NO_PARTICLE, Particles, position_in_cells},
     simd::{F32x16, LANES},
@@ -50,6 +50,8 @@ pub(crate) struct Acting<'a> {
     pub moving: &'a NodeConditions<'a>,
     /// Per particle block.
     pub approaches: &'a [Approach],
+    /// Per field whether masses tell where matter ends.
+    pub tell_edges: &'a [bool],
     /// Substep [s].
     pub dt: f64,
 }
@@ -246,6 +248,20 @@ impl<'a> Acting<'a> {
         block.constrained || super::boundary::covers_block(self.moving, block.index)
     }
 
+    /// Whether what boundaries make of the nodes of a block depends on nodes around them.
+    pub fn by_neighbours(&self, block: &NodeBlock) -> bool {
+        attaches(self.boundaries, block.index)
+            || self.may_reach(block) && self.near_edges(block, 0.0)
+    }
+
+    /// Whether masses tell how near matter, in a block or within `margin` [cells] of it, is to a surface that lets go.
+    pub fn near_edges(&self, block: &NodeBlock, margin: f64) -> bool {
+        let [first, last] = corners(block.index);
+        let mut bodies = self.boundaries.bodies().iter();
+        self.tell_edges[block.field as usize]
+            && bodies.any(|body| !body.holds() && body.is_near(first, last, NODES_REACH + margin))
+    }
+
     /// What acts on the nodes of a block, if anything does.
     pub fn on(&self, block: &NodeBlock) -> Option<Allowed<'a>> {
         if !self.may_reach(block) {
@@ -331,15 +347,37 @@ impl Allowed<'_> {
     }
 
     /// The same where some of it is obeyed already.
-    pub fn constrain_rest(&self, at: usize, obeyed: &Attached) -> [f64; 3] {
-        let count = self.conditions.bodies().len();
-        let nearest = &self.nearest[count * at..][..count];
+    fn constrain_rest(&self, at: usize, obeyed: &Attached) -> [f64; 3] {
+        let nearest = self.near(at);
         if self.is_outside && is_clear(nearest, obeyed.velocity, self.dt) {
             return obeyed.velocity;
         }
-        let local = [at / 16, at / 4 % 4, at % 4];
-        let x = std::array::from_fn(|a| f64::from(BLOCK * self.index[a] + local[a] as i32));
+        let x = self.place(at).map(f64::from);
         self.conditions.constrain(x, nearest, self.dt, 1.0, obeyed)
+    }
+
+    /// The same where the nodes around may tell where matter ends.
+    pub fn constrain_among(&self, at: usize, obeyed: &Attached, nodes: &impl Nodes) -> [f64; 3] {
+        let nearest = self.near(at);
+        if !nodes.tell_edges() || self.is_outside && is_clear(nearest, obeyed.velocity, self.dt) {
+            return self.constrain_rest(at, obeyed);
+        }
+        let (index, mut nearest) = (self.place(at), nearest.to_vec());
+        let conditions = &self.conditions;
+        conditions.ends(index, &mut nearest, self.dt, 1.0, obeyed, nodes);
+        conditions.constrain(index.map(f64::from), &nearest, self.dt, 1.0, obeyed)
+    }
+
+    /// Per collider the nearest of the particles that reach a node.
+    fn near(&self, at: usize) -> &[Nearest] {
+        let count = self.conditions.bodies().len();
+        &self.nearest[count * at..][..count]
+    }
+
+    /// Index of a node.
+    fn place(&self, at: usize) -> [i32; 3] {
+        let local = [at / 16, at / 4 % 4, at % 4];
+        std::array::from_fn(|a| BLOCK * self.index[a] + local[a] as i32)
     }
 
     /// How near matter that reaches a node is to a collider [cells].

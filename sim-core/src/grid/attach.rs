@@ -1,4 +1,5 @@
-//! Nodes whose matter is attached to flat boundaries along the axes move as lines across them.
+//! Nodes whose matter is attached to flat boundaries along the axes move as lines across them; others that boundaries act
+//! on may ask the nodes around them how near matter is.
 
 use std::cell::Cell;
 
@@ -7,12 +8,14 @@ use rayon::prelude::*;
 use super::{
     NONE, NodeBlock, Velocities,
     approach::{Acting, Allowed},
-    boundary::attaches,
     node_pass::{constrain, holds_matter},
     topology::Place,
 };
 use crate::{
-    colliders::attach::{Attached, Nodes, attached},
+    colliders::{
+        attach::{Attached, Nodes, attached},
+        edge,
+    },
     particles::BLOCK,
 };
 
@@ -21,9 +24,11 @@ const TASK: [usize; 2] = [256, 8];
 /// Not looked for yet.
 const UNKNOWN: u32 = NONE - 1;
 
-/// A block near such a boundary as it was before.
+/// A block near a boundary as it was before.
 struct Before<'a> {
     velocities: Velocities,
+    /// Whether boundaries may act on it, and it is not only a neighbour of such a block.
+    acts: bool,
     allowed: Option<Allowed<'a>>,
 }
 
@@ -36,6 +41,8 @@ struct Around<'a> {
     places: &'a [Place],
     before: &'a [Before<'a>],
     carrier: [f64; 3],
+    /// Whether masses tell where matter ends.
+    tell_edges: bool,
 }
 
 impl Around<'_> {
@@ -71,38 +78,50 @@ impl Nodes for Around<'_> {
             .and_then(|(block, at)| Some(block.allowed.as_ref()?.gap(at, body)))
             .unwrap_or(f64::INFINITY)
     }
+
+    fn tell_edges(&self) -> bool {
+        self.tell_edges
+    }
 }
 
-/// Applies colliders and held regions to the blocks near flat boundaries that matter may be attached to. Returns the
-/// largest magnitude of a velocity component, or speed of a boundary there, as bits.
+/// Applies colliders and held regions to the blocks where that depends on nodes around. Returns the largest magnitude of a
+/// velocity component, or speed of a boundary there, as bits.
 pub(super) fn attach(
     nodes: &[NodeBlock],
     velocities: &mut [Velocities],
     acting: &Acting<'_>,
     carrier: [f64; 3],
 ) -> u32 {
-    if acting.boundaries.faces().is_empty() {
+    if acting.boundaries.is_empty() {
         return 0;
     }
     let mut near: Vec<(&NodeBlock, &mut Velocities)> = nodes
         .par_iter()
         .zip(velocities)
         .with_min_len(TASK[0])
-        .filter(|(block, out)| attaches(acting.boundaries, block.index) && holds_matter(out))
+        .filter(|(block, out)| {
+            (acting.by_neighbours(block) || acting.near_edges(block, edge::REACH))
+                && holds_matter(out)
+        })
         .collect();
     let places: Vec<Place> = near.iter().map(|(at, _)| (at.field, at.index)).collect();
     let before: Vec<Before<'_>> = near
         .par_iter()
         .with_min_len(TASK[1])
-        .map(|(block, out)| Before {
-            velocities: **out,
-            allowed: acting.on(block),
+        .map(|(block, out)| {
+            let acts = acting.by_neighbours(block);
+            Before {
+                velocities: **out,
+                acts,
+                allowed: acts.then(|| acting.on(block)).flatten(),
+            }
         })
         .collect();
     near.par_iter_mut()
         .zip(&before)
         .zip(&places)
         .with_min_len(TASK[1])
+        .filter(|((_, own), _)| own.acts)
         .map(|(((_, out), own), &place)| {
             let around = Around {
                 place,
@@ -111,6 +130,7 @@ pub(super) fn attach(
                 places: &places,
                 before: &before,
                 carrier,
+                tell_edges: acting.tell_edges[place.0 as usize],
             };
             constrain_block(out, &around, acting)
         })
@@ -128,7 +148,7 @@ fn constrain_block(out: &mut Velocities, around: &Around<'_>, acting: &Acting<'_
         let obeyed = attached(acting.boundaries.faces(), index, around, 1.0, acting.dt);
         let obeyed = obeyed.unwrap_or(Attached::free(v));
         match allowed {
-            Some(allowed) => allowed.constrain_rest(at, &obeyed),
+            Some(allowed) => allowed.constrain_among(at, &obeyed, around),
             None => obeyed.velocity,
         }
     });

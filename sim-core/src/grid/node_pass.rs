@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{
     Cells, FRONT, Grid, NONE, NodeBlock, Tile, Velocities, approach::Acting, attach::attach,
-    boundary::attaches, topology::OFFSETS,
+    topology::OFFSETS,
 };
 use crate::{
     particles::BLOCK,
@@ -51,7 +51,7 @@ pub(crate) fn node_pass(
         .map(|(block, out)| {
             let mut largest = sum_block(isa, block, tiles, keep, carrier, out);
             if acting.may_reach(block)
-                && !attaches(acting.boundaries, block.index)
+                && !acting.by_neighbours(block)
                 && holds_matter(out)
                 && let Some(allowed) = acting.on(block)
             {

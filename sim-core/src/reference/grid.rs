@@ -100,11 +100,13 @@ impl Grid {
         }
     }
 
-    /// Gives all nodes velocities that boundaries allow; `nearest` is per node and collider.
+    /// Gives all nodes velocities that boundaries allow; `nearest` is per node and collider, `tell_edges` whether masses
+    /// tell where matter ends.
     pub fn constrain(
         &mut self,
         boundaries: &NodeConditions<'_>,
         nearest: &[Vec<Nearest>],
+        tell_edges: bool,
         dt: f64,
         dx: f64,
     ) {
@@ -112,13 +114,16 @@ impl Grid {
             grid: self,
             boundaries,
             nearest,
+            tell_edges,
         };
         let velocities: Vec<[f64; 3]> = (self.nodes.iter().zip(nearest))
             .map(|((index, node), nearest)| {
                 let x = index.map(|i| f64::from(i) * dx);
                 let obeyed = attached(boundaries.faces(), *index, &seen, dx, dt);
                 let obeyed = obeyed.unwrap_or(Attached::free(node.velocity));
-                boundaries.constrain(x, nearest, dt, dx, &obeyed)
+                let mut nearest = nearest.clone();
+                boundaries.ends(*index, &mut nearest, dt, dx, &obeyed, &seen);
+                boundaries.constrain(x, &nearest, dt, dx, &obeyed)
             })
             .collect();
         for ((_, node), velocity) in self.nodes.iter_mut().zip(velocities) {
@@ -168,6 +173,7 @@ struct Seen<'a> {
     grid: &'a Grid,
     boundaries: &'a NodeConditions<'a>,
     nearest: &'a [Vec<Nearest>],
+    tell_edges: bool,
 }
 
 impl Nodes for Seen<'_> {
@@ -186,5 +192,9 @@ impl Nodes for Seen<'_> {
             (Some(&slot), Some(b)) => self.nearest[slot][b].gap.into(),
             _ => f64::INFINITY,
         }
+    }
+
+    fn tell_edges(&self) -> bool {
+        self.tell_edges
     }
 }

@@ -13,6 +13,7 @@ use crate::{
     colliders::{
         Boundaries, Paths, Substep,
         approach::Nearest,
+        edge::tell_edges,
         rules::{Pins, Rules},
         sweep::Way,
         touch::{ANCHOR, Touch},
@@ -312,7 +313,10 @@ impl ReferenceWorld {
                 keep * (node.momentum[i] / node.mass + kick * self.gravity[i])
             });
         }
-        grid.constrain(&boundaries, &nearest, dt, dx);
+        let parts = self.parts.iter().zip(&self.materials);
+        let all = parts.map(|(part, material)| (0, part.material.density, material.law));
+        let tell_edges = tell_edges(1, all)[0];
+        grid.constrain(&boundaries, &nearest, tell_edges, dt, dx);
 
         // G2P, then every particle moves.
         for (p, stencil) in stencils.iter().enumerate() {

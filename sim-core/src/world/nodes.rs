@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::{World, frame::Frame};
 use crate::{
+    colliders::edge::tell_edges,
     contact::{Closed, Meeting, Wish, meet},
     grid::{
         approach::{Acting, approaches},
@@ -12,7 +13,7 @@ use crate::{
     mat3::dot,
     materials::{Law, Material},
     report::ContactEpisode,
-    scene::{Part, Scene},
+    scene::{Fidelity, Part, Scene},
 };
 
 /// Nodes of a block.
@@ -27,18 +28,18 @@ impl World {
         let keep = self.scene.conditions.damping_factor(substep.kick) as f32;
         let boundaries = self.boundaries.on_nodes(&self.state.paths, &substep);
         let moving = self.boundaries.moving_on_nodes(&self.state.paths, &substep);
-        let cells_per_mass = self.cells_per_mass();
+        let (cells_per_mass, tell_edges) = (self.cells_per_mass(), self.tell_edges());
         let grid = &mut self.workspace.grid;
         frame.work.grid_nodes += NODES * grid.nodes.len() as u64;
-        let carrier = self.state.carrier;
+        let (scene, carrier) = (&self.scene, self.state.carrier);
         let acting = Acting {
             boundaries: &boundaries,
             moving: &moving,
             approaches: &approaches(&self.state.particles, &self.half_spacings, &boundaries),
+            tell_edges: &tell_edges,
             dt,
         };
         let fastest = node_pass(self.isa, grid, &acting, carrier, keep);
-        let scene = &self.scene;
         let meeting = Meeting {
             method: scene.contact.method,
             isa: self.isa,
@@ -64,6 +65,21 @@ impl World {
         let given = relative + carrier.into_iter().fold(0.0, fold);
         self.state.grid_speed = larger(fastest, given).into();
         self.speed_with_boundaries(&substep)
+    }
+
+    /// Per grid field whether the masses of nodes tell where matter ends.
+    fn tell_edges(&self) -> Vec<bool> {
+        let scene = &self.scene;
+        let parts = self.parts.iter().zip(&self.state.materials).enumerate();
+        let on_grid = parts.filter(|(_, (part, _))| {
+            let fidelity = scene.objects[part.object].fidelity;
+            !matches!(fidelity, Fidelity::Static | Fidelity::Rigid)
+        });
+        let densities = on_grid.map(|(id, (part, material))| {
+            let field = self.field_of(id) as usize;
+            (field, part.material.density, material.law)
+        });
+        tell_edges(scene.objects.len(), densities)
     }
 
     /// Per part the volume of one unit of mass at rest [cells].

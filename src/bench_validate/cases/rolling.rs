@@ -32,13 +32,13 @@ struct Setup {
     drop: f64,
 }
 
-const FOOT: &str = "matter stands on a flat foot and presses ahead of its middle as it turns, so that it turns more slowly; laid \
-     down, it starts on a foot as wide as a third of its radius. The way is right, the spin is not.";
+const FOOT: &str = "the pressure that turns a slipping disk is one or two cells ahead of its middle, on a foot of a few cells, and \
+     is less far ahead on nodes. The way is right, the spin is not.";
 
 /// Why a spin is wrong, where it is.
 fn why(setup: &Setup, rolls: bool) -> Option<&'static str> {
     match setup.what {
-        "disk" if setup.drop == 0.0 || !rolls => Some(FOOT),
+        "disk" if !rolls && (setup.friction < 0.2 || setup.drop == 0.0) => Some(FOOT),
         _ => None,
     }
 }

@@ -9,6 +9,7 @@ mod materials;
 mod resting;
 mod rigid;
 mod robustness;
+mod rolling;
 mod rules;
 mod settling;
 mod shape_match;

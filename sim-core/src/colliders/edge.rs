@@ -1,0 +1,131 @@
+//! Where matter ends in front of a surface, told by the masses of the nodes across it.
+//!
+//! The nearest of the particles that reach a node may lie a cell and a half beside it: in front of a curved body that is
+//! an error of first order, and of a lattice of particles it is a facet. Nodes know better. One that matter covers
+//! from the height `h` above it on holds the share
+//!
+//! ```text
+//! H(h) = integral of N(z) dz from h to infinity
+//! ```
+//!
+//! of the mass of one inside, `N` being the spline, so that its mass tells the height: of all the matter that reaches
+//! it, averaged. The sum over a lattice of particles is that integral but for a percent
+//! (`docs/decisions/0017-where-matter-ends.md`).
+//!
+//! Only matter that keeps its shape and has one density is looked at so. Where a line of nodes is nowhere inside, in
+//! films and grains, the nearest particle decides as before: matter never ends nearer than it.
+
+use super::{
+    NodeConditions, Placed,
+    approach::{Nearest, RANGE},
+    attach::{Attached, Nodes, Owner},
+};
+use crate::materials::Law;
+
+/// Nodes in front of the one that is looked at, one of which is inside matter.
+const INSIDE: i32 = 3;
+/// How far from a node the line through it is looked at along an axis at most [nodes]: to the next block.
+const BESIDE: f64 = 1.0;
+/// How far the nodes that are looked at are from it along an axis at most [nodes].
+pub(crate) const REACH: f64 = INSIDE as f64 + BESIDE;
+/// Largest gap: farther matter counts as not there, and what is in front of it would go unseen [cells].
+const FAR: f64 = 0.95 * RANGE;
+
+/// Height above a node [cells] from which on matter holds this share, 0..=1, of the mass of a node inside: `H(h) = share`.
+fn height(share: f64) -> f64 {
+    const TAIL: f64 = 1.0 / 6.0;
+    if share < TAIL {
+        return 1.5 - (6.0 * share).cbrt();
+    }
+    if share > 1.0 - TAIL {
+        return (6.0 * (1.0 - share)).cbrt() - 1.5;
+    }
+    // 1/2 - 3/4 h + h^3 / 3, by Newton's method: less than 1e-10 is left after three steps.
+    let mut h = (0.5 - share) / 0.75;
+    for _ in 0..3 {
+        h -= (0.5 - 0.75 * h + h * h * h / 3.0 - share) / (h * h - 0.75);
+    }
+    h
+}
+
+/// Distance from a surface to where matter ends in the line of nodes along `normal` from a node that is `off` in front
+/// of it, at most about half a cell [cells].
+pub(super) fn edge(base: [i32; 3], normal: [f64; 3], off: f64, nodes: &impl Nodes) -> f64 {
+    let mass = |n: i32| {
+        let at = std::array::from_fn(|a| base[a] + (f64::from(n) * normal[a]).round() as i32);
+        nodes.node(at).map_or(0.0, |(mass, _)| mass)
+    };
+    let own = mass(0);
+    let full = (1..=INSIDE).map(mass).fold(own, f64::max);
+    if full > 0.0 {
+        off + height(own / full)
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// Gap of matter whose nearest particle has the gap `nearest`, and which ends at `edge` [cells].
+pub(super) fn gap(nearest: f64, edge: f64) -> f64 {
+    nearest.max(edge.min(FAR))
+}
+
+/// Per grid field, of `count`, whether the masses of nodes tell where matter ends: it keeps its shape and has one density.
+/// Parts by field, density [kg/m^3] and law.
+pub(crate) fn tell_edges(
+    count: usize,
+    parts: impl Iterator<Item = (usize, f64, Law)>,
+) -> Vec<bool> {
+    let mut first: Vec<Option<f64>> = vec![None; count];
+    let mut tell = vec![true; count];
+    for (field, density, law) in parts.filter(|(_, _, law)| !law.is_rigid()) {
+        tell[field] &= law.is_solid() && density == *first[field].get_or_insert(density);
+    }
+    tell
+}
+
+impl Placed<'_> {
+    /// Distance to where matter ends in front of or behind a node [cells]; `cell` is the cell size.
+    fn edge(&self, index: [i32; 3], nodes: &impl Nodes, cell: f64) -> f64 {
+        let at = |index: [i32; 3]| self.distance(index.map(|i| f64::from(i) * cell));
+        let (found, mut base) = (at(index), index);
+        // The node of its line that is nearest to the surface, as far as lines may begin beside a node.
+        for a in 0..3 {
+            let step = (found.value / cell * found.normal[a]).clamp(-BESIDE, BESIDE);
+            base[a] -= step.round() as i32;
+        }
+        let off = if base == index { found } else { at(base) };
+        edge(base, found.normal, off.value / cell, nodes)
+    }
+}
+
+impl NodeConditions<'_> {
+    /// How near matter is to every collider at a node that is about to move with a velocity: where it ends, for those that
+    /// it does not obey yet and would reach in a substep of `dt` as far as the nearest particle says.
+    pub fn ends(
+        &self,
+        index: [i32; 3],
+        nearest: &mut [Nearest],
+        dt: f64,
+        cell: f64,
+        obeyed: &Attached,
+        nodes: &impl Nodes,
+    ) {
+        if !nodes.tell_edges() {
+            return;
+        }
+        for (body, nearest) in self.bodies().iter().zip(nearest) {
+            if body.holds() || obeyed.obeys(Owner::Body(body.id)) {
+                continue;
+            }
+            let u = body.velocity(index.map(|i| f64::from(i) * cell));
+            let way: f64 = (0..3).map(|a| (obeyed.velocity[a] - u[a]).abs()).sum();
+            if f64::from(nearest.gap) < dt * way {
+                let edge = body.edge(index, nodes, cell);
+                nearest.gap = (gap(f64::from(nearest.gap) / cell, edge) * cell) as f32;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
