@@ -88,19 +88,35 @@ pub const BOUNCE: Case = Case {
 fn bounce(run: &Outcome, _: Option<&Outcome>) -> anyhow::Result<f64> {
     let height = run.series("/objects/0/com/1");
     let speed = run.series("/objects/0/linear_velocity/1");
-    let energy = height.iter().zip(&speed);
-    let (y, v) = energy
-        .map(|(y, v)| (y.1, v.1))
-        .filter(|(_, v)| *v > 0.0)
-        .max_by(|a, b| a.1.total_cmp(&b.1))
-        .context("the ball does not come up again")?;
-    let top = y + v * v / (2.0 * 9.81) - 0.1;
-    Ok((1.0 - top / 0.05).abs())
+    Ok((1.0 - top(&height, &speed)? / 0.05).abs())
+}
+
+/// Height above where the ball would just touch that its velocity takes it to. The floor pushes it up for as long as they
+/// touch, so that it is the largest that any moment on the way up says.
+fn top(height: &[(f64, f64)], speed: &[(f64, f64)]) -> anyhow::Result<f64> {
+    let up = height.iter().zip(speed).filter(|(_, (_, v))| *v > 0.0);
+    up.map(|((_, y), (_, v))| y + v * v / (2.0 * 9.81) - 0.1)
+        .max_by(f64::total_cmp)
+        .context("the ball does not come up again")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// While it still touches the floor it is fastest, and not yet where it will fly from.
+    #[test]
+    fn a_bounce_is_as_high_as_what_flies_says() {
+        let flight = |t: f64| (0.1 + 0.9 * t - 4.905 * t * t, 0.9 - 9.81 * t);
+        let mut way = vec![(0.09, -0.5), (0.085, 0.3), (0.09, 0.92)];
+        way.extend((0..15).map(|n| flight(0.01 * f64::from(n))));
+        let series = |of: fn(&(f64, f64)) -> f64| -> Vec<(f64, f64)> {
+            (0..).map(f64::from).zip(way.iter().map(of)).collect()
+        };
+        let found = top(&series(|w| w.0), &series(|w| w.1)).expect("it flies");
+        assert!((found - 0.9 * 0.9 / 19.62).abs() < 1e-12, "{found}");
+        assert!(top(&[(0.0, 0.1)], &[(0.0, -1.0)]).is_err());
+    }
 
     #[test]
     fn the_acceleration_of_a_parabola_is_found_whatever_its_start() {

@@ -74,26 +74,30 @@ pub const CANTILEVER: Case = Case {
     duration: 1.0,
     reference: Some(&[("cells_per_object", "64"), ("cfl", "0.5")]),
     families: || Family::usual(&["8", "12", "16", "24", "32"], &["8", "12", "16", "24"]),
-    measure: |run, reference| fall(run, reference, "/objects/0/com/1", 0.0),
+    measure: |run, reference| fall(run, reference, &["/objects/0/com/1"], 0.0),
 };
 
-/// Relative L2 difference of a coordinate's way between two runs.
+/// Relative L2 difference of the way of some coordinates between two runs.
 pub fn fall(
     run: &Outcome,
     reference: Option<&Outcome>,
-    pointer: &str,
+    pointers: &[&str],
     start: f64,
 ) -> anyhow::Result<f64> {
-    let expected = reference.map(|r| r.series(pointer)).unwrap_or_default();
-    let measured = run.series(pointer);
-    anyhow::ensure!(
-        measured.len() == expected.len(),
-        "{} frames, {} in the reference",
-        measured.len(),
-        expected.len()
-    );
-    let pairs = measured.iter().zip(&expected);
-    relative_l2(pairs.map(|(m, e)| (m.1 - start, e.1 - start)))
+    let mut pairs = Vec::new();
+    for pointer in pointers {
+        let expected = reference.map(|r| r.series(pointer)).unwrap_or_default();
+        let measured = run.series(pointer);
+        anyhow::ensure!(
+            measured.len() == expected.len(),
+            "{} frames, {} in the reference",
+            measured.len(),
+            expected.len()
+        );
+        let both = measured.iter().zip(&expected);
+        pairs.extend(both.map(|(m, e)| (m.1 - start, e.1 - start)));
+    }
+    relative_l2(pairs.into_iter())
 }
 
 #[cfg(test)]
