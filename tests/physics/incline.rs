@@ -1,6 +1,6 @@
 //! Coulomb on a slope: slides as the closed form says, or stays.
 
-use super::{simulate, vector};
+use super::{Run, simulate, vector};
 
 const ANGLE: f64 = 24.0;
 const G: f64 = 9.81;
@@ -43,7 +43,11 @@ max = [20, 20, 20]
 
 /// Distance slid down the slope in 3 s [m], and the speed then [m/s].
 fn slid(friction: f64, surface: &str) -> (f64, f64) {
-    let run = simulate(&block(friction, surface), 3.0, &[]);
+    down_the_slope(&simulate(&block(friction, surface), 3.0, &[]))
+}
+
+/// Distance down the slope [m] and speed [m/s] at the end of a run.
+fn down_the_slope(run: &Run) -> (f64, f64) {
     let (sin, cos) = ANGLE.to_radians().sin_cos();
     let down = |field: &str| {
         let v = vector(&run.last()["objects"][0][field]);
@@ -65,10 +69,14 @@ fn acceleration(friction: f64) -> f64 {
 #[test]
 fn a_block_slides_as_coulomb_says_when_friction_is_too_weak_to_hold_it() {
     let friction = tan(15.0);
-    // What is lost is lost in the first hundredths of a second, while the block rings: where it rebounds before it
-    // has gained speed, friction can do no more than stop it. Dropped by 0.08 dx it is 2 % of the distance.
-    let found = slid(friction, "separate");
-    assert_slides(found, friction, 0.01);
+    // With its weight on, taken up before time 0. Measured: 1.3e-4 of the speed and 1.0e-3 of the distance, of which the way
+    // down meanwhile, 5 mm at the acceleration over the damping, is most.
+    let settled = simulate(&block(friction, "separate"), 3.0, &["--set", "settle=0.25"]);
+    assert_slides(down_the_slope(&settled), friction, 2e-3);
+    // Loaded at once, what is lost is lost in the first hundredths of a second, while the block rings: where it rebounds
+    // before it has gained speed, friction can do no more than stop it. Matter may touch up to 0.03 dx before or after
+    // nodes see it; 1.0 % of the distance with that, 2 % if the block is dropped by 0.08 dx.
+    assert_slides(slid(friction, "separate"), friction, 0.015);
 }
 
 #[test]
