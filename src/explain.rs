@@ -11,6 +11,7 @@ use std::{
 use anyhow::Context;
 use cosplat_server::load::{LoadedScene, load_scene_with};
 use cosplat_sim_core::{
+    World,
     assets::ply,
     diagram::diagram,
     scene::{ColliderShape, ProbeKind, Scene, Surface},
@@ -95,6 +96,8 @@ impl Explanation {
     fn new(loaded: &LoadedScene) -> Self {
         let LoadedScene { scene, report, .. } = loaded;
         let summary = SceneSummary::new(scene);
+        let refusal = World::check_scene(scene).err();
+        let refusal = refusal.map(|error| format!("this scene cannot be simulated: {error}"));
         Self {
             precision: PrecisionHint::new(&summary),
             summary,
@@ -106,7 +109,9 @@ impl Explanation {
                 .map(|r| r.bounds.into())
                 .collect(),
             probes: probes(scene),
-            warnings: report.warnings.iter().map(ToString::to_string).collect(),
+            warnings: (report.warnings.iter().map(ToString::to_string))
+                .chain(refusal)
+                .collect(),
         }
     }
 }

@@ -140,6 +140,21 @@ fn explain_says_what_the_scene_weighs_and_draws_it() {
 }
 
 #[test]
+fn explain_says_when_a_scene_would_be_refused() {
+    // Only matter that nothing drives can come to rest before time 0.
+    let (_folder, path) = folder(SCENE);
+    let settled = ["explain", shown(&path), "--json", "--set", "settle=0.1"];
+    let said = json(&cosplat(&settled).stdout);
+    assert_eq!(said["warnings"].as_array().map(Vec::len), Some(0), "{said}");
+    let driven = "objects.0.body_force=[\"0\", \"sin(t)\", \"0\"]";
+    let output = cosplat(&[&settled[..], &["--set", driven]].concat());
+    assert!(output.status.success(), "{output:?}");
+    let warning = json(&output.stdout)["warnings"][0].to_string();
+    assert!(warning.contains("cannot be simulated"), "{warning}");
+    assert!(warning.contains("settle"), "{warning}");
+}
+
+#[test]
 fn closing_the_pipe_early_is_no_failure() {
     use std::{
         io::{BufRead, BufReader},

@@ -154,6 +154,14 @@ impl World {
         Self::with_isa(scene, Isa::detect())
     }
 
+    /// Whether a scene can be simulated.
+    ///
+    /// # Errors
+    /// Those of [`new`](Self::new).
+    pub fn check_scene(scene: &Scene) -> Result<(), WorldError> {
+        error::validate(scene)
+    }
+
     /// Like [`new`](Self::new) on a chosen instruction set: for tests and measurements, results are the same.
     ///
     /// # Errors
