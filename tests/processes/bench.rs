@@ -85,7 +85,7 @@ fn the_kernel_bench_compares_solver_yardstick_and_reference() {
     }
 }
 
-/// What is left of the bar's error at the default `cfl` is that of the substep, which follows the cells: of first order.
+/// The bar is suddenly pulled, so that its fronts are steep: its error falls faster than at first order, not quite at second.
 #[test]
 fn the_precision_bench_shows_that_finer_grids_cost_more_and_err_less() {
     let lines = bench(&["precision", "--quick", "--case", "bar", "--json"]);
@@ -104,9 +104,9 @@ fn the_precision_bench_shows_that_finer_grids_cost_more_and_err_less() {
         of("default"),
     );
     assert!(coarse[1] < draft[1] && draft[1] < default[1], "cost");
-    // First order halves the error; measured 2.31, 2.4 and 1.15 %, where jitter makes the order of the first two chance.
+    // Half the cells; first order makes it 2, second 4; measured 3.01 and 0.94 %.
     let ratio = coarse[0] / default[0];
-    assert!((1.7..2.3).contains(&ratio), "{ratio}");
+    assert!((2.5..4.2).contains(&ratio), "{ratio}");
     assert!(draft[0] > default[0], "error");
     assert!(lines.iter().all(|line| line.get("failed").is_none()));
     let command = lines[0]["command"].as_str().expect("a command");
