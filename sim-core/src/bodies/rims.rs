@@ -85,9 +85,7 @@ impl Drum<'_> {
         };
         // Round-off along the axis would add up.
         start = unit(along(start, -dot(start, self.axis), self.axis), start);
-        let plane =
-            matches!(other, Solid::Wall(wall) if matches!(wall.shape(), Wall::HalfSpace { .. }));
-        if height.abs() == self.form.half && !plane {
+        if height.abs() == self.form.half && !other.is_plane() {
             let at = |e: Vec3| other.distance(along(circle.center, circle.radius, e));
             let mut least = at(start);
             for [c, s] in AROUND {
@@ -147,6 +145,10 @@ impl Drum<'_> {
 }
 
 impl<'a> Solid<'a> {
+    fn is_plane(&self) -> bool {
+        matches!(self, Self::Wall(wall) if matches!(wall.shape(), Wall::HalfSpace { .. }))
+    }
+
     fn cylinder(&'a self) -> Option<Drum<'a>> {
         let Self::Body(shape, body) = self else {
             return None;
@@ -166,8 +168,12 @@ impl<'a> Solid<'a> {
 
     /// Whether a point of it is computed for what it meets, and which.
     pub fn computed(&self, n: u32) -> Option<u32> {
-        let cylinder = self.cylinder()?;
-        n.checked_sub(cylinder.shape.points.len() as u32)
+        let Self::Body(shape, _) = self else {
+            return None;
+        };
+        let is_cylinder = matches!(shape.form, Form::Cylinder(_));
+        n.checked_sub(shape.points.len() as u32)
+            .filter(|_| is_cylinder)
     }
 
     /// How much a computed point's surface, with the point at `x`, looks in a direction.
@@ -239,7 +245,7 @@ pub(super) fn near_rims(
         point: first + k,
     };
     let mut found = RIMS.map(|k| (feature(k), gap(a, b, feature(k)))).to_vec();
-    if matches!(other, Solid::Wall(wall) if matches!(wall.shape(), Wall::HalfSpace { .. })) {
+    if other.is_plane() {
         return found;
     }
     for k in ENDS {

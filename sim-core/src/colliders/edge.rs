@@ -9,7 +9,7 @@
 //! ```
 //!
 //! of the mass of one inside, `N` being the spline, so that its mass tells the height: of all the matter that reaches
-//! it, averaged. The sum over a lattice of particles is that integral but for a percent
+//! it, averaged. The sum over a lattice of particles is that integral but for two percent
 //! (`docs/decisions/0017-where-matter-ends.md`).
 //!
 //! Only matter that keeps its shape and has one density is looked at so. Where a line of nodes is nowhere inside, in
@@ -100,30 +100,35 @@ impl Placed<'_> {
 
 impl NodeConditions<'_> {
     /// How near matter is to every collider at a node that is about to move with a velocity: where it ends, for those that
-    /// it does not obey yet and would reach in a substep of `dt` as far as the nearest particle says.
+    /// it does not obey yet and would reach in a substep of `dt` as far as the nearest particle says; none where that is
+    /// all there is to say.
     pub fn ends(
         &self,
         index: [i32; 3],
-        nearest: &mut [Nearest],
+        nearest: &[Nearest],
         dt: f64,
         cell: f64,
         obeyed: &Attached,
         nodes: &impl Nodes,
-    ) {
+    ) -> Option<Vec<Nearest>> {
         if !nodes.tell_edges() {
-            return;
+            return None;
         }
-        for (body, nearest) in self.bodies().iter().zip(nearest) {
+        let mut ends: Option<Vec<Nearest>> = None;
+        for (b, body) in self.bodies().iter().enumerate() {
             if body.holds() || obeyed.obeys(Owner::Body(body.id)) {
                 continue;
             }
             let u = body.velocity(index.map(|i| f64::from(i) * cell));
             let way: f64 = (0..3).map(|a| (obeyed.velocity[a] - u[a]).abs()).sum();
-            if f64::from(nearest.gap) < dt * way {
+            let seen = f64::from(nearest[b].gap);
+            if seen < dt * way {
                 let edge = body.edge(index, nodes, cell);
-                nearest.gap = (gap(f64::from(nearest.gap) / cell, edge) * cell) as f32;
+                let ends = ends.get_or_insert_with(|| nearest.to_vec());
+                ends[b].gap = (gap(seen / cell, edge) * cell) as f32;
             }
         }
+        ends
     }
 }
 

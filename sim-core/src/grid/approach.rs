@@ -343,29 +343,24 @@ impl Allowed<'_> {
 
     /// Velocity that the node `at`, 0..64 with z fastest, may have when forces alone would give it `v` [cells/s].
     pub fn constrain(&self, at: usize, v: [f64; 3]) -> [f64; 3] {
-        self.constrain_rest(at, &Attached::free(v))
+        let nearest = self.near(at);
+        if self.is_outside && is_clear(nearest, v, self.dt) {
+            return v;
+        }
+        let (x, free) = (self.place(at).map(f64::from), Attached::free(v));
+        self.conditions.constrain(x, nearest, self.dt, 1.0, &free)
     }
 
-    /// The same where some of it is obeyed already.
-    fn constrain_rest(&self, at: usize, obeyed: &Attached) -> [f64; 3] {
+    /// The same where some of it is obeyed already, and the nodes around may tell where matter ends.
+    pub fn constrain_among(&self, at: usize, obeyed: &Attached, nodes: &impl Nodes) -> [f64; 3] {
         let nearest = self.near(at);
         if self.is_outside && is_clear(nearest, obeyed.velocity, self.dt) {
             return obeyed.velocity;
         }
-        let x = self.place(at).map(f64::from);
-        self.conditions.constrain(x, nearest, self.dt, 1.0, obeyed)
-    }
-
-    /// The same where the nodes around may tell where matter ends.
-    pub fn constrain_among(&self, at: usize, obeyed: &Attached, nodes: &impl Nodes) -> [f64; 3] {
-        let nearest = self.near(at);
-        if !nodes.tell_edges() || self.is_outside && is_clear(nearest, obeyed.velocity, self.dt) {
-            return self.constrain_rest(at, obeyed);
-        }
-        let (index, mut nearest) = (self.place(at), nearest.to_vec());
-        let conditions = &self.conditions;
-        conditions.ends(index, &mut nearest, self.dt, 1.0, obeyed, nodes);
-        conditions.constrain(index.map(f64::from), &nearest, self.dt, 1.0, obeyed)
+        let (index, conditions) = (self.place(at), &self.conditions);
+        let ends = conditions.ends(index, nearest, self.dt, 1.0, obeyed, nodes);
+        let nearest = ends.as_deref().unwrap_or(nearest);
+        conditions.constrain(index.map(f64::from), nearest, self.dt, 1.0, obeyed)
     }
 
     /// Per collider the nearest of the particles that reach a node.

@@ -27,8 +27,6 @@ const UNKNOWN: u32 = NONE - 1;
 /// A block near a boundary as it was before.
 struct Before<'a> {
     velocities: Velocities,
-    /// Whether boundaries may act on it, and it is not only a neighbour of such a block.
-    acts: bool,
     allowed: Option<Allowed<'a>>,
 }
 
@@ -95,34 +93,32 @@ pub(super) fn attach(
     if acting.boundaries.is_empty() {
         return 0;
     }
-    let mut near: Vec<(&NodeBlock, &mut Velocities)> = nodes
+    // Each with whether boundaries may act on it, and it is not only a neighbour of such a block.
+    let mut near: Vec<(&NodeBlock, &mut Velocities, bool)> = nodes
         .par_iter()
         .zip(velocities)
         .with_min_len(TASK[0])
-        .filter(|(block, out)| {
-            (acting.by_neighbours(block) || acting.near_edges(block, edge::REACH))
-                && holds_matter(out)
+        .filter_map(|(block, out)| {
+            let acts = acting.by_neighbours(block);
+            ((acts || acting.near_edges(block, edge::REACH)) && holds_matter(out))
+                .then_some((block, out, acts))
         })
         .collect();
-    let places: Vec<Place> = near.iter().map(|(at, _)| (at.field, at.index)).collect();
+    let places: Vec<Place> = near.iter().map(|(at, ..)| (at.field, at.index)).collect();
     let before: Vec<Before<'_>> = near
         .par_iter()
         .with_min_len(TASK[1])
-        .map(|(block, out)| {
-            let acts = acting.by_neighbours(block);
-            Before {
-                velocities: **out,
-                acts,
-                allowed: acts.then(|| acting.on(block)).flatten(),
-            }
+        .map(|(block, out, acts)| Before {
+            velocities: **out,
+            allowed: acts.then(|| acting.on(block)).flatten(),
         })
         .collect();
     near.par_iter_mut()
         .zip(&before)
         .zip(&places)
         .with_min_len(TASK[1])
-        .filter(|((_, own), _)| own.acts)
-        .map(|(((_, out), own), &place)| {
+        .filter(|(((.., acts), _), _)| *acts)
+        .map(|(((_, out, _), own), &place)| {
             let around = Around {
                 place,
                 own,

@@ -121,9 +121,9 @@ impl Grid {
                 let x = index.map(|i| f64::from(i) * dx);
                 let obeyed = attached(boundaries.faces(), *index, &seen, dx, dt);
                 let obeyed = obeyed.unwrap_or(Attached::free(node.velocity));
-                let mut nearest = nearest.clone();
-                boundaries.ends(*index, &mut nearest, dt, dx, &obeyed, &seen);
-                boundaries.constrain(x, &nearest, dt, dx, &obeyed)
+                let ends = boundaries.ends(*index, nearest, dt, dx, &obeyed, &seen);
+                let nearest = ends.as_deref().unwrap_or(nearest);
+                boundaries.constrain(x, nearest, dt, dx, &obeyed)
             })
             .collect();
         for ((_, node), velocity) in self.nodes.iter_mut().zip(velocities) {
