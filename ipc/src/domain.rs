@@ -9,7 +9,7 @@ use std::{
 
 use iceoryx2::prelude::*;
 
-use crate::Service;
+use crate::{Service, sweeper};
 
 /// Longest root path and prefix together [byte]: with `/`, an id of 39 digits and `.event` a socket's path must
 /// fit the 107 bytes of a Unix address.
@@ -154,6 +154,7 @@ impl Domain {
     /// Removes everything that the domain left on this machine. Only for domains of one's own, when no process
     /// uses it any more.
     pub fn discard(&self) {
+        sweeper::forget(self);
         // iceoryx2 never removes its management file, and the dead leave more.
         let ours = |name: &str| {
             let rest = name.strip_prefix(&self.prefix).unwrap_or("");
@@ -176,6 +177,7 @@ impl Domain {
         QUIET.call_once(|| set_log_level_from_env_or(LogLevel::Fatal));
         self.claim_root()?;
         self.write_config();
+        sweeper::watch(self);
         let failed = |reason: String| DomainError::Node {
             path: self.root.clone(),
             reason,

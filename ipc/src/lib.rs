@@ -12,6 +12,7 @@ pub mod schema;
 pub mod server;
 mod session;
 mod shm;
+mod sweeper;
 
 pub use client::Client;
 pub use domain::{Domain, DomainError, MAX_ROOT_LENGTH};

@@ -20,6 +20,7 @@ use crate::{
     Domain, Service,
     remains::make,
     schema::{Ack, Command, CommandHeader, Hello, MAX_COMMANDS, WIRE_VERSION},
+    sweeper,
 };
 
 /// The name of the node that serves.
@@ -313,6 +314,7 @@ pub struct SessionInfo {
 
 /// The sessions served in `domain`, by name.
 pub fn list_sessions(domain: &Domain) -> Vec<SessionInfo> {
+    sweeper::watch(domain);
     let mut sessions = Vec::new();
     let listed = <Service as iceoryx2::service::Service>::list(&domain.config(), |service| {
         let name = service.static_details.name().as_str();

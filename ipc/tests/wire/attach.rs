@@ -117,7 +117,7 @@ fn a_reader_that_holds_too_many_frames_is_told_and_can_go_on() {
 fn a_client_may_come_before_its_server() {
     let domain = TestDomain::new();
     let early = std::thread::spawn({
-        let domain = domain.0.clone();
+        let domain = domain.clone();
         move || Client::connect(&domain, "soon", "test", PATIENCE).map(|client| client.hello().pid)
     });
     std::thread::sleep(Duration::from_millis(50));

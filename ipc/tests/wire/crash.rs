@@ -1,6 +1,10 @@
 //! Processes that die, and others that do not mind.
 
-use std::time::{Duration, Instant};
+use std::{
+    fs,
+    os::unix::fs::PermissionsExt,
+    time::{Duration, Instant},
+};
 
 use cosplat_ipc::{Client, client::heartbeat_age, schema::Command, server::LoanRefused};
 
@@ -177,4 +181,65 @@ fn servers_and_clients_killed_while_they_start_leave_the_session_usable() {
         < first + 100
     {}
     assert_eq!(reader.runs(), 1);
+}
+
+/// Makes the files of `domain` whose names end in `suffix` what a process leaves that is killed while it makes
+/// them; returns their number.
+fn leave_unfinished(domain: &TestDomain, suffix: &str, is_empty: bool) -> usize {
+    let files = fs::read_dir("/dev/shm").expect("shared memory").flatten();
+    let theirs = files.filter(|file| {
+        let name = file.file_name().into_string().unwrap_or_default();
+        name.starts_with(domain.prefix()) && name.ends_with(suffix)
+    });
+    let mut count = 0;
+    for file in theirs {
+        let length = file.metadata().expect("its size").len();
+        let opened = fs::OpenOptions::new().write(true).open(file.path());
+        let opened = opened.expect("writable");
+        opened.set_len(0).expect("emptied");
+        if !is_empty {
+            opened.set_len(length).expect("of full size");
+        }
+        let unfinished = fs::Permissions::from_mode(0o200);
+        opened.set_permissions(unfinished).expect("unfinished");
+        count += 1;
+    }
+    count
+}
+
+#[test]
+fn shared_memory_that_a_killed_process_left_unfinished_holds_nobody_up() {
+    for (suffix, is_empty) in [
+        (".global_mgmt", true),
+        (".global_mgmt", false),
+        (".dynamic", true),
+        (".dynamic", false),
+        (".connection", true),
+        (".connection", false),
+        (".data", true),
+        (".data", false),
+    ] {
+        let domain = TestDomain::new();
+        let mut server = Process::start(&[], &domain, "serve", "early");
+        server.hear().expect("a server");
+        let mut holder = Process::start(&[], &domain, "hold", "early");
+        holder.hear().expect("a holder");
+        holder.kill();
+        server.kill();
+        assert!(
+            leave_unfinished(&domain, suffix, is_empty) > 0,
+            "no {suffix}"
+        );
+
+        let mut server = Process::start(&[], &domain, "serve", "early");
+        let said = server.hear();
+        assert!(
+            said.is_some_and(|s| s.starts_with("serving")),
+            "{suffix}, empty: {is_empty}"
+        );
+        let client = Client::connect(&domain, "early", "test", PATIENCE).expect("attached");
+        let mut reader = client.frames(1).expect("a reader");
+        assert!(reader.next(PATIENCE).expect("readable").is_some());
+        assert_eq!(cosplat_ipc::list_sessions(&domain).len(), 1);
+    }
 }

@@ -1,7 +1,10 @@
 //! What the tests share: a domain per test, a small scene, frames that can be told apart.
 
 use std::{
-    sync::atomic::{AtomicU32, Ordering},
+    sync::{
+        atomic::{AtomicU32, Ordering},
+        mpsc::{RecvTimeoutError, Sender, channel},
+    },
     time::Duration,
 };
 
@@ -14,27 +17,44 @@ use cosplat_ipc::{
 
 /// Long enough for a loaded machine; only a hang reaches it.
 pub const PATIENCE: Duration = Duration::from_secs(20);
+/// Time for a whole test, many times what the longest takes.
+const WATCHDOG: Duration = Duration::from_secs(240);
 /// Gaussians in the test scene.
 pub const COUNT: usize = 100;
 /// Text of the test scene's file.
 pub const SOURCE: &str = "name = \"test\"\n";
 
-/// A domain that no other test uses; its files go with it.
-pub struct TestDomain(pub Domain);
+/// A domain that no other test uses; its files go with it. A test that never ends becomes one that fails: calls
+/// into shared memory that others left in disorder cannot be given a timeout.
+pub struct TestDomain {
+    domain: Domain,
+    _running: Sender<()>,
+}
 
 impl TestDomain {
     pub fn new() -> Self {
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
         let name = format!("cpt{}_{number}_", std::process::id());
-        Self(Domain::new(format!("/tmp/{name}"), &name).expect("a domain"))
+        let (running, ended) = channel();
+        let test = std::thread::current().name().unwrap_or("").to_owned();
+        std::thread::spawn(move || {
+            if ended.recv_timeout(WATCHDOG) == Err(RecvTimeoutError::Timeout) {
+                eprintln!("{test} hangs: it has not ended after {WATCHDOG:?}");
+                std::process::abort();
+            }
+        });
+        Self {
+            domain: Domain::new(format!("/tmp/{name}"), &name).expect("a domain"),
+            _running: running,
+        }
     }
 }
 
 impl std::ops::Deref for TestDomain {
     type Target = Domain;
     fn deref(&self) -> &Domain {
-        &self.0
+        &self.domain
     }
 }
 
