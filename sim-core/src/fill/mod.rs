@@ -10,6 +10,7 @@ mod classify;
 mod cut;
 mod grid;
 mod sample;
+pub(crate) mod sites;
 mod surfels;
 
 use crate::assets::Gaussians;

@@ -3,21 +3,16 @@
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::{FillReport, Filled, cut::Cut, grid::Grid};
+use super::{
+    FillReport, Filled,
+    cut::Cut,
+    grid::Grid,
+    sites::{Site, join_slivers},
+};
 
 /// Full sites are moved by at most this part of their edge along each axis, which breaks the alignment of
 /// particles with the grid.
 const JITTER: f64 = 0.1;
-/// Sites filled less than this are joined to a neighbour.
-const SLIVER: f64 = 0.15;
-
-/// Filled volume and first moment of one site, in voxels.
-#[derive(Clone, Copy, Default)]
-struct Site {
-    volume: f64,
-    moment: [f64; 3],
-}
-
 /// One particle per site.
 pub fn particles(
     grid: &Grid,
@@ -40,14 +35,10 @@ pub fn particles(
         .filter(|(_, part)| **part > 0.0)
     {
         let p = grid.coordinates(i);
-        add(
-            &mut solid[lattice.index(p.map(|x| x / grid.site))],
-            p,
-            f64::from(*part),
-        );
+        solid[lattice.index(p.map(|x| x / grid.site))].add(middle(p), f64::from(*part));
     }
     let full = (grid.site as f64).powi(3);
-    join_slivers(&lattice, &mut solid, SLIVER * full);
+    join_slivers(lattice.size, &mut solid, full);
     let mut out = Filled::default();
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let cube = grid.voxel.powi(3);
@@ -74,7 +65,7 @@ pub fn particles(
         let at = lattice.index(p.map(|x| x / grid.site));
         // More than one site away along an axis.
         if covered[at] > 5 {
-            add(&mut thin[at].0, p, f64::from(density[i]));
+            thin[at].0.add(middle(p), f64::from(density[i]));
             thin[at].1 += 1.0;
         }
     }
@@ -93,37 +84,7 @@ pub fn particles(
     out
 }
 
-fn add(site: &mut Site, voxel: [usize; 3], amount: f64) {
-    site.volume += amount;
-    for a in 0..3 {
-        site.moment[a] += amount * (voxel[a] as f64 + 0.5);
-    }
-}
-
-/// Hands sites with less than `least` to the fullest face neighbour that has more; volume and centroid are
-/// kept.
-fn join_slivers(lattice: &Grid, sites: &mut [Site], least: f64) {
-    let strides = lattice.strides();
-    for i in 0..sites.len() {
-        let small = sites[i].volume;
-        if small <= 0.0 || small >= least {
-            continue;
-        }
-        let p = lattice.coordinates(i);
-        let lower = (0..3).filter(|&a| p[a] > 0).map(|a| i - strides[a]);
-        let upper = (0..3)
-            .filter(|&a| p[a] + 1 < lattice.size[a])
-            .map(|a| i + strides[a]);
-        let fullest = lower
-            .chain(upper)
-            .filter(|&j| sites[j].volume > small)
-            .max_by(|&a, &b| sites[a].volume.total_cmp(&sites[b].volume).then(b.cmp(&a)));
-        if let Some(j) = fullest {
-            let moved = std::mem::take(&mut sites[i]);
-            sites[j].volume += moved.volume;
-            for a in 0..3 {
-                sites[j].moment[a] += moved.moment[a];
-            }
-        }
-    }
+/// Middle of a voxel, in voxels.
+fn middle(voxel: [usize; 3]) -> [f64; 3] {
+    voxel.map(|x| x as f64 + 0.5)
 }

@@ -101,8 +101,8 @@ fn run(size: Size) -> anyhow::Result<Vec<Row>> {
     let mut errors = Vec::new();
     for &cells in all {
         let dx = RADIUS / f64::from(cells);
-        let shallow = (cells < 20).then_some(BUMPS);
-        let found = add(&at(&PLANE, cells), "plane", dx, [None, shallow])?;
+        let deep = (cells < 12).then_some(COARSE);
+        let found = add(&at(&PLANE, cells), "plane", dx, [None, deep])?;
         errors.push((dx, found.map(|x| (x - 1.0).abs())));
     }
     if size == Size::Full {
@@ -116,19 +116,18 @@ fn run(size: Size) -> anyhow::Result<Vec<Row>> {
             source: "at least as contact at the nearest particle",
             measured: order((first.0, first.1[n]), (last.0, last.1[n])),
             gate: Gate::AtLeast(0.9),
-            known_failure: Some(NO_ORDER),
+            known_failure: (n == 0).then_some(NO_ORDER),
             command: "see the rows above".into(),
         });
     }
     Ok(rows)
 }
 
-/// Why the approach to a plane is too small.
-const BUMPS: &str = "the surface of the ball is that of its lattice of particles averaged over a node, with bumps of 0.04 cells, which are 8 \
-                     to 5 % of the approach, and what touches it is a node that takes the matter around it along";
+/// Why a coarse ball gives way too far.
+const COARSE: &str = "the contact is two cells wide";
 /// Why contact of two balls is too short and too shallow.
 const FOOT: &str = "objects touch where the nearest of their particles do, which may be a cell and a half beside a node, so that the \
                     foot is wider than the contact by a share of a cell";
 /// Why there is no order.
-const NO_ORDER: &str = "what is left is 0.3 to 4.5 % of the contact time and 4 to 8 % of the approach, without an order: bumps of the \
-                        surface, and strains that Hertz leaves out";
+const NO_ORDER: &str = "what is left goes to 3 to 4 % below his contact time from 12 cells on, as may be due to strains and waves that \
+                        Hertz leaves out; at 8 cells errors cancel";

@@ -32,15 +32,11 @@ struct Setup {
     drop: f64,
 }
 
-const FOOT: &str = "the pressure that turns a slipping disk is one or two cells ahead of its middle, on a foot of a few cells, and \
-     is less far ahead on nodes. The way is right, the spin is not.";
+const FOOT: &str = "the pressure that turns a slipping disk is one or two cells ahead of its middle, on a foot of a few cells";
 
 /// Why a spin is wrong, where it is.
 fn why(setup: &Setup, rolls: bool) -> Option<&'static str> {
-    match setup.what {
-        "disk" if !rolls && (setup.friction < 0.2 || setup.drop == 0.0) => Some(FOOT),
-        _ => None,
-    }
+    (setup.what == "disk" && !rolls).then_some(FOOT)
 }
 
 fn run(size: Size) -> anyhow::Result<Vec<Row>> {

@@ -1,55 +1,86 @@
 //! Balls of deformable matter roll on planes.
 
 use super::*;
-use crate::{mat3::dot, test_scenes::spin};
+use crate::{
+    mat3::{cross, dot},
+    scene_file::{SceneFile, build},
+};
 
 const DX: f64 = 0.1;
 /// Five cells.
 const RADIUS: f64 = 0.5;
 const SPEED: f64 = 0.5;
+const G: f64 = 9.81;
 
-/// Speed along a plane, over that at the start, of a ball that has rolled on it for a second without anything that drives
-/// it. The plane is turned by `across` radians against the grid and `offset` cells away from a node.
-fn rolled(across: f64, offset: f64) -> f64 {
-    let (sin, cos) = across.sin_cos();
-    let about_y = |v: [f64; 3]| [cos * v[0] + sin * v[2], v[1], cos * v[2] - sin * v[0]];
-    let mut scene = empty(DX);
-    let material = elastic(Law::NeoHookean, 1e6, 0.3);
-    let ball = add_box(&mut scene, material, [-RADIUS; 3], 0.5 * DX, [20; 3]);
-    let inside = |x: &[f64; 3]| dot(*x, *x) < RADIUS * RADIUS;
-    scene.particles.position.retain(inside);
-    let count = scene.particles.position.len();
-    scene.particles.volume.truncate(count);
-    let object = &mut scene.objects[ball];
-    object.particles = 0..count;
-    object.linear_velocity = about_y([SPEED, 0.0, 0.0]);
-    object.velocity_gradient = spin([0.0, SPEED / RADIUS, 0.0]);
-    scene.gravity = about_y([0.0, 0.0, -9.81]);
-    let lowest = about_y([0.0, 0.0, -RADIUS + offset * DX]);
-    for x in &mut scene.particles.position {
-        *x = std::array::from_fn(|a| x[a] + offset * DX * about_y([0.0, 0.0, 1.0])[a]);
-    }
-    let normal = about_y([0.0, 0.0, 1.0]);
-    add_plane(&mut scene, lowest, normal, Surface::Separate, 0.5);
+/// Speed [m/s] along a plane after a second, of a ball that begins to roll on it with `speed`. The plane is turned about z by
+/// `across` degrees against the grid and lies `offset` cells away from a node; it falls by `slope` degrees.
+fn rolled(across: f64, offset: f64, slope: f64, speed: f64) -> f64 {
+    let turned = |degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        ([sin, cos, 0.0], [cos, -sin, 0.0])
+    };
+    let (normal, along) = turned(across);
+    let (up, _) = turned(across - slope);
+    let times = |v: [f64; 3], s: f64| v.map(|v| v * s);
+    let text = format!(
+        "version = 1
+dx = {DX}
+gravity = {:?}
+[[objects]]
+name = \"ball\"
+shape = {{ kind = \"sphere\", radius = {RADIUS} }}
+translation = {:?}
+linear_velocity = {:?}
+angular_velocity = {:?}
+material = {{ youngs_modulus_pa = 1e6, poisson_ratio = 0.3, density_kg_m3 = 1000 }}
+[[colliders]]
+name = \"plane\"
+point = {:?}
+normal = {normal:?}
+friction = 0.5
+",
+        times(up, -G),
+        times(normal, offset * DX),
+        times(along, speed),
+        times(cross(normal, along), speed / RADIUS),
+        times(normal, offset * DX - RADIUS),
+    );
+    let file = SceneFile::parse(&text).expect("a scene");
+    let (scene, _) = build(&file, &mut |_| unreachable!("no files")).expect("builds");
     let mut world = World::new(scene).expect("valid scene");
     let mut report = world.report().clone();
     for _ in 0..60 {
         report = world.step(1.0 / 60.0, &[]);
     }
-    let object = &report.objects[0];
-    dot(object.linear_velocity, about_y([1.0, 0.0, 0.0])) / SPEED
+    dot(report.objects[0].linear_velocity, along)
 }
 
-/// Measured: 0.99 to 1.06 on a plane along the axes, which bumps of its surface make uneven, 0.92 to 0.96 at 10 degrees, 0.59 to
-/// 0.94 at 24. On facets of particles it stopped.
+/// Measured: 0.63 to 0.97 on a plane along the axes, 0.79 to 0.81 at 10 degrees, 0.47 to 0.68 at 24. Of particles of one size on the
+/// sites of their lattice that are inside, it was stopped by its facets, or rolled back: 0.26 to -0.56.
 #[test]
 fn a_ball_rolls_on_as_it_was_pushed() {
-    for across in [0.0_f64, 10.0, 24.0] {
+    for across in [0.0, 10.0, 24.0] {
         for offset in [0.0, 0.3, 0.5] {
-            let kept = rolled(across.to_radians(), offset);
+            let kept = rolled(across, offset, 0.0, SPEED) / SPEED;
             assert!(
-                kept > 0.5 && kept < 1.1,
+                kept > 0.4 && kept < 1.0,
                 "{across} degrees, {offset} cells: {kept} of its speed"
+            );
+        }
+    }
+}
+
+/// `5/7 g sin t`, however it is turned against the grid. Measured: 1.07, 0.95 and 0.83 of it on the gentle slope, 0.94, 0.89 and 0.86
+/// on the steep one; on facets -0.12 to 0.05, and 0.75 to 0.85.
+#[test]
+fn a_ball_rolls_down_gentle_and_steep_slopes() {
+    for slope in [2.0_f64, 24.0] {
+        let expected = 5.0 / 7.0 * G * slope.to_radians().sin();
+        for across in [0.0, 10.0, 24.0] {
+            let speed = rolled(across, 0.3, slope, 0.0) / expected;
+            assert!(
+                (speed - 1.0).abs() < 0.2,
+                "{slope} degrees, {across} degrees across: {speed} of its speed"
             );
         }
     }
