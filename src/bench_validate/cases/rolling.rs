@@ -32,7 +32,8 @@ struct Setup {
     drop: f64,
 }
 
-const FOOT: &str = "the pressure that turns a slipping disk is one or two cells ahead of its middle, on a foot of a few cells";
+const FOOT: &str = "friction acts in the plane, with the sum that it should have, but the foot is half a cell to either side, and what presses the \
+     disk lies up to 0.2 cells in front of its middle where it turns and 0.1 cells behind where it slides";
 
 /// Why a spin is wrong, where it is.
 fn why(setup: &Setup, rolls: bool) -> Option<&'static str> {
@@ -102,7 +103,9 @@ fn roll(setup: &Setup) -> anyhow::Result<Vec<Row>> {
     let spin = if rolls {
         part * G * t / RADIUS
     } else {
-        friction * G * t / (inertia * RADIUS)
+        // Friction has given mu times what has pressed, which is m (g t + v): a dropped disk may be on its way up again.
+        let rise = outcome.last("/objects/0/linear_velocity/1")?;
+        friction * (G * t + rise) / (inertia * RADIUS)
     };
     let gate = Gate::Relative(if rolls { 0.1 } else { 0.01 });
     let how = if drop > 0.0 { "dropped" } else { "laid down" };

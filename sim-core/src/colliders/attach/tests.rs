@@ -117,6 +117,40 @@ fn a_line_that_is_pressed_loses_the_coefficient_times_what_presses_it() {
 }
 
 #[test]
+fn pushes_and_friction_act_in_the_plane_and_not_where_nodes_are() {
+    // So the arm of friction about the middle of a disk that lies on the plane is its radius.
+    let mut pressed = 0;
+    for at in [-0.5, -0.3, 0.0, 0.2, 0.49] {
+        for (friction, releases) in [(0.3, true), (0.3, false), (10.0, true), (10.0, false)] {
+            let face = Face {
+                friction,
+                releases,
+                ..wall(at, 1, false)
+            };
+            let masses = [0.1, 0.2, 0.6, 1.0].into_iter();
+            let nodes = Row((-2..=1).zip(masses).map(|(i, m)| (i, m, -0.02)).collect());
+            let (mut sum, mut moment) = ([0.0; 2], [0.0; 2]);
+            for &(i, m, v) in &nodes.0 {
+                let Some(found) = attached(&[face], [i, 0, 0], &nodes, 1.0, 1e-3) else {
+                    continue;
+                };
+                for (q, before) in [v, 0.5].into_iter().enumerate() {
+                    let given = m * (found.velocity[q] - before);
+                    sum[q] += given;
+                    moment[q] += (f64::from(i) - at) * given;
+                }
+            }
+            assert!(moment.iter().all(|m| m.abs() < 1e-15), "{at}: {moment:?}");
+            if friction < 1.0 {
+                assert!((sum[1] + friction * sum[0]).abs() < 1e-15, "{at}: {sum:?}");
+            }
+            pressed += usize::from(sum[0] > 0.0);
+        }
+    }
+    assert_eq!(pressed, 20);
+}
+
+#[test]
 fn a_surface_that_lets_go_gives_the_nearest_by_mass_of_all_that_it_allows() {
     let mut seed = 1;
     let mut random = || crate::test_scenes::random(&mut seed);

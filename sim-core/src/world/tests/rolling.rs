@@ -1,4 +1,4 @@
-//! Balls of deformable matter roll on planes.
+//! Balls and disks of deformable matter roll and slip on planes.
 
 use super::*;
 use crate::{
@@ -83,5 +83,54 @@ fn a_ball_rolls_down_gentle_and_steep_slopes() {
                 "{slope} degrees, {across} degrees across: {speed} of its speed"
             );
         }
+    }
+}
+
+/// A soft disk that lies on a rough floor, ten cells in radius and two wide, is thrown along it so fast that it slips for a
+/// second. Returns what it has lost of its speed and what it has gained of spin, both over what Coulomb's law says of all that has
+/// pressed it. Without jitter it does not fall on its side.
+fn slipped(friction: f64) -> (f64, f64) {
+    const R: f64 = 10.0 * DX;
+    let text = format!(
+        "version = 1
+dx = {DX}
+jitter = 0
+gravity = [0, -{G}, 0]
+[[objects]]
+name = \"disk\"
+shape = {{ kind = \"cylinder\", radius = {R}, height = {} }}
+rotation_deg = [90, 0, 0]
+translation = [0, {R}, 0]
+linear_velocity = [8, 0, 0]
+material = {{ youngs_modulus_pa = 1e7, poisson_ratio = 0.3, density_kg_m3 = 1000 }}
+[[colliders]]
+name = \"plane\"
+normal = [0, 1, 0]
+friction = {friction}
+",
+        2.0 * DX
+    );
+    let file = SceneFile::parse(&text).expect("a scene");
+    let (scene, _) = build(&file, &mut |_| unreachable!("no files")).expect("builds");
+    let mut world = World::new(scene).expect("valid scene");
+    let mut report = world.report().clone();
+    for _ in 0..60 {
+        report = world.step(1.0 / 60.0, &[]);
+    }
+    let object = &report.objects[0];
+    // It rings: what has pressed it is not just its weight.
+    let taken = friction * (G + object.linear_velocity[1]);
+    let lost = (8.0 - object.linear_velocity[0]) / taken;
+    let gained = -object.angular_velocity[2] / (2.0 * taken / R);
+    (lost, gained)
+}
+
+/// Measured: 0.9997 of the speed, 0.96 of the spin, as what presses a disk that turns lies in front of its middle.
+#[test]
+fn a_soft_disk_that_slips_loses_speed_and_gains_spin_as_coulomb_says() {
+    for friction in [0.1, 0.2] {
+        let (lost, gained) = slipped(friction);
+        assert!((lost - 1.0).abs() < 0.002, "{friction}: lost {lost}");
+        assert!((gained - 1.0).abs() < 0.06, "{friction}: gained {gained}");
     }
 }
