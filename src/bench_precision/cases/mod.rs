@@ -12,7 +12,7 @@ pub const ALL: [&Case; 9] = [
     &elastic::BAR,
     &elastic::SPIN,
     &elastic::CANTILEVER,
-    &contact::INCLINE,
+    &contact::ROLLING,
     &contact::SPHERES,
     &contact::BOUNCE,
     &flow::DAM_BREAK,
