@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use cosplat_ipc::schema::{FrameHeader, SERVER_STOPPING, Status};
 use cosplat_ipc::server::{PoolPlan, SceneBlocks};
-use cosplat_ipc::{Client, Domain, ServerPorts};
+use cosplat_ipc::{Domain, ServerPorts};
 use cosplat_recorder::RecordingError;
 use cosplat_recorder::client::{RecordError, RecordOptions, Summary, record};
 use cosplat_recorder::messages::{GapReason, GapRecord};
@@ -37,10 +37,8 @@ impl TestDomain {
 }
 
 impl Drop for TestDomain {
-    /// Attaching once more clears away what killed processes left in shared memory.
     fn drop(&mut self) {
-        let _ = Client::connect(&self.domain, SESSION, "probe", Duration::ZERO);
-        let _ = std::fs::remove_dir_all(self.domain.root());
+        self.domain.discard();
     }
 }
 
