@@ -12,6 +12,18 @@ const RADIUS: f64 = 0.5;
 const SPEED: f64 = 0.5;
 const G: f64 = 9.81;
 
+/// What is said of a scene, given as a file, after a second.
+fn after_a_second(text: &str) -> StepReport {
+    let file = SceneFile::parse(text).expect("a scene");
+    let (scene, _) = build(&file, &mut |_| unreachable!("no files")).expect("builds");
+    let mut world = World::new(scene).expect("valid scene");
+    let mut report = world.report().clone();
+    for _ in 0..60 {
+        report = world.step(1.0 / 60.0, &[]);
+    }
+    report
+}
+
 /// Speed [m/s] along a plane after a second, of a ball that begins to roll on it with `speed`. The plane is turned about z by
 /// `across` degrees against the grid and lies `offset` cells away from a node; it falls by `slope` degrees.
 fn rolled(across: f64, offset: f64, slope: f64, speed: f64) -> f64 {
@@ -45,13 +57,7 @@ friction = 0.5
         times(cross(normal, along), speed / RADIUS),
         times(normal, offset * DX - RADIUS),
     );
-    let file = SceneFile::parse(&text).expect("a scene");
-    let (scene, _) = build(&file, &mut |_| unreachable!("no files")).expect("builds");
-    let mut world = World::new(scene).expect("valid scene");
-    let mut report = world.report().clone();
-    for _ in 0..60 {
-        report = world.step(1.0 / 60.0, &[]);
-    }
+    let report = after_a_second(&text);
     dot(report.objects[0].linear_velocity, along)
 }
 
@@ -110,13 +116,7 @@ friction = {friction}
 ",
         2.0 * DX
     );
-    let file = SceneFile::parse(&text).expect("a scene");
-    let (scene, _) = build(&file, &mut |_| unreachable!("no files")).expect("builds");
-    let mut world = World::new(scene).expect("valid scene");
-    let mut report = world.report().clone();
-    for _ in 0..60 {
-        report = world.step(1.0 / 60.0, &[]);
-    }
+    let report = after_a_second(&text);
     let object = &report.objects[0];
     // It rings: what has pressed it is not just its weight.
     let taken = friction * (G + object.linear_velocity[1]);
