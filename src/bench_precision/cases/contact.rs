@@ -21,14 +21,13 @@ pub const ROLLING: Case = Case {
         let time = run.last("/sim_time")?;
         let x = run.series("/objects/0/com/0");
         let y = run.series("/objects/0/com/1");
-        let (start, end) = x
-            .iter()
-            .zip(&y)
-            .next()
-            .zip(x.iter().zip(&y).next_back())
-            .context("it has no way")?;
         let (sin, cos) = 24f64.to_radians().sin_cos();
-        let way = (end.0.1 - start.0.1) * cos - (end.1.1 - start.1.1) * sin;
+        let places = x.iter().zip(&y).map(|((_, x), (_, y))| x * cos - y * sin);
+        let places: Vec<f64> = places.collect();
+        let (Some(start), Some(end)) = (places.first(), places.last()) else {
+            anyhow::bail!("it has no way");
+        };
+        let way = end - start;
         Ok((way / (5.0 / 14.0 * 9.81 * sin * time * time) - 1.0).abs())
     },
 };
