@@ -23,7 +23,8 @@ pub struct StepReport {
     pub particle_updates: u64,
     /// Particle-substeps of modelling every particle with MPM; the substeps of those at rest where none was taken.
     pub particle_updates_full: u64,
-    /// Kinetic energy that objects lost in this frame because they are modelled with less [J].
+    /// Energy that objects lost in this frame because they are modelled with less, kinetic but for what affine ones make of
+    /// it when their matter comes back [J].
     pub fidelity_loss: f64,
     /// Particles that left the domain in this frame (indices into the scene's particles).
     pub left_domain: Vec<u32>,
@@ -136,6 +137,8 @@ pub enum Level {
     Asleep = 3,
     /// One body.
     Rigid = 4,
+    /// One body that stretches and shears.
+    Affine = 5,
 }
 
 /// Contact of two deformable objects from first touch to parting. Speeds are those of their rigid motions at the

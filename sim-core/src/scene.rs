@@ -179,6 +179,13 @@ impl Object {
         self.fidelity == Fidelity::Rigid || materials.any(|material| material.law.is_rigid())
     }
 
+    /// The first of its materials that is not elastic without bound: then it cannot be [`Fidelity::Affine`].
+    pub(crate) fn yielding_matter(&self) -> Option<&Material> {
+        let regions = self.regions.iter().map(|region| &region.material);
+        let mut materials = std::iter::once(&self.material).chain(regions);
+        materials.find(|material| !material.law.keeps_elastic())
+    }
+
     /// The object outside its regions, then its regions; `id` is the object's id.
     pub fn parts(&self, id: usize) -> impl Iterator<Item = Part> {
         let end = self
@@ -230,13 +237,16 @@ pub enum Fidelity {
     Rigid = 4,
     /// As little as [`Scene::tolerance`] allows.
     Auto = 3,
+    /// The same translation, spin, stretch and shear everywhere in it while nothing is near, material points else.
+    Affine = 5,
 }
 
 impl Fidelity {
     /// Names in scene files.
-    pub const NAMES: [(&'static str, Self); 4] = [
+    pub const NAMES: [(&'static str, Self); 5] = [
         ("static", Self::Static),
         ("mpm", Self::Mpm),
+        ("affine", Self::Affine),
         ("rigid", Self::Rigid),
         ("auto", Self::Auto),
     ];

@@ -266,6 +266,11 @@ impl Law {
         !self.is_loose() && !self.is_rigid()
     }
 
+    /// Whether matter springs back from any deformation: all its energy is that of `F`, and its memory stays 0.
+    pub fn keeps_elastic(self) -> bool {
+        self.is_solid() && !self.is_plastic()
+    }
+
     /// Whether all particles of an object under this law move as one body.
     pub fn is_rigid(self) -> bool {
         matches!(self, Self::Rigid)

@@ -24,6 +24,11 @@ impl ContactMethod {
         ("com_sphere", Self::ComSphere),
         ("two_scale", Self::TwoScale),
     ];
+
+    /// Whether every object has nodes of its own, so that one can be modelled with less while others are in full.
+    pub fn tells_apart(self) -> bool {
+        matches!(self, Self::MultiField | Self::TwoScale)
+    }
 }
 
 /// How the surface of an object answers to others.

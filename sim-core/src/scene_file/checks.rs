@@ -9,9 +9,9 @@ use super::{
     spec::SceneFile,
 };
 use crate::{
-    colliders::Boundaries,
+    colliders::{Boundaries, rules::Rules},
     fill::FillReport,
-    scene::{Aabb, ContactMethod, Fidelity, Object, Scene, Selection},
+    scene::{Aabb, Coherence, CoherentMode, ContactMethod, Fidelity, Object, Scene, Selection},
 };
 
 /// Part of an object's particles that may lie inside another object before it is called overlap.
@@ -30,6 +30,7 @@ pub(super) fn check(
 ) -> Result<(), SceneErrors> {
     let mut errors = Vec::new();
     let boundaries = Boundaries::new(scene, 1.0);
+    let rules = Rules::new(scene, 1.0);
     let hollow: Vec<Finding> = scene
         .objects
         .iter()
@@ -82,6 +83,23 @@ pub(super) fn check(
             );
             errors.push(Finding::new(at, message));
         }
+        if object.fidelity == Fidelity::Affine {
+            errors.extend(not_affine(scene, object).map(|m| Finding::new(at, m)));
+            let ruled = |p: usize| rules.concern_after(0.0, p as u32);
+            let rigid = |c: Coherence| c.mode == CoherentMode::Rigid;
+            let why = match object.coherence.is_some_and(rigid) {
+                true => "its coherence is rigid",
+                false if object.particles.clone().any(ruled) => "a rule of the scene acts on it",
+                false => "",
+            };
+            if !why.is_empty() {
+                let message = format!(
+                    "object `{}` is modelled in full in place of fidelity = \"affine\" as long as {why}",
+                    object.name
+                );
+                warn(at, message);
+            }
+        }
         if let Some(message) = thin(scene, object) {
             warn(at, message);
         }
@@ -133,6 +151,25 @@ pub(super) fn check(
         warn(&spec.at, "selects no particle of any object".into());
     }
     SceneErrors::check(errors)
+}
+
+/// Why an object cannot be affine.
+fn not_affine(scene: &Scene, object: &Object) -> Option<String> {
+    let name = &object.name;
+    if let Some(material) = object.yielding_matter() {
+        return Some(format!(
+            "object `{name}` is of {}, whose law is {}, and fidelity = \"affine\" is for elastic matter that cannot yield; \
+             expected \"mpm\", \"auto\" or \"rigid\"",
+            material.name,
+            material.law.name()
+        ));
+    }
+    (!scene.contact.method.tells_apart()).then(|| {
+        format!(
+            "object `{name}` has fidelity = \"affine\", which needs a field per object; expected contact = \"two_scale\" or \
+             \"multi_field\""
+        )
+    })
 }
 
 /// The warning about a splat object in which filling found little inside.

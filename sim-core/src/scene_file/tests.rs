@@ -369,3 +369,42 @@ fn a_rigid_object_does_not_meet_as_a_sphere() {
         found[0].message
     );
 }
+
+#[test]
+fn an_affine_object_is_of_elastic_matter_and_has_a_field_of_its_own() {
+    let ball = format!("{BALL}fidelity = \"affine\"\n");
+    let (scene, report) = built(&ball);
+    assert_eq!(scene.objects[0].fidelity, Fidelity::Affine);
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+    let refused = |text: &str| {
+        let file = SceneFile::parse(text).unwrap_or_else(|e| panic!("{e}"));
+        let SceneErrors(found) = build(&file, &mut no_assets).expect_err("not affine");
+        assert_eq!(found.len(), 1, "{found:#?}");
+        found[0].message.clone()
+    };
+    for method in ["single_field", "com_sphere"] {
+        let message = refused(&format!("contact = \"{method}\"\n{ball}"));
+        assert!(
+            message.contains("`ball`") && message.contains("two_scale"),
+            "{message}"
+        );
+    }
+    for matter in ["fresh_snow", "water", "dry_sand", "rigid"] {
+        let message = refused(&ball.replace("jelly", matter));
+        assert!(
+            message.contains(matter) && message.contains("elastic"),
+            "{message}"
+        );
+    }
+    // What rules move is modelled in full, and that is said.
+    for rule in [
+        "body_force = [0, \"sin(t)\", 0]",
+        "coherence = { rate = 10, mode = \"rigid\" }",
+    ] {
+        let (_, report) = built(&format!("{ball}{rule}\n"));
+        let [warning] = report.warnings.as_slice() else {
+            panic!("{rule}: {:?}", report.warnings)
+        };
+        assert!(warning.message.contains("in full"), "{}", warning.message);
+    }
+}

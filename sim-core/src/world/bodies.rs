@@ -104,11 +104,13 @@ impl World {
         Shape::new(&grains, rigid.own)
     }
 
-    /// Makes the shapes of all bodies anew.
+    /// Makes the shapes of all bodies anew, and what stays of affine objects.
     pub(super) fn reshape(&mut self) {
         let objects = 0..self.scene.objects.len();
         let shape = |id: usize| Some(self.shape_of(id, self.state.rigid[id].as_ref()?));
-        self.shapes = objects.map(shape).collect();
+        self.shapes = objects.clone().map(shape).collect();
+        let bulk = |id: usize| self.bulk_of(id, self.state.affine[id].as_ref()?);
+        self.bulks = objects.map(bulk).collect();
     }
 
     /// Joins particles of an object to one body. `own` as in [`Shape::new`]; none for cubes. Linear and angular momentum
@@ -191,6 +193,7 @@ impl World {
         self.state.rigid = vec![None; count];
         self.state.pressing.clear();
         self.shapes = vec![None; count];
+        (self.state.affine, self.bulks) = (vec![None; count], vec![None; count]);
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         for object in 0..count {
             if self.scene.objects[object].fidelity == Fidelity::Static {
@@ -436,9 +439,19 @@ impl World {
             self.state.rigid[object].as_ref()?,
             self.shapes[object].as_ref()?,
         );
+        Some(self.blocks_within(object, rigid.body.com, [shape.radius; 3]))
+    }
+
+    /// The blocks of an object that a box about a point reaches into, sorted; all in metres.
+    pub(super) fn blocks_within(
+        &self,
+        object: usize,
+        about: [f64; 3],
+        half: [f64; 3],
+    ) -> Vec<Block> {
         let edge = f64::from(BLOCK) * self.scene.dx;
         let at = |a: usize, sign: f64| {
-            let x = (rigid.body.com[a] + sign * shape.radius) / edge;
+            let x = (about[a] + sign * half[a]) / edge;
             x.floor().clamp(-1e6, 1e6) as i32
         };
         let mut blocks = Vec::new();
@@ -455,7 +468,7 @@ impl World {
                 }
             }
         }
-        Some(blocks)
+        blocks
     }
 
     /// Takes bodies out whose centre of mass has left the domain, or is nowhere.

@@ -60,13 +60,35 @@ impl World {
 
     /// Turns the rigid body of an object into particles, with its momentum and angular momentum.
     pub(super) fn thaw(&mut self, object: usize) {
-        let Some(rigid) = self.state.rigid[object].take() else {
+        if let Some(rigid) = self.state.rigid[object].take() {
+            let loose = self.loosened(object, &rigid);
+            self.put_back(object, &loose);
+        }
+    }
+
+    /// Joins the particles of those parts of an object that are to be rigid to one body.
+    pub(super) fn freeze(&mut self, object: usize) {
+        let rigid: Vec<bool> = (0..self.parts.len())
+            .map(|p| self.parts[p].object == object && self.is_joined(p))
+            .collect();
+        let mut loose = self.take_away(object, &rigid);
+        if loose.is_empty() {
             return;
-        };
+        }
+        if let Some(body) = self.state.rigid[object].take() {
+            // There is one already: all together make a new one.
+            loose.extend(self.loosened(object, &body));
+            loose.sort_unstable_by_key(|p| p.id);
+        }
+        let dx = self.scene.dx;
+        self.form_body(object, &loose, Some(0.5 * dx * dx));
+    }
+
+    /// Puts particles of an object, whose velocities are those of now, into the arrays.
+    pub(super) fn put_back(&mut self, object: usize, loose: &[Loose]) {
         let (dx, owed) = (self.scene.dx, self.owed());
-        let loose = self.loosened(object, &rigid);
         let mut newcomers = Vec::with_capacity(loose.len());
-        for p in &loose {
+        for p in loose {
             let mine = |part: &Part| part.particles.contains(&(p.id as usize));
             let Some(part) = self.parts.iter().position(mine) else {
                 continue;
@@ -101,20 +123,16 @@ impl World {
         write_deformation(&mut self.state.particles, &of, |p| &p.elastic);
     }
 
-    /// Joins the particles of those parts of an object that are to be rigid to one body.
-    pub(super) fn freeze(&mut self, object: usize) {
+    /// Takes the particles of some parts of an object out of the arrays: in scene order, with the velocities of now.
+    pub(super) fn take_away(&mut self, object: usize, which: &[bool]) -> Vec<Loose> {
         let (dx, carrier) = (self.scene.dx, self.state.carrier);
-        // Velocities of bodies are those of now.
         let owed = self.owed();
-        let rigid: Vec<bool> = (0..self.parts.len())
-            .map(|p| self.parts[p].object == object && self.is_joined(p))
-            .collect();
         let mut loose = Vec::new();
         let particles = &mut self.state.particles;
         for block in particles.blocks.clone() {
             let runs = particles.runs[block.runs.clone()].to_vec();
             for run in runs {
-                if !rigid[run.part] {
+                if !which[run.part] {
                     continue;
                 }
                 let shapes = run.shapes.clone().map(Some).chain(std::iter::repeat(None));
@@ -147,7 +165,7 @@ impl World {
             }
         }
         if loose.is_empty() {
-            return;
+            return loose;
         }
         loose.sort_unstable_by_key(|p| p.id);
         for p in &loose {
@@ -158,17 +176,12 @@ impl World {
         }
         self.state.live -= loose.len();
         self.rearrange();
-        for (part, rigid) in rigid.into_iter().enumerate() {
-            if rigid {
-                self.state.extremes[part] = Extremes::NONE;
+        for (extremes, taken) in self.state.extremes.iter_mut().zip(which) {
+            if *taken {
+                *extremes = Extremes::NONE;
             }
         }
-        if let Some(body) = self.state.rigid[object].take() {
-            // There is one already: all together make a new one.
-            loose.extend(self.loosened(object, &body));
-            loose.sort_unstable_by_key(|p| p.id);
-        }
-        self.form_body(object, &loose, Some(0.5 * dx * dx));
+        loose
     }
 }
 

@@ -18,6 +18,7 @@ impl World {
         for (_, (object, p)) in objects
             .enumerate()
             .filter(|(id, _)| !self.state.sleeps(*id) && self.state.rigid[*id].is_none())
+            .filter(|(id, _)| self.state.affine[*id].is_none())
         {
             mass += object.mass;
             for a in 0..3 {

@@ -14,7 +14,7 @@ use crate::{
     mat3::dot,
     particles::{BLOCK, Block, Extremes, Motion, NO_PARTICLE, Particles},
     report::{Level, ObjectState},
-    scene::{ContactMethod, Fidelity, Object},
+    scene::{Fidelity, Object},
     simd::F32x16,
 };
 
@@ -40,7 +40,7 @@ pub(super) struct Standing {
     unseen: f64,
     /// Its samples in the frame of its mean rotation when its shape last changed [m].
     pub shape: Vec<[f32; 3]>,
-    /// For how long it has kept its shape [s].
+    /// For how long it has kept its shape, or one that may be affine been free [s].
     pub steady: f64,
     /// Elastic energy of its matter when a body took its place, as long as that does [J].
     pub stand_in: Option<f64>,
@@ -64,6 +64,14 @@ struct Asleep {
 }
 
 impl Standing {
+    /// Of an object that has been steady for this long [s].
+    pub fn steady_for(steady: f64) -> Self {
+        Self {
+            steady,
+            ..Self::default()
+        }
+    }
+
     /// Adds what no particle shows to a hash.
     pub fn add_to(&self, hash: &mut Xxh3) {
         hash.update(&[u8::from(self.asleep.is_some())]);
@@ -232,11 +240,8 @@ pub(super) fn are_near(one: &[Block], other: &[Block], reach: i32) -> bool {
 impl World {
     /// Whether an object may be modelled with less than all of its particles.
     pub(super) fn is_automatic(&self, object: usize) -> bool {
-        let apart = matches!(
-            self.scene.contact.method,
-            ContactMethod::MultiField | ContactMethod::TwoScale
-        );
-        apart && self.scene.objects[object].fidelity == Fidelity::Auto
+        self.scene.contact.method.tells_apart()
+            && self.scene.objects[object].fidelity == Fidelity::Auto
     }
 
     /// How an object is modelled.
@@ -244,14 +249,16 @@ impl World {
         match self.scene.objects[object].fidelity {
             Fidelity::Static => Level::Static,
             _ if self.state.sleeps(object) => Level::Asleep,
+            _ if self.state.affine[object].is_some() => Level::Affine,
             _ if self.is_one_body(object) => Level::Rigid,
-            Fidelity::Mpm | Fidelity::Auto | Fidelity::Rigid => Level::Mpm,
+            Fidelity::Mpm | Fidelity::Auto | Fidelity::Rigid | Fidelity::Affine => Level::Mpm,
         }
     }
 
     /// Wakes what is about to be touched, then lets islands of still objects fall asleep.
     pub(super) fn settle_fidelity(&mut self, frame: &mut Frame) {
         let objects = 0..self.scene.objects.len();
+        self.settle_affine(frame);
         if !objects.clone().any(|id| self.is_automatic(id)) {
             return;
         }
@@ -278,7 +285,8 @@ impl World {
 
     /// Blocks of an object, awake or not, as of the last sort; those around a body.
     pub(super) fn blocks_of(&self, object: usize) -> Cow<'_, [Block]> {
-        if let Some(blocks) = self.blocks_of_body(object) {
+        let body = self.blocks_of_body(object);
+        if let Some(blocks) = body.or_else(|| self.blocks_of_affine(object)) {
             return Cow::Owned(blocks);
         }
         Cow::Borrowed(self.blocks_of_particles(object))

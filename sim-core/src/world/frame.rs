@@ -110,6 +110,11 @@ impl Frame {
         list.sort_unstable();
     }
 
+    /// Notes that an object could not be followed through the frame in the way it is modelled, and will be in another.
+    pub fn take_back(&mut self) {
+        self.rollbacks += 1;
+    }
+
     /// Makes it a frame in which nothing happens but that `left_domain` is reported.
     pub fn stop(&mut self) {
         *self = Self {
@@ -208,13 +213,14 @@ impl World {
             if !self.state.particles.groups.is_empty() {
                 self.meet_as_spheres(frame);
                 self.segment(frame);
-            } else if self.has_bodies() {
+            } else if self.has_bodies() || self.has_affine() {
                 self.bodies_alone(frame);
             } else {
                 break;
             }
         }
         frame.kicked = frame.length + lag - self.state.lag;
+        self.move_affine();
         self.take_out_bodies(frame);
         let laws = self.laws(0.0);
         limit_shapes(self.isa, &mut self.state.particles, &laws, frame.length);

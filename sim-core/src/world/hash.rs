@@ -57,6 +57,17 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
             hash.update(bytes_of(&body.angular_momentum));
         }
     }
+    for affine in &state.affine {
+        hash.update(&[u8::from(affine.is_some())]);
+        if let Some(affine) = affine {
+            let motion = &affine.motion;
+            hash.update(bytes_of(&motion.com));
+            hash.update(bytes_of(&motion.velocity));
+            hash.update(bytemuck::cast_slice(&motion.map));
+            hash.update(bytemuck::cast_slice(&motion.rate));
+            hash.update(bytes_of(&affine.stored));
+        }
+    }
     for known in &state.pressing {
         hash.update(bytes_of(&known.pair));
         hash.update(bytes_of(&known.pressed));

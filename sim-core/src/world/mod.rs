@@ -1,5 +1,6 @@
 //! `World`: a scene in motion on the fast solver.
 
+mod affine;
 mod bodies;
 mod boundary_checks;
 mod checkpoint;
@@ -31,7 +32,11 @@ pub use error::WorldError;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    bodies::{engine::Remembered, shape::Shape},
+    bodies::{
+        affine::{Affine, Bulk},
+        engine::Remembered,
+        shape::Shape,
+    },
     colliders::{
         Boundaries, Paths, Substep,
         rules::{Pins, Rules},
@@ -46,6 +51,7 @@ use crate::{
     scene::{Part, Pose, Scene},
     simd::Isa,
 };
+use affine::AffineObject;
 use bodies::Rigid;
 use fidelity::Standing;
 use frame::Frame;
@@ -68,6 +74,8 @@ pub struct World {
     half_spacings: Vec<f64>,
     /// Shapes of bodies, per object; those of objects without a body mean nothing.
     shapes: Vec<Option<Shape>>,
+    /// What never changes of affine objects, per object; of others none.
+    bulks: Vec<Option<Bulk>>,
     rules: Rules,
     state: State,
     workspace: Workspace,
@@ -112,6 +120,8 @@ struct State {
     pins: Pins,
     /// Bodies, per object.
     rigid: Vec<Option<Rigid>>,
+    /// Affine objects, per object.
+    affine: Vec<Option<AffineObject>>,
     /// Forces between bodies, and colliders, in the latest substep.
     pressing: Vec<Remembered>,
     /// How every object is modelled.
@@ -136,6 +146,10 @@ struct Workspace {
     prescribed: Vec<f64>,
     /// Smallest and largest block index.
     extent: [[i32; 3]; 2],
+    /// Where affine objects are when the frame ends, per object.
+    flown: Vec<Option<Affine>>,
+    /// Energy that affine objects lost when their matter came back since the latest frame [J].
+    lost: f64,
     /// Velocities at the end of the segment, until it is accepted.
     motion: Vec<Motion>,
     /// Pairs of bodies, and colliders behind the last of them, in contact after the latest substep.
@@ -178,6 +192,7 @@ impl World {
             boundaries: Boundaries::new(&scene, scene.dx),
             solids: Boundaries::new(&scene, 1.0),
             shapes: vec![],
+            bulks: vec![],
             rules: Rules::new(&scene, scene.dx),
             mass_unit: 1.0,
             state: State::default(),
@@ -235,6 +250,7 @@ impl World {
         let (particles, carrier) = (&self.state.particles, self.state.carrier);
         self.published.update(particles, carrier, self.scene.dx);
         self.publish_bodies();
+        self.publish_affine();
     }
 
     /// The latest report; before the first step that of the initial state, step 0.
@@ -312,13 +328,13 @@ impl World {
             let bodies = bodies_of(id, &self.parts, &self.state.materials);
             let mut state = match before.get(id) {
                 Some(old) if self.state.sleeps(id) => *old,
-                _ => match self.body_state(id) {
+                _ => match self.body_state(id).or_else(|| self.affine_state(id)) {
                     Some(state) => state,
                     None => object_moments(&arrays, &bodies, self.scene.dx),
                 },
             };
             state.level = self.level(id);
-            let whole = self.mass_of_body(id);
+            let whole = self.mass_of_body(id) + self.mass_of_affine(id);
             // What left with particles that were taken out is no contact.
             let kept = match before.get(id) {
                 Some(old) if old.mass > 0.0 => Some(state.mass / old.mass),

@@ -2,7 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::bodies::{Rigid, attitude, turned};
+use super::{
+    affine::AffineObject,
+    bodies::{Member, Rigid, attitude, turned},
+};
 use crate::{
     mat3::cross,
     moments::ParticleArrays,
@@ -202,6 +205,48 @@ impl Published {
                     memory.set(id, member.memory);
                     if apart {
                         elastic.set(id, turned(&r, &member.elastic));
+                    }
+                }
+            });
+    }
+
+    /// Writes the particles of an affine object.
+    pub fn update_affine(&mut self, affine: &AffineObject, dx: f64) {
+        let cells = Shared::new(&mut self.cells);
+        let position = Shared::new(&mut self.position);
+        let velocity = Shared::new(&mut self.velocity);
+        let gradient = Shared::new(&mut self.affine);
+        let different = |m: &Member| m.visible != m.elastic;
+        if self.elastic.is_empty() && affine.members.iter().any(different) {
+            self.elastic.clone_from(&self.deformation);
+        }
+        let apart = !self.elastic.is_empty();
+        let deformation = Shared::new(&mut self.deformation);
+        let elastic = Shared::new(&mut self.elastic);
+        let memory = Shared::new(&mut self.memory);
+        let motion = &affine.motion;
+        let (map, w) = (motion.map(), motion.gradient());
+        let c = std::array::from_fn(|n| w.0[n / 3][n % 3] as f32);
+        affine
+            .members
+            .par_iter()
+            .with_min_len(MEMBERS)
+            .for_each(|member| {
+                let arm = map.mul_vec(member.place);
+                let at: [f64; 3] = std::array::from_fn(|a| motion.com[a] + arm[a]);
+                let orbit = w.mul_vec(arm);
+                let v = std::array::from_fn(|a| (motion.velocity[a] + orbit[a]) as f32);
+                let id = member.id as usize;
+                // SAFETY: a particle is in an affine object once.
+                unsafe {
+                    cells.set(id, at.map(|x| x / dx));
+                    position.set(id, at.map(|x| x as f32));
+                    velocity.set(id, v);
+                    gradient.set(id, c);
+                    deformation.set(id, turned(&map, &member.visible));
+                    memory.set(id, member.memory);
+                    if apart {
+                        elastic.set(id, turned(&map, &member.elastic));
                     }
                 }
             });

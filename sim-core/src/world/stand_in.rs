@@ -10,13 +10,13 @@ use super::{
 use crate::{
     mat3::{dot, length},
     materials::Material,
-    particles::BLOCK,
+    particles::{BLOCK, Block},
     report::ObjectState,
     scene::{Fidelity, Part},
 };
 
-/// How long an object must have kept its shape before a body stands in for it [s].
-const STEADY: f64 = 0.1;
+/// How long an object must have kept its shape before a body stands in for it, and been free before it is affine [s].
+pub(super) const STEADY: f64 = 0.1;
 
 impl World {
     /// Whether the particles of a part are joined to a body.
@@ -47,8 +47,9 @@ impl World {
         }
     }
 
-    /// Gives an object its matter back, if a body stands in for it.
+    /// Gives an object its matter back, if a body stands in for it, rigid or affine.
     pub(super) fn bring_back(&mut self, object: usize) {
+        self.loosen_affine(object);
         let standing = &mut self.state.standing[object];
         (standing.steady, standing.shape) = (0.0, vec![]);
         if standing.stand_in.take().is_some() {
@@ -76,16 +77,20 @@ impl World {
     }
 
     /// Whether an object may touch another, or a boundary, within two frames.
-    fn meets_something(&self, object: usize, frame: &Frame) -> bool {
+    pub(super) fn meets_something(&self, object: usize, frame: &Frame) -> bool {
+        self.is_met(object, &self.blocks_of(object), frame)
+    }
+
+    /// The same of an object in these blocks.
+    pub(super) fn is_met(&self, object: usize, blocks: &[Block], frame: &Frame) -> bool {
         let reach = self.reach_of(object, frame.length);
-        let blocks = self.blocks_of(object);
-        let Some([min, max]) = extent(&blocks) else {
+        let Some([min, max]) = extent(blocks) else {
             return false;
         };
         let mut others = (0..self.scene.objects.len()).filter(|&other| other != object);
         let near = |other: usize| {
             let reach = reach.max(self.reach_of(other, frame.length));
-            are_near(&blocks, &self.blocks_of(other), reach)
+            are_near(blocks, &self.blocks_of(other), reach)
         };
         let min = min.map(|i| f64::from(BLOCK * (i - reach)));
         let max = max.map(|i| f64::from(BLOCK * (i + 1 + reach)));

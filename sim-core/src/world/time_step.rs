@@ -93,7 +93,9 @@ impl World {
         let needed = (length / (self.scene.cfl * at_rest)).ceil() as u64;
         let rigid = self.state.rigid.iter().flatten();
         let rigid: usize = rigid.map(|rigid| rigid.members.len()).sum();
-        (self.state.live + rigid) as u64 * needed.max(u64::from(substeps))
+        let affine = self.state.affine.iter().flatten();
+        let affine: usize = affine.map(|affine| affine.members.len()).sum();
+        (self.state.live + rigid + affine) as u64 * needed.max(u64::from(substeps))
     }
 
     /// Whether a part has particles that are not for show alone.
@@ -106,9 +108,11 @@ impl World {
 
     /// Whether a part has particles that move.
     pub(super) fn is_simulated(&self, part: usize) -> bool {
+        let object = self.parts[part].object;
         self.has_particles(part)
             && !self.is_joined(part)
-            && !self.state.sleeps(self.parts[part].object)
+            && self.state.affine[object].is_none()
+            && !self.state.sleeps(object)
     }
 
     fn critical_dt(&self, part: usize, bounds: &DeformationBounds) -> f64 {

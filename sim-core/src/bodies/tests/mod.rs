@@ -1,5 +1,6 @@
 //! Bodies alone: shapes, flight, impacts, resting contact.
 
+mod affine;
 mod cylinders;
 mod flight;
 mod impacts;

@@ -1,5 +1,6 @@
 //! Laws and stories of the fast solver.
 
+mod affine;
 mod boundaries;
 mod coherence;
 mod damping;
