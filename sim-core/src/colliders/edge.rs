@@ -23,7 +23,7 @@ use super::{
 use crate::materials::Law;
 
 /// Nodes in front of the one that is looked at, one of which is inside matter.
-const INSIDE: i32 = 3;
+pub(crate) const INSIDE: i32 = 3;
 /// How far from a node the line through it is looked at along an axis at most [nodes]: to the next block.
 const BESIDE: f64 = 1.0;
 /// How far the nodes that are looked at are from it along an axis at most [nodes].
@@ -32,7 +32,7 @@ pub(crate) const REACH: f64 = INSIDE as f64 + BESIDE;
 const FAR: f64 = 0.95 * RANGE;
 
 /// Height above a node [cells] from which on matter holds this share, 0..=1, of the mass of a node inside: `H(h) = share`.
-fn height(share: f64) -> f64 {
+pub(crate) fn height(share: f64) -> f64 {
     const TAIL: f64 = 1.0 / 6.0;
     if share < TAIL {
         return 1.5 - (6.0 * share).cbrt();
@@ -65,7 +65,7 @@ pub(super) fn edge(base: [i32; 3], normal: [f64; 3], off: f64, nodes: &impl Node
 }
 
 /// Gap of matter whose nearest particle has the gap `nearest`, and which ends at `edge` [cells].
-pub(super) fn gap(nearest: f64, edge: f64) -> f64 {
+pub(crate) fn gap(nearest: f64, edge: f64) -> f64 {
     nearest.max(edge.min(FAR))
 }
 

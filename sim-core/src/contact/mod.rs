@@ -3,6 +3,7 @@
 //! Order: shared nodes and normals (`sites`), normals of patches (`patches`), gaps (`gap`), impulses (`solve`), what
 //! they add up to from first touch to parting (`episodes`, `motion`).
 
+mod edge;
 mod episodes;
 mod gap;
 mod impulse;
@@ -129,30 +130,32 @@ fn touching(grid: &Grid, meeting: &Meeting<'_>) -> (Sites, Work) {
     };
     if meeting.method == ContactMethod::TwoScale && !sites.sites.is_empty() {
         patches::smooth_normals(&mut sites);
-        let wanted = approaching(grid, &sites);
+        let Acting { tell_edges, dt, .. } = meeting.acting;
+        let edges = edge::edges(&sites, &approaches(grid, &sites), dt, grid, tell_edges);
         work.particles = gap::measure_gaps(
             &mut sites,
-            &wanted,
+            &edges.close,
             meeting.particles,
             grid,
             meeting.cells_per_mass,
             meeting.isa,
         );
+        edges.widen(&mut sites.nodes);
     }
     (sites, work)
 }
 
-/// Per node, whether its two sides approach.
-fn approaching(grid: &Grid, sites: &Sites) -> Vec<bool> {
-    let mut wanted = Vec::with_capacity(sites.nodes.len());
+/// Per node how fast its two sides approach along its normal [cells/s].
+fn approaches(grid: &Grid, sites: &Sites) -> Vec<f64> {
+    let mut found = Vec::with_capacity(sites.nodes.len());
     for site in &sites.sites {
         for node in &sites.nodes[site.range()] {
             let [(a, _), (b, _)] = site.blocks.map(|n| read(&grid.velocities[n], node.at));
             let u: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
-            wanted.push(dot(u, node.normal) > 0.0);
+            found.push(dot(u, node.normal));
         }
     }
-    wanted
+    found
 }
 
 #[cfg(test)]

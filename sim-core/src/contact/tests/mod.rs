@@ -1,5 +1,6 @@
 //! Laws of contact between deformable objects.
 
+mod balls;
 mod bits;
 mod closed;
 mod disks;

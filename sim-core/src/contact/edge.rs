@@ -1,0 +1,147 @@
+//! Where the matter of two objects ends between them, told by the masses of nodes, as in front of colliders
+//! ([`crate::colliders::edge`]): the nearest particles of both may lie a cell beside a node's normal, which closes gaps
+//! between curved bodies too early and at the facets of their lattices.
+//!
+//! Along the normal through a node one side ends at the height that its share of the mass inside says, the other begins
+//! at the one that its own does: `gap = h_a + h_b`, told at the node of that line that lies midway, where both shares are
+//! far from 0 and 1.
+
+use rayon::prelude::*;
+
+use super::sites::{Node, Site, Sites, coordinates, read};
+use crate::{
+    colliders::edge::{INSIDE, gap, height},
+    grid::{Grid, NONE},
+    particles::BLOCK,
+};
+
+/// Farthest that the middle is from the node whose gap it is along an axis [nodes].
+const BESIDE: f64 = 1.0;
+/// Gap that is looked into even where nothing closes it by itself: pairs that share a node may push each other [cells].
+const SOON: f64 = 0.1;
+
+/// What masses say of the gaps of all nodes, site after site.
+pub(super) struct Edges {
+    /// Gaps [cells]; infinitely negative where only particles know.
+    gaps: Vec<f64>,
+    /// Whether a node may press, so that its nearest particles have to be asked too: what approaches across a gap that
+    /// closes within the substep or nearly does.
+    pub close: Vec<bool>,
+}
+
+/// Asks the masses, where both fields tell edges and approach each other, per node at `approach` [cells/s], for `dt` [s].
+pub(super) fn edges(
+    sites: &Sites,
+    approach: &[f64],
+    dt: f64,
+    grid: &Grid,
+    tell_edges: &[bool],
+) -> Edges {
+    let gaps: Vec<Vec<f64>> = sites
+        .sites
+        .par_iter()
+        .map(|site| {
+            let nodes = &sites.nodes[site.range()];
+            if !site.fields.iter().all(|&field| tell_edges[field as usize]) {
+                return vec![f64::NEG_INFINITY; nodes.len()];
+            }
+            let around = Around::new(grid, site);
+            let nodes = nodes.iter().zip(&approach[site.range()]);
+            let gap = |(node, &approach): (&Node, &f64)| match approach > 0.0 {
+                true => around.gap(coordinates(node.at), node.normal),
+                false => f64::NEG_INFINITY,
+            };
+            nodes.map(gap).collect()
+        })
+        .collect();
+    let gaps = gaps.concat();
+    let close = gaps.iter().zip(approach);
+    let close = close.map(|(&gap, &approach)| approach > 0.0 && gap < closes(approach, dt));
+    Edges {
+        close: close.collect(),
+        gaps,
+    }
+}
+
+/// Gap that an approach may close [cells].
+fn closes(approach: f64, dt: f64) -> f64 {
+    SOON.max(approach * dt)
+}
+
+impl Edges {
+    /// Widens the gaps of nodes, as the nearest particles say them where they were asked.
+    pub fn widen(&self, nodes: &mut [Node]) {
+        for ((node, &edge), &asked) in nodes.iter_mut().zip(&self.gaps).zip(&self.close) {
+            if edge > f64::NEG_INFINITY {
+                node.gap = gap(if asked { node.gap } else { edge }, edge);
+            }
+        }
+    }
+}
+
+/// The node blocks of both fields at a site and around it.
+struct Around<'a> {
+    grid: &'a Grid,
+    blocks: [&'a [u32; 27]; 2],
+}
+
+impl<'a> Around<'a> {
+    fn new(grid: &'a Grid, site: &Site) -> Self {
+        let here = &grid.shared[site.shared].nodes;
+        let sharers = &grid.sharers[here.clone()];
+        let blocks = site.blocks.map(|block| {
+            let sharer = sharers.iter().position(|&n| n as usize == block);
+            &grid.around[here.start + sharer.unwrap_or(0)]
+        });
+        Self { grid, blocks }
+    }
+
+    /// Mass of a side at a node, at most a block away: a line begins `BESIDE` the node and goes `INSIDE`.
+    fn mass(&self, side: usize, at: [i32; 3]) -> f64 {
+        let [x, y, z] = at.map(|i| i.div_euclid(BLOCK) + 1);
+        let block = self.blocks[side][(9 * x + 3 * y + z) as usize];
+        if block == NONE {
+            return 0.0;
+        }
+        let [i, j, k] = at.map(|i| i.rem_euclid(BLOCK));
+        let node = (i * BLOCK + j) * BLOCK + k;
+        read(&self.grid.velocities[block as usize], node as usize).1
+    }
+
+    /// Height above a node from which on a side covers it, looking inwards [cells]; infinite where there is none of it.
+    fn height(&self, side: usize, at: [i32; 3], inward: [f64; 3]) -> f64 {
+        let mass = |n: i32| {
+            let along = |a: usize| at[a] + (f64::from(n) * inward[a]).round() as i32;
+            self.mass(side, std::array::from_fn(along))
+        };
+        let own = mass(0);
+        let full = (1..=INSIDE).map(mass).fold(own, f64::max);
+        if full > 0.0 {
+            height(own / full)
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// Distance of the two sides in the line of nodes along a normal [cells]; infinite where one has no matter in it.
+    fn gap(&self, at: [i32; 3], normal: [f64; 3]) -> f64 {
+        let heights = |at| {
+            let inward = [normal.map(|n| -n), normal];
+            [0, 1].map(|side| self.height(side, at, inward[side]))
+        };
+        let [a, b] = heights(at);
+        // How far the middle is from the node along the normal.
+        let middle = 0.5 * (b - a);
+        if !middle.is_finite() {
+            return f64::INFINITY;
+        }
+        let step = |a: usize| (middle * normal[a]).clamp(-BESIDE, BESIDE).round() as i32;
+        let better = std::array::from_fn(|a| at[a] + step(a));
+        let [a, b] = if better == at {
+            [a, b]
+        } else {
+            heights(better)
+        };
+        a + b
+    }
+}
