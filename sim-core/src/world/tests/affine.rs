@@ -101,9 +101,8 @@ fn a_cube_set_ringing_along_an_axis_has_the_frequency_of_the_homogeneous_mode() 
         (affine / expected - 1.0).abs() < 1e-3,
         "{affine} {expected}"
     );
-    // A bar's first mode is a sine and not a line: by sqrt(12) / pi slower, 10 %.
+    // A bar's first mode is a sine and not a line: by sqrt(12) / pi slower, 10 %. With four cells along it is between the two.
     let ratio = full / affine;
-    // With four cells along it is between the two.
     assert!((1.0..1.11).contains(&ratio), "{ratio}");
 }
 
@@ -182,15 +181,12 @@ fn an_affine_cube_lands_as_matter_and_bounces_as_it_would_in_full() {
             _ => second = second.max(apart),
         }
     }
-    eprintln!(
-        "{levels:?} {} {} radii, {done} of {all}",
-        first / radius,
-        second / radius
-    );
     assert_eq!(
         levels[..4],
         [Level::Affine, Level::Mpm, Level::Affine, Level::Mpm]
     );
+    // One landing is that of the same matter, but for when its steps begin: 5.1e-5 radii were measured. The next is in another
+    // phase of its vibration, of which a part was lost: 0.035 radii.
     assert!(
         first < 1e-3 * radius && second < 0.05 * radius,
         "{first} {second}"
@@ -233,17 +229,14 @@ fn a_switch_to_affine_and_back_keeps_momentum_and_never_adds_energy() {
         if level(&report) != level(&before) {
             switches += 1;
             let change = energy(&report) - energy(&before);
-            eprintln!(
-                "{n}: {:?} change {change:e}, booked {:e} of {:e}",
-                level(&report),
-                report.fidelity_loss,
-                inner(&report)
-            );
+            // Of matter a frame of its own losses, half a substep behind, is in it; sums over velocities in single precision.
+            assert!(change < 1e-5 * inner(&report), "{n}: {change}");
+            let unbooked = (change + report.fidelity_loss).abs();
+            assert!(unbooked < 3e-3 * inner(&report), "{n}: {unbooked}");
         }
         before = report;
     }
-    eprintln!("{switches} {} {} {booked}", energy(&start), energy(&before));
-    assert!(switches >= 7, "{switches}");
+    assert!(switches >= 7 && booked > 0.0, "{switches} {booked}");
 }
 
 #[test]
@@ -253,7 +246,7 @@ fn affine_objects_are_the_same_on_every_machine_and_after_a_restart() {
         pool.expect("a small pool").install(|| {
             let mut world = World::with_isa(dropped(Fidelity::Affine), isa).expect("valid");
             let mut hashes = Vec::new();
-            for frame in 0..180 {
+            for frame in 0..260 {
                 hashes.push(world.step(FRAME, &[]).state_hash);
                 if restart && frame == 20 {
                     assert_eq!(level(world.report()), Level::Affine);
