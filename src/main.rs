@@ -30,6 +30,9 @@ use clap::{Parser, Subcommand};
 #[derive(Parser)]
 #[command(version, propagate_version = true)]
 struct Cli {
+    /// Process that started this one: they end together.
+    #[arg(long, value_name = "PID", hide = true)]
+    parent: Option<i32>,
     #[command(subcommand)]
     command: Command,
 }
@@ -56,7 +59,9 @@ fn main() -> ExitCode {
         )
         .with_writer(std::io::stderr)
         .init();
-    let outcome: anyhow::Result<()> = match Cli::parse().command {
+    let cli = Cli::parse();
+    let bound = cli.parent.map_or(Ok(()), signals::end_with);
+    let outcome = bound.and_then(|()| match cli.command {
         Command::Bench(args) => bench::run(&args),
         Command::Ctl(args) => ctl::run(&args),
         Command::Demo(args) => demo::run(&args),
@@ -67,7 +72,7 @@ fn main() -> ExitCode {
         Command::Serve(args) => serve::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::View(args) => view::run(&args),
-    };
+    });
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -2,8 +2,23 @@
 
 use std::sync::{Arc, atomic::AtomicBool};
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
+use rustix::process::{Signal, getppid, set_parent_process_death_signal};
 use signal_hook::consts::{SIGINT, SIGTERM};
+
+/// Asks this process to finish, as SIGTERM does, when the one that started it ends, even when that is killed.
+///
+/// # Errors
+/// When `parent` [process id] has ended already, or the operating system refuses.
+pub fn end_with(parent: i32) -> anyhow::Result<()> {
+    set_parent_process_death_signal(Some(Signal::TERM))
+        .context("cannot be told when the process that started this one ends")?;
+    ensure!(
+        getppid().is_some_and(|pid| pid.as_raw_pid() == parent),
+        "process {parent}, which should have started this one, has ended or did not"
+    );
+    Ok(())
+}
 
 /// A flag that SIGINT or SIGTERM sets; a second SIGINT ends the process at once.
 ///

@@ -24,7 +24,8 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts `cosplat` with `arguments`; its standard error goes to `folder/role.log`.
+    /// Starts `cosplat` with `arguments`; its standard error goes to `folder/role.log`. It ends with the thread that calls
+    /// this, even when this process is killed.
     ///
     /// # Errors
     /// When the log cannot be written or the process cannot be started.
@@ -34,6 +35,7 @@ impl Process {
             File::create(&log).with_context(|| format!("cannot write {}", log.display()))?;
         let program = std::env::current_exe().context("cannot find this program's own file")?;
         let mut child = Command::new(&program)
+            .arg(format!("--parent={}", std::process::id()))
             .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())

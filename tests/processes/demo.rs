@@ -1,8 +1,26 @@
 //! The main job in one go.
 
-use std::path::Path;
+use std::{path::Path, time::Duration};
 
 use crate::stage::{Process, Stage, has_bytes, watchdog};
+
+/// Processes that a process has started and that still run.
+fn children(pid: u32) -> Vec<u32> {
+    let list = std::fs::read_to_string(format!("/proc/{pid}/task/{pid}/children"));
+    let list = list.unwrap_or_default();
+    let pids = list.split_whitespace().filter_map(|pid| pid.parse().ok());
+    pids.filter(|&pid| runs(pid)).collect()
+}
+
+/// Whether a process is there and no mere entry of one that has ended.
+fn runs(pid: u32) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    let state = stat
+        .rsplit(") ")
+        .next()
+        .and_then(|rest| rest.chars().next());
+    state.is_some_and(|state| !"ZX".contains(state))
+}
 
 /// Runs a short demo and checks what every demo promises.
 fn demo(stage: &Stage, arguments: &[&str]) -> serde_json::Value {
@@ -42,6 +60,25 @@ fn the_demo_simulates_records_renders_and_pushes() {
         again["state_hash"], outcome["state_hash"],
         "the demo is deterministic"
     );
+}
+
+#[test]
+fn a_killed_demo_leaves_no_process() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let mut demo = Process::start(stage.cosplat(&["demo", "--duration", "600", "--out", "out"]));
+    // Server, recorder, viewer at least; the watchdog ends this if they never come.
+    let started = loop {
+        let started = children(demo.id());
+        if started.len() >= 3 {
+            break started;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    demo.kill();
+    while started.iter().any(|&pid| runs(pid)) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }
 
 #[test]
