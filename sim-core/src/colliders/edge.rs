@@ -23,7 +23,7 @@ use super::{
 use crate::materials::Law;
 
 /// Nodes in front of the one that is looked at, one of which is inside matter.
-pub(crate) const INSIDE: i32 = 3;
+const INSIDE: i32 = 3;
 /// How far from a node the line through it is looked at along an axis at most [nodes]: to the next block.
 const BESIDE: f64 = 1.0;
 /// How far the nodes that are looked at are from it along an axis at most [nodes].
@@ -32,7 +32,7 @@ pub(crate) const REACH: f64 = INSIDE as f64 + BESIDE;
 const FAR: f64 = 0.95 * RANGE;
 
 /// Height above a node [cells] from which on matter holds this share, 0..=1, of the mass of a node inside: `H(h) = share`.
-pub(crate) fn height(share: f64) -> f64 {
+fn height(share: f64) -> f64 {
     const TAIL: f64 = 1.0 / 6.0;
     if share < TAIL {
         return 1.5 - (6.0 * share).cbrt();
@@ -48,20 +48,25 @@ pub(crate) fn height(share: f64) -> f64 {
     h
 }
 
-/// Distance from a surface to where matter ends in the line of nodes along `normal` from a node that is `off` in front
-/// of it, at most about half a cell [cells].
-pub(super) fn edge(base: [i32; 3], normal: [f64; 3], off: f64, nodes: &impl Nodes) -> f64 {
-    let mass = |n: i32| {
-        let at = std::array::from_fn(|a| base[a] + (f64::from(n) * normal[a]).round() as i32);
-        nodes.node(at).map_or(0.0, |(mass, _)| mass)
-    };
+/// Height above the first node of a line from which on matter covers it, by the masses of the nodes from it inwards [cells];
+/// infinite where there is none.
+pub(crate) fn end(mass: impl Fn(i32) -> f64) -> f64 {
     let own = mass(0);
     let full = (1..=INSIDE).map(mass).fold(own, f64::max);
     if full > 0.0 {
-        off + height(own / full)
+        height(own / full)
     } else {
         f64::INFINITY
     }
+}
+
+/// Distance from a surface to where matter ends in the line of nodes along `normal` from a node that is `off` in front
+/// of it, at most about half a cell [cells].
+pub(super) fn edge(base: [i32; 3], normal: [f64; 3], off: f64, nodes: &impl Nodes) -> f64 {
+    off + end(|n| {
+        let at = std::array::from_fn(|a| base[a] + (f64::from(n) * normal[a]).round() as i32);
+        nodes.node(at).map_or(0.0, |(mass, _)| mass)
+    })
 }
 
 /// Gap of matter whose nearest particle has the gap `nearest`, and which ends at `edge` [cells].

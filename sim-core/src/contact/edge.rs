@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::sites::{Node, Site, Sites, coordinates, read};
 use crate::{
-    colliders::edge::{INSIDE, gap, height},
+    colliders::edge::{end, gap},
     grid::{Grid, NONE},
     particles::BLOCK,
 };
@@ -96,7 +96,7 @@ impl<'a> Around<'a> {
         Self { grid, blocks }
     }
 
-    /// Mass of a side at a node, at most a block away: a line begins `BESIDE` the node and goes `INSIDE`.
+    /// Mass of a side at a node, at most a block away: a line begins at most `BESIDE` its node, and three of its nodes count.
     fn mass(&self, side: usize, at: [i32; 3]) -> f64 {
         let [x, y, z] = at.map(|i| i.div_euclid(BLOCK) + 1);
         let block = self.blocks[side][(9 * x + 3 * y + z) as usize];
@@ -110,17 +110,10 @@ impl<'a> Around<'a> {
 
     /// Height above a node from which on a side covers it, looking inwards [cells]; infinite where there is none of it.
     fn height(&self, side: usize, at: [i32; 3], inward: [f64; 3]) -> f64 {
-        let mass = |n: i32| {
+        end(|n| {
             let along = |a: usize| at[a] + (f64::from(n) * inward[a]).round() as i32;
             self.mass(side, std::array::from_fn(along))
-        };
-        let own = mass(0);
-        let full = (1..=INSIDE).map(mass).fold(own, f64::max);
-        if full > 0.0 {
-            height(own / full)
-        } else {
-            f64::INFINITY
-        }
+        })
     }
 
     /// Distance of the two sides in the line of nodes along a normal [cells]; infinite where one has no matter in it.
