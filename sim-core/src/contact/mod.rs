@@ -1,6 +1,6 @@
 //! Contact between objects that deform: impulses between their velocity fields at the nodes that they share.
 //!
-//! Order: shared nodes and normals (`sites`), normals of patches (`patches`), gaps (`gap`), impulses (`solve`), what
+//! Order: shared nodes and normals (`sites`), normals of patches (`patches`), gaps (`edge`, `gap`), impulses (`solve`), what
 //! they add up to from first touch to parting (`episodes`, `motion`).
 
 mod edge;
