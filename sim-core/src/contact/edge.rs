@@ -20,6 +20,15 @@ const BESIDE: f64 = 1.0;
 /// Gap that is looked into even where nothing closes it by itself: pairs that share a node may push each other [cells].
 const SOON: f64 = 0.1;
 
+/// How the two sides of a node come nearer along its normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Approach {
+    /// How fast [cells/s].
+    pub speed: f64,
+    /// By how much since their particles came to the grid, as far as that was in an earlier substep [cells].
+    pub closed: f64,
+}
+
 /// What masses say of the gaps of all nodes, site after site.
 pub(super) struct Edges {
     /// Gaps [cells]; infinitely negative where only particles know.
@@ -29,11 +38,10 @@ pub(super) struct Edges {
     pub close: Vec<bool>,
 }
 
-/// Asks the masses, where both fields tell edges and approach each other, per node at `approach` [cells/s], for `dt` [s].
+/// Asks the masses, where both fields tell edges and approach each other, per node.
 pub(super) fn edges(
     sites: &Sites,
-    approach: &[f64],
-    dt: f64,
+    approaches: &[Approach],
     grid: &Grid,
     tell_edges: &[bool],
 ) -> Edges {
@@ -46,8 +54,8 @@ pub(super) fn edges(
                 return vec![f64::NEG_INFINITY; nodes.len()];
             }
             let around = Around::new(grid, site);
-            let nodes = nodes.iter().zip(&approach[site.range()]);
-            let gap = |(node, &approach): (&Node, &f64)| match approach > 0.0 {
+            let nodes = nodes.iter().zip(&approaches[site.range()]);
+            let gap = |(node, approach): (&Node, &Approach)| match approach.speed > 0.0 {
                 true => around.gap(coordinates(node.at), node.normal),
                 false => f64::NEG_INFINITY,
             };
@@ -55,26 +63,35 @@ pub(super) fn edges(
         })
         .collect();
     let gaps = gaps.concat();
-    let close = gaps.iter().zip(approach);
-    let close = close.map(|(&gap, &approach)| approach > 0.0 && gap < closes(approach, dt));
+    let close = sites.sites.iter().flat_map(|site| {
+        let range = site.range();
+        let nodes = gaps[range.clone()].iter().zip(&approaches[range]);
+        let left = site.left();
+        nodes.map(move |(gap, approach)| {
+            approach.speed > 0.0 && gap - approach.closed < closes(approach.speed, left)
+        })
+    });
     Edges {
         close: close.collect(),
         gaps,
     }
 }
 
-/// Gap that an approach may close [cells].
-fn closes(approach: f64, dt: f64) -> f64 {
-    SOON.max(approach * dt)
+/// Gap that an approach at some speed [cells/s] may close in what is left of a substep [s], in cells.
+fn closes(speed: f64, left: f64) -> f64 {
+    SOON.max(speed * left)
 }
 
 impl Edges {
-    /// Widens the gaps of nodes, as the nearest particles say them where they were asked.
-    pub fn widen(&self, nodes: &mut [Node]) {
-        for ((node, &edge), &asked) in nodes.iter_mut().zip(&self.gaps).zip(&self.close) {
+    /// Widens the gaps of nodes, as the nearest particles say them where they were asked, and takes off what has closed
+    /// since.
+    pub fn widen(&self, nodes: &mut [Node], approaches: &[Approach]) {
+        let told = self.gaps.iter().zip(&self.close);
+        for ((node, (&edge, &asked)), approach) in nodes.iter_mut().zip(told).zip(approaches) {
             if edge > f64::NEG_INFINITY {
                 node.gap = gap(if asked { node.gap } else { edge }, edge);
             }
+            node.gap -= approach.closed;
         }
     }
 }

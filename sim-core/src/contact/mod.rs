@@ -12,6 +12,7 @@ mod patches;
 mod sites;
 mod solve;
 
+use edge::Approach;
 use episodes::by_pair;
 pub(crate) use episodes::{Closed, Episodes, Wish};
 use sites::{Sites, read};
@@ -48,6 +49,8 @@ pub(crate) struct Meeting<'a> {
     pub gravity: f64,
     /// Simulated time [s].
     pub time: f64,
+    /// Substep [s].
+    pub dt: f64,
     /// Everything that acts on nodes.
     pub acting: Acting<'a>,
     /// Velocity that those of nodes are relative to [cells/s].
@@ -101,7 +104,7 @@ pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>, episodes: &mut Episod
     };
     let solved = solve::solve(grid, &sites, &friction, &around);
     let exchanged = by_pair(&sites.sites, &solved);
-    episodes.take_in(grid, &exchanged, meeting.carrier, meeting.acting.dt);
+    episodes.take_in(grid, &exchanged, meeting.carrier, meeting.dt);
     let mut largest = 0_u32;
     for (n, block) in solved.into_iter().flat_map(|place| place.blocks) {
         for node in block.0.iter().flat_map(|row| row.0.chunks_exact(4)) {
@@ -113,7 +116,7 @@ pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>, episodes: &mut Episod
         grid.velocities[n] = block;
     }
     // Twice what gravity adds in a substep: bodies at rest on each other do not bounce.
-    let resting = 2.0 * meeting.gravity * meeting.acting.dt;
+    let resting = 2.0 * meeting.gravity * meeting.dt;
     let given = episodes.part(grid, meeting.wish, resting, meeting.time);
     Met {
         largest: f32::from_bits(largest.max(given)),
@@ -123,15 +126,15 @@ pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>, episodes: &mut Episod
 
 /// The nodes that objects share, with their normals and, where the method asks for them, gaps.
 fn touching(grid: &Grid, meeting: &Meeting<'_>) -> (Sites, Work) {
-    let mut sites = Sites::find(grid, meeting.fullness);
+    let mut sites = Sites::find(grid, meeting.fullness, meeting.acting.clocks);
     let mut work = Work {
         nodes: sites.nodes.len() as u64,
         particles: 0,
     };
     if meeting.method == ContactMethod::TwoScale && !sites.sites.is_empty() {
         patches::smooth_normals(&mut sites);
-        let Acting { tell_edges, dt, .. } = meeting.acting;
-        let edges = edge::edges(&sites, &approaches(grid, &sites), dt, grid, tell_edges);
+        let approaches = approaches(grid, &sites, meeting.carrier);
+        let edges = edge::edges(&sites, &approaches, grid, meeting.acting.tell_edges);
         work.particles = gap::measure_gaps(
             &mut sites,
             &edges.close,
@@ -140,19 +143,25 @@ fn touching(grid: &Grid, meeting: &Meeting<'_>) -> (Sites, Work) {
             meeting.cells_per_mass,
             meeting.isa,
         );
-        edges.widen(&mut sites.nodes);
+        edges.widen(&mut sites.nodes, &approaches);
     }
     (sites, work)
 }
 
-/// Per node how fast its two sides approach along its normal [cells/s].
-fn approaches(grid: &Grid, sites: &Sites) -> Vec<f64> {
+/// Per node how its two sides approach along its normal.
+fn approaches(grid: &Grid, sites: &Sites, carrier: [f64; 3]) -> Vec<Approach> {
     let mut found = Vec::with_capacity(sites.nodes.len());
     for site in &sites.sites {
         for node in &sites.nodes[site.range()] {
             let [(a, _), (b, _)] = site.blocks.map(|n| read(&grid.velocities[n], node.at));
             let u: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
-            found.push(dot(u, node.normal));
+            let [far_a, far_b] = site.clocks.map(|clock| clock.passed);
+            let way =
+                std::array::from_fn(|i| far_a * (a[i] + carrier[i]) - far_b * (b[i] + carrier[i]));
+            found.push(Approach {
+                speed: dot(u, node.normal),
+                closed: dot(way, node.normal),
+            });
         }
     }
     found

@@ -134,7 +134,7 @@ impl Patches {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::sites::Node;
+    use crate::{contact::sites::Node, grid::Clock};
 
     fn site(index: [i32; 3], mask: u64, first: usize) -> Site {
         Site {
@@ -144,6 +144,7 @@ mod tests {
             blocks: [0, 1],
             mask,
             first,
+            clocks: [Clock::of(1.0); 2],
         }
     }
 

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::{
-    grid::{Grid, NONE, Shared, Velocities},
+    grid::{Clock, Grid, NONE, Shared, Velocities},
     mat3::dot,
 };
 
@@ -25,6 +25,8 @@ pub(super) struct Site {
     pub mask: u64,
     /// Position of its first node in [`Sites::nodes`].
     pub first: usize,
+    /// When the particles of both sides move.
+    pub clocks: [Clock; 2],
 }
 
 /// A node with mass of two fields.
@@ -68,6 +70,12 @@ impl Site {
         self.first..self.first + self.mask.count_ones() as usize
     }
 
+    /// Time until both sides have moved [s].
+    pub fn left(&self) -> f64 {
+        let [a, b] = self.clocks.map(|clock| clock.left());
+        a.max(b)
+    }
+
     /// Coordinates of a node [cells].
     pub fn position(&self, at: usize) -> [f64; 3] {
         let local = coordinates(at);
@@ -96,13 +104,14 @@ pub(super) fn read(block: &Velocities, at: usize) -> ([f64; 3], f64) {
 }
 
 impl Sites {
-    /// Finds them. `fullness` is per field what to multiply mass by to get volume, up to a common factor.
-    pub fn find(grid: &Grid, fullness: &[f64]) -> Self {
+    /// Finds them, but for those of fields that wait. `fullness` is per field what to multiply mass by to get volume, up to a common factor, `clocks` when it
+    /// moves.
+    pub fn find(grid: &Grid, fullness: &[f64], clocks: &[Clock]) -> Self {
         let found: Vec<(Site, Vec<Node>)> = grid
             .shared
             .par_iter()
             .enumerate()
-            .flat_map_iter(|(shared, place)| at_place(grid, fullness, shared, place))
+            .flat_map_iter(|(shared, place)| at_place(grid, fullness, clocks, shared, place))
             .collect();
         let mut all = Self::default();
         for (mut site, nodes) in found {
@@ -118,6 +127,7 @@ impl Sites {
 fn at_place(
     grid: &Grid,
     fullness: &[f64],
+    clocks: &[Clock],
     shared: usize,
     place: &Shared,
 ) -> Vec<(Site, Vec<Node>)> {
@@ -146,10 +156,14 @@ fn at_place(
                 continue;
             }
             let blocks = [one, two].map(|n| sharers[n] as usize);
+            let fields = blocks.map(|block| grid.nodes[block].field);
+            let clocks = fields.map(|field| clocks[field as usize]);
+            if clocks.iter().any(|clock| clock.waits) {
+                continue;
+            }
             for n in [one, two] {
                 gradients[n].get_or_insert_with(|| Gradients::new(grid, &around[n]));
             }
-            let fields = blocks.map(|block| grid.nodes[block].field);
             let [Some(of_a), Some(of_b)] = [one, two].map(|n| gradients[n].as_ref()) else {
                 continue;
             };
@@ -179,6 +193,7 @@ fn at_place(
                 blocks,
                 mask,
                 first: 0,
+                clocks,
             };
             found.push((site, nodes));
         }

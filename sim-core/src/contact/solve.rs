@@ -122,7 +122,7 @@ fn solve_place(
         nodes.any(|node| {
             let [(a, _), (b, _)] = site.blocks.map(|n| read(&grid.velocities[n], node.at));
             let u: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
-            dot(u, node.normal) > allowed(node, around.acting.dt)
+            dot(u, node.normal) > allowed(node, site.left())
         })
     });
     if !presses {
@@ -155,7 +155,7 @@ fn solve_place(
         let mut touched = 0_u64;
         for ((site, friction), held) in sites.iter().zip(friction).zip(&mut held) {
             let nodes = &nodes[site.range()];
-            touched |= press(site, nodes, *friction, around.acting.dt, &mut blocks, held);
+            touched |= press(site, nodes, *friction, &mut blocks, held);
         }
         for ((_, block), conditions) in blocks.iter_mut().zip(&conditions) {
             if let Some(conditions) = conditions {
@@ -176,9 +176,9 @@ fn solve_place(
     }
 }
 
-/// Approach that needs no impulse [cells/s].
-fn allowed(node: &Node, dt: f64) -> f64 {
-    node.gap.max(0.0) / dt
+/// Approach that needs no impulse within some time [s], in cells/s.
+fn allowed(node: &Node, left: f64) -> f64 {
+    node.gap.max(0.0) / left
 }
 
 /// One sweep over the nodes of a site; returns those whose impulse changed.
@@ -186,7 +186,6 @@ fn press(
     site: &Site,
     nodes: &[Node],
     friction: f64,
-    dt: f64,
     blocks: &mut [(usize, Velocities)],
     held: &mut [Held],
 ) -> u64 {
@@ -201,7 +200,14 @@ fn press(
         let [(v_a, _), (v_b, _)] = [a, b].map(|n| read(&blocks[n].1, node.at));
         let u: [f64; 3] = std::array::from_fn(|i| v_a[i] - v_b[i]);
         let k = 1.0 / node.mass[0] + 1.0 / node.mass[1];
-        let Some(impulse) = hold(held, u, node.normal, k, friction, allowed(node, dt)) else {
+        let Some(impulse) = hold(
+            held,
+            u,
+            node.normal,
+            k,
+            friction,
+            allowed(node, site.left()),
+        ) else {
             continue;
         };
         if held.drift == [0.0; 3] {

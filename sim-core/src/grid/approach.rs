@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{
-    NONE, NodeBlock, TILE,
+    Clock, NONE, NodeBlock, TILE,
     boundary::{attaches, corners, near_block},
     topology::OFFSETS,
 };
@@ -52,8 +52,8 @@ pub(crate) struct Acting<'a> {
     pub approaches: &'a [Approach],
     /// Per field whether masses tell where matter ends.
     pub tell_edges: &'a [bool],
-    /// Substep [s].
-    pub dt: f64,
+    /// Per field.
+    pub clocks: &'a [Clock],
 }
 
 /// What acts on one block of nodes.
@@ -68,15 +68,20 @@ pub(crate) struct Allowed<'a> {
     dt: f64,
 }
 
-/// Finds what the particles of every block are near to; `half_spacings` is in scene order [cells].
+/// Finds what the particles of every block are near to, but for those that wait; `half_spacings` is in scene order [cells],
+/// `clocks` per field.
 pub(crate) fn approaches(
     particles: &Particles,
     half_spacings: &[f64],
     boundaries: &NodeConditions<'_>,
+    clocks: &[Clock],
 ) -> Vec<Approach> {
     let blocks = particles.blocks.par_iter().with_min_len(TASK);
     blocks
-        .map(|block| approach(block, particles, half_spacings, boundaries))
+        .map(|block| match clocks[block.field as usize].waits {
+            true => Approach::new(),
+            false => approach(block, particles, half_spacings, boundaries),
+        })
         .collect()
 }
 
@@ -243,6 +248,11 @@ fn rank(gap: f32, of: usize) -> u64 {
 }
 
 impl<'a> Acting<'a> {
+    /// When the particles of a block's field move.
+    pub fn clock(&self, block: &NodeBlock) -> &'a Clock {
+        &self.clocks[block.field as usize]
+    }
+
     /// Whether anything may act on the nodes of a block.
     pub fn may_reach(&self, block: &NodeBlock) -> bool {
         block.constrained || super::boundary::covers_block(self.moving, block.index)
@@ -305,7 +315,7 @@ impl<'a> Acting<'a> {
             conditions,
             nearest,
             index: block.index,
-            dt: self.dt,
+            dt: self.clock(block).span,
         })
     }
 }

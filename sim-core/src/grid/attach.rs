@@ -6,7 +6,7 @@ use std::cell::Cell;
 use rayon::prelude::*;
 
 use super::{
-    NONE, NodeBlock, Velocities,
+    NONE, NodeBlock, Transfer, Velocities,
     approach::{Acting, Allowed},
     node_pass::{constrain, holds_matter},
     topology::Place,
@@ -39,6 +39,8 @@ struct Around<'a> {
     places: &'a [Place],
     before: &'a [Before<'a>],
     carrier: [f64; 3],
+    /// Substep of the particles [s].
+    span: f64,
     /// Whether masses tell where matter ends.
     tell_edges: bool,
 }
@@ -88,7 +90,7 @@ pub(super) fn attach(
     nodes: &[NodeBlock],
     velocities: &mut [Velocities],
     acting: &Acting<'_>,
-    carrier: [f64; 3],
+    transfers: &[Transfer],
 ) -> u32 {
     if acting.boundaries.is_empty() {
         return 0;
@@ -98,6 +100,7 @@ pub(super) fn attach(
         .par_iter()
         .zip(velocities)
         .with_min_len(TASK[0])
+        .filter(|(block, _)| !acting.clock(block).waits)
         .filter_map(|(block, out)| {
             let acts = acting.by_neighbours(block);
             ((acts || acting.near_edges(block, edge::REACH)) && holds_matter(out))
@@ -125,7 +128,8 @@ pub(super) fn attach(
                 blocks: [const { Cell::new(UNKNOWN) }; 27],
                 places: &places,
                 before: &before,
-                carrier,
+                carrier: transfers[place.0 as usize].carrier,
+                span: acting.clocks[place.0 as usize].span,
                 tell_edges: acting.tell_edges[place.0 as usize],
             };
             constrain_block(out, &around, acting)
@@ -141,7 +145,7 @@ fn constrain_block(out: &mut Velocities, around: &Around<'_>, acting: &Acting<'_
     let left = constrain(out, around.carrier, |at, v| {
         let local = [at / 16, at / 4 % 4, at % 4];
         let index = std::array::from_fn(|a| BLOCK * block[a] + local[a] as i32);
-        let obeyed = attached(acting.boundaries.faces(), index, around, 1.0, acting.dt);
+        let obeyed = attached(acting.boundaries.faces(), index, around, 1.0, around.span);
         let obeyed = obeyed.unwrap_or(Attached::free(v));
         match allowed {
             Some(allowed) => allowed.constrain_among(at, &obeyed, around),

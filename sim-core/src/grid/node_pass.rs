@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::{
-    Cells, FRONT, Grid, NONE, NodeBlock, Tile, Velocities, approach::Acting, attach::attach,
-    topology::OFFSETS,
+    Cells, FRONT, Grid, NONE, NodeBlock, Tile, Transfer, Velocities, approach::Acting,
+    attach::attach, topology::OFFSETS,
 };
 use crate::{
     particles::BLOCK,
@@ -20,10 +20,9 @@ const LIGHTEST: f32 = 1e-24;
 /// Node blocks per task, at least and at most: where one thread is held up, others must find work to take over.
 const TASK: [usize; 2] = [16, 64];
 
-/// Turns tiles into node velocities. They are relative to the velocity `carrier` [cells/s], which holds all that
-/// gravity adds.
+/// Turns tiles into node velocities. They are relative to a carrier velocity, which holds all that gravity adds.
 ///
-/// `keep` is what damping leaves of a velocity, 0..=1; the carrier's share of it is the caller's.
+/// `transfers` says per field what becomes of them; damping's share of the carrier is the caller's.
 ///
 /// Returns the largest component of a velocity, carrier included, before or after boundaries, or speed of a boundary among
 /// nodes [cells/s]; NaN or infinite when a node's is.
@@ -31,14 +30,14 @@ pub(crate) fn node_pass(
     isa: Isa,
     grid: &mut Grid,
     acting: &Acting<'_>,
-    carrier: [f64; 3],
-    keep: f32,
+    transfers: &[Transfer],
 ) -> f32 {
     let Grid {
         tiles,
         cells,
         nodes,
         velocities,
+        forces,
         ..
     } = grid;
     let tiles = (tiles.as_slice(), cells.as_slice());
@@ -46,10 +45,21 @@ pub(crate) fn node_pass(
     let largest = nodes
         .par_iter()
         .zip(velocities.par_iter_mut())
+        .enumerate()
         .with_min_len(TASK[0])
         .with_max_len(TASK[1])
-        .map(|(block, out)| {
-            let mut largest = sum_block(isa, block, tiles, keep, carrier, out);
+        .map(|(n, (block, out))| {
+            let Transfer {
+                keep,
+                carrier,
+                goes_on,
+                ..
+            } = transfers[block.field as usize];
+            let mut largest = match (acting.clock(block).waits, goes_on) {
+                (true, _) => return 0,
+                (false, Some(kick)) => go_on(out, &forces[n], kick, keep, carrier),
+                (false, None) => sum_block(isa, block, tiles, keep, carrier, out),
+            };
             if acting.may_reach(block)
                 && !acting.by_neighbours(block)
                 && holds_matter(out)
@@ -62,17 +72,72 @@ pub(crate) fn node_pass(
             largest
         })
         .reduce(|| 0, u32::max);
-    f32::from_bits(largest.max(attach(nodes, velocities, acting, carrier)))
+    let attached = attach(nodes, velocities, acting, transfers);
+    if transfers.iter().any(|transfer| transfer.shift != [0.0; 3]) {
+        let blocks = nodes.par_iter().zip(velocities).with_min_len(TASK[0]);
+        blocks.for_each(|(block, out)| shift(out, transfers[block.field as usize].shift));
+    }
+    f32::from_bits(largest.max(attached))
 }
 
-/// Turns tiles into means over the nodes, of whatever was scattered in place of momentum.
-pub(crate) fn node_means(isa: Isa, grid: &mut Grid) {
+/// Lets forces act for `kick` [s] on velocities that are on the grid already; returns the largest magnitude of a component, carrier included,
+/// as bits.
+fn go_on(
+    out: &mut Velocities,
+    forces: &Velocities,
+    kick: f32,
+    keep: f32,
+    carrier: [f64; 3],
+) -> u32 {
+    let mut largest = 0;
+    for (row, forces) in out.0.iter_mut().zip(&forces.0) {
+        let nodes = row.0.chunks_exact_mut(4).zip(forces.0.chunks_exact(4));
+        for (node, force) in nodes.filter(|(node, _)| node[3] != 0.0) {
+            for a in 0..3 {
+                node[a] = (node[a] + kick * force[a]) * keep;
+                largest = largest.max((node[a] + carrier[a] as f32).abs().to_bits());
+            }
+        }
+    }
+    largest
+}
+
+/// Adds a velocity [cells/s] to the nodes of a block that have matter.
+fn shift(out: &mut Velocities, by: [f32; 3]) {
+    if by == [0.0; 3] {
+        return;
+    }
+    let nodes = out.0.iter_mut().flat_map(|row| row.0.chunks_exact_mut(4));
+    for node in nodes.filter(|node| node[3] != 0.0) {
+        for a in 0..3 {
+            node[a] += by[a];
+        }
+    }
+}
+
+/// Where means over nodes go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Sums {
+    /// [`Grid::velocities`].
+    Velocities,
+    /// [`Grid::forces`].
+    Forces,
+}
+
+/// Turns tiles into means over the nodes of some fields, of whatever was scattered in place of momentum.
+pub(crate) fn node_means(isa: Isa, grid: &mut Grid, to: Sums, fields: impl Fn(u32) -> bool + Sync) {
     let tiles = (grid.tiles.as_slice(), grid.cells.as_slice());
+    let sums = match to {
+        Sums::Velocities => &mut grid.velocities,
+        Sums::Forces => &mut grid.forces,
+    };
+    sums.resize(grid.nodes.len(), Velocities([F32x16::ZERO; 16]));
     grid.nodes
         .par_iter()
-        .zip(grid.velocities.par_iter_mut())
+        .zip(sums.par_iter_mut())
         .with_min_len(TASK[0])
         .with_max_len(TASK[1])
+        .filter(|(block, _)| fields(block.field))
         .for_each(|(block, out)| {
             sum_block(isa, block, tiles, 1.0, [0.0; 3], out);
         });

@@ -25,7 +25,7 @@ pub(super) fn block<V: Constitutive>(
     nodes: &[Velocities],
 ) -> Findings {
     match pass.stage {
-        Stage::Scatter => staged::<V, false, true>(pass, work, nodes),
+        Stage::Scatter | Stage::Forces => staged::<V, false, true>(pass, work, nodes),
         Stage::Fused => staged::<V, true, true>(pass, work, nodes),
         Stage::Gather => staged::<V, true, false>(pass, work, nodes),
     }
@@ -305,7 +305,9 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
                     let at = run.shapes.start + (g + origin - run.groups.start) - first_shape;
                     shape = Some(&mut work.shapes[at].0);
                     if !GATHER {
-                        work.backup.shapes[at] = work.shapes[at];
+                        if pass.stage == Stage::Scatter {
+                            work.backup.shapes[at] = work.shapes[at];
+                        }
                         shape = None;
                     }
                 }
@@ -339,6 +341,8 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
                         let speed = touch.after(ids, &before, x, &mut motion[n]);
                         largest.speed = largest.speed.max(V::broadcast(speed));
                     }
+                } else if pass.stage == Stage::Forces {
+                    motion[n] = Motion::REST;
                 } else {
                     work.backup.groups[g] = *group;
                     work.backup.memory[g] = work.memory[g];

@@ -25,6 +25,8 @@ pub(crate) enum Stage {
     Fused,
     /// Grid to particles, advance, velocities written out.
     Gather,
+    /// What stress adds to velocities, alone, to the grid; particles stay as they are.
+    Forces,
 }
 
 /// Everything a particle pass reads besides particles and grid.
@@ -100,11 +102,12 @@ fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     mine
 }
 
-/// Runs one stage over all particles. `backup` receives them as they were in [`Stage::Scatter`]; `motion_out` the
+/// Runs one stage over the particles of fields that have a pass: `of` says which of `passes`, all of one stage. `backup` receives them as they were in [`Stage::Scatter`]; `motion_out` the
 /// velocities in [`Stage::Gather`].
 pub(crate) fn particle_pass(
     isa: Isa,
-    pass: &Pass<'_>,
+    passes: &[Pass<'_>],
+    of: &[Option<usize>],
     particles: &mut Particles,
     backup: &mut Backup,
     motion_out: &mut [Motion],
@@ -125,16 +128,17 @@ pub(crate) fn particle_pass(
     let mut backup_groups = backup.groups.as_mut_slice();
     let mut backup_memory = backup.memory.as_mut_slice();
     let mut backup_shapes = backup.shapes.as_mut_slice();
-    let mut motion = match pass.stage {
-        Stage::Gather => motion_out,
-        Stage::Scatter | Stage::Fused => particles.motion.as_mut_slice(),
+    let gathers = passes.iter().all(|pass| pass.stage == Stage::Gather);
+    let mut motion = match gathers {
+        true => motion_out,
+        false => particles.motion.as_mut_slice(),
     };
     let mut flags = particles.flags.as_mut_slice();
     let mut work = Vec::with_capacity(particles.blocks.len());
     let targets = tiles.iter_mut().zip(cells);
     for ((n, block), (tile, cells)) in particles.blocks.iter().enumerate().zip(targets) {
         let (count, shape_count) = (block.groups.len(), block.shapes.len());
-        work.push(Work {
+        let mine = Work {
             block,
             nodes_of: &nodes_of[n..],
             runs: take(&mut runs, block.runs.len()),
@@ -150,14 +154,19 @@ pub(crate) fn particle_pass(
             fixed: &particles.fixed[block.groups.clone()],
             flags: take(&mut flags, count),
             tile,
-            concerned: pass.concerned.get(n).copied().unwrap_or(false),
+            concerned: false,
             cells,
-        });
+        };
+        if let Some(pass) = of[block.field as usize] {
+            let pass = &passes[pass];
+            let concerned = pass.concerned.get(n).copied().unwrap_or(false);
+            work.push((pass, Work { concerned, ..mine }));
+        }
     }
     work.into_par_iter()
         .with_min_len(TASK[0])
         .with_max_len(TASK[1])
-        .map(|mut work| match isa {
+        .map(|(pass, mut work)| match isa {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: a world is only made with an instruction set that the processor has.
             Isa::Avx512 => unsafe { block_avx512(pass, &mut work, velocities) },

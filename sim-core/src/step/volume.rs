@@ -21,7 +21,7 @@ use super::{
     stencil::Stencil,
 };
 use crate::{
-    grid::{Cells, Grid, Tile, node_means},
+    grid::{Cells, Grid, Sums, Tile, node_means},
     mat3::Mat3,
     particles::{Block, Fixed, Group, Particles, Run},
     simd::{F32x16, Isa, Lanes, Portable},
@@ -72,7 +72,7 @@ pub(crate) fn average_volume(
             _ => give::<Portable>(laws, work, tile, cells),
         });
     // Mass times J - 1 over mass, as if it were a velocity.
-    node_means(isa, grid);
+    node_means(isa, grid, Sums::Velocities, |_| true);
     let Grid {
         cells,
         nodes_of,

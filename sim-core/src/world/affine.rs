@@ -158,7 +158,8 @@ impl World {
     /// Makes an object affine, if it can be followed through the coming frame: momentum and angular momentum are those of its
     /// matter, and the kinetic energy of all of its motion that is not of this kind is lost.
     fn form_affine(&mut self, object: usize, frame: &mut Frame) {
-        let (d_p, lag) = (0.25 * self.scene.dx * self.scene.dx, self.state.lag);
+        let d_p = 0.25 * self.scene.dx * self.scene.dx;
+        let lag = self.state.lags[object];
         let which: Vec<bool> = self.parts.iter().map(|p| p.object == object).collect();
         let loose = self.take_away(object, &which);
         let Some(first) = loose.first() else {
@@ -309,7 +310,8 @@ impl World {
             .collect();
         let stored = bulk.elastic_energy(&map) + affine.stored;
         let gain = self.elastic_energy_of(object, &loose) - stored;
-        let Loosened { gradient, lost } = bulk.loosened(&affine.motion, gain, self.state.lag);
+        let Loosened { gradient, lost } =
+            bulk.loosened(&affine.motion, gain, self.state.lags[object]);
         for p in &mut loose {
             let orbit = gradient.mul_vec(p.v);
             p.v = std::array::from_fn(|a| velocity[a] + orbit[a]);

@@ -15,7 +15,7 @@ use crate::{
 /// First bytes of a checkpoint.
 const MAGIC: &[u8; 18] = b"cosplat checkpoint";
 /// Version of the layout; another one is refused.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 /// Magic, version, digest of the scene, length of what follows.
 const HEADER: usize = MAGIC.len() + 4 + 8 + 8;
 
@@ -260,14 +260,17 @@ impl World {
             ),
             ("standings", state.standing.len(), self.scene.objects.len()),
             ("pins", state.pins.len(), self.scene.objects.len()),
+            ("lags", state.lags.len(), self.scene.objects.len()),
             ("colliders", state.paths.len(), self.scene.colliders.len()),
             ("frozen particles", frozen, state.removed.len()),
         ] {
             count(what, found, expected)?;
         }
-        if !(0.0..f64::INFINITY).contains(&state.lag) {
-            let reason = format!("velocities are {} s behind positions", state.lag);
-            return Err(inconsistent(reason));
+        for lag in std::iter::once(&state.lag).chain(&state.lags) {
+            if !(0.0..f64::INFINITY).contains(lag) {
+                let reason = format!("velocities are {lag} s behind positions");
+                return Err(inconsistent(reason));
+            }
         }
         let mut seen = vec![false; self.scene.particles.position.len()];
         let taken = state.removed.iter().copied();

@@ -437,7 +437,7 @@ impl World {
             let there = std::array::from_fn(|a| linear[a] + turn[a]);
             self.set_body_velocity(object, there, angular);
         }
-        let (carrier, owed) = (self.state.carrier, self.owed());
+        let (carrier, owed) = (self.state.carrier, self.owed(object));
         let [x, y, z] = angular;
         let spin = [0.0, -z, y, z, 0.0, -x, -y, x, 0.0];
         let all = &mut self.state.particles;

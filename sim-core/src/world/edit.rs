@@ -86,7 +86,7 @@ impl World {
 
     /// Puts particles of an object, whose velocities are those of now, into the arrays.
     pub(super) fn put_back(&mut self, object: usize, loose: &[Loose]) {
-        let (dx, owed) = (self.scene.dx, self.owed());
+        let (dx, owed) = (self.scene.dx, self.owed(object));
         let mut newcomers = Vec::with_capacity(loose.len());
         for p in loose {
             let mine = |part: &Part| part.particles.contains(&(p.id as usize));
@@ -126,7 +126,7 @@ impl World {
     /// Takes the particles of some parts of an object out of the arrays: in scene order, with the velocities of now.
     pub(super) fn take_away(&mut self, object: usize, which: &[bool]) -> Vec<Loose> {
         let (dx, carrier) = (self.scene.dx, self.state.carrier);
-        let owed = self.owed();
+        let owed = self.owed(object);
         let mut loose = Vec::new();
         let particles = &mut self.state.particles;
         for block in particles.blocks.clone() {

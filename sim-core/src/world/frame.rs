@@ -4,23 +4,16 @@ use std::time::Instant;
 
 use super::{
     State, World,
-    time_step::{Limit, MAX_STRAIN, MAX_TRAVEL},
+    pace::Pace,
+    time_step::{Limit, MAX_TRAVEL},
 };
 use crate::{
     bodies::{body::Body, engine::Remembered},
-    colliders::touch::Touch,
     contact::{self, Episodes},
-    materials::Coefficients,
     particles::{Extremes, Flags, Motion, NO_PARTICLE, Run},
     report::{DtLimit, StepReport, Timings, Work},
     simd::LANES,
-    step::{
-        constitutive::PartLaw,
-        particle_pass::{Findings, Pass, Stage, particle_pass},
-        shapes::limit_shapes,
-        sort::sort,
-        volume::{NEARLY_INCOMPRESSIBLE, average_volume},
-    },
+    step::{particle_pass::Stage, shapes::limit_shapes, sort::sort},
 };
 
 /// Largest distance out of its block at which a particle may still be scattered [cells]: the drift margin of the tiles,
@@ -50,13 +43,15 @@ pub(super) struct Frame {
     failures: u32,
     substeps: u32,
     rollbacks: u32,
-    updates: u64,
+    /// Steps of particles.
+    pub updates: u64,
     /// Work of contact on the grid.
     pub contact_work: contact::Work,
     /// Particles that sleep through it.
     pub asleep: usize,
-    /// How long forces acted on particles in it [s]: from the moment of their velocities before it to that after it.
-    pub kicked: f64,
+    /// Per object how long forces acted on its particles in it [s]: from the moment of their velocities before it to that
+    /// after it.
+    pub kicked: Vec<f64>,
     /// Kinetic energy that objects lost by being modelled with less [J].
     pub fidelity_loss: f64,
     /// Work done.
@@ -67,6 +62,21 @@ pub(super) struct Frame {
     left_domain: Vec<u32>,
     /// Whether it was undone because a particle would have left the domain.
     stopped: bool,
+    /// Who is slow in the segment at hand.
+    pub pace: Pace,
+    /// Whether a segment of slow objects failed: no other is begun.
+    alike: bool,
+}
+
+/// A substep.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Step {
+    /// Its size [s].
+    pub dt: f64,
+    /// That of slow objects, which may have begun earlier.
+    pub span: f64,
+    /// What limits it.
+    limit: Limit,
 }
 
 impl Frame {
@@ -89,7 +99,7 @@ impl Frame {
             updates: 0,
             contact_work: contact::Work::default(),
             asleep: 0,
-            kicked: 0.0,
+            kicked: vec![],
             fidelity_loss: 0.0,
             work: Work::default(),
             last_dt: 0.0,
@@ -97,7 +107,14 @@ impl Frame {
             quarantined: vec![],
             left_domain: vec![],
             stopped: false,
+            pace: Pace::common(),
+            alike: false,
         }
+    }
+
+    /// Whether objects may take substeps of their own: nothing failed.
+    pub fn may_differ(&self) -> bool {
+        !self.alike && self.replay.is_empty() && self.cap == Limit::FRAME
     }
 
     /// Notes the particles of a body that left the domain, or, if it is not `somewhere`, failed.
@@ -189,6 +206,7 @@ struct Checkpoint {
     substeps: u32,
     drift: f64,
     lag: f64,
+    lags: Vec<f64>,
     carrier: [f64; 3],
     grid_speed: f64,
     extremes: Vec<Extremes>,
@@ -208,7 +226,8 @@ impl World {
         if self.state.particles.groups.is_empty() {
             self.state.lag = 0.0;
         }
-        let lag = self.state.lag;
+        self.keep_up();
+        let lags = self.state.lags.clone();
         while frame.remaining > 0.0 {
             if !self.state.particles.groups.is_empty() {
                 self.meet_as_spheres(frame);
@@ -219,7 +238,11 @@ impl World {
                 break;
             }
         }
-        frame.kicked = frame.length + lag - self.state.lag;
+        let now = lags.iter().zip(&self.state.lags);
+        frame.kicked = now
+            .map(|(before, now)| frame.length + before - now)
+            .collect();
+        self.keep_up();
         self.move_affine();
         self.take_out_bodies(frame);
         let laws = self.laws(0.0);
@@ -249,39 +272,49 @@ impl World {
             substeps: frame.substeps,
             drift: self.state.drift,
             lag: self.state.lag,
+            lags: self.state.lags.clone(),
             carrier: self.state.carrier,
             grid_speed: self.state.grid_speed,
             extremes: self.state.extremes.clone(),
             episodes: self.state.episodes.clone(),
         };
+        frame.pace = self.pace(frame);
+        frame.pace.begin(frame.remaining);
         let replay = std::mem::take(&mut frame.replay);
         let mut taken: Vec<f64> = Vec::new();
-        let (mut dt, mut limit) = self.choose(frame, replay.first());
-        if self.particles(frame, Stage::Scatter, dt, dt).bad {
+        let mut step = self.choose(frame, replay.first());
+        if self.particles(frame, Stage::Scatter, &step, &step).bad {
             // Such motion is absurd for any substep: no retry can help.
             self.quarantine(frame);
             return;
         }
+        let every = frame.pace.every as usize;
         loop {
-            let speed = self.nodes(frame, dt);
+            let speed = self.nodes(frame, &step);
+            let Step { dt, limit, .. } = step;
             let travel = dt * speed;
-            let farther = self.state.drift + travel;
-            let (next_dt, next_limit) = {
-                frame.remaining -= dt;
-                let next = self.choose(frame, replay.get(taken.len() + 1));
-                frame.remaining += dt;
-                next
-            };
+            // Slow objects go all of their way at the end of it, and the others twice until they are here again.
+            let (ends_slow, farther) = (frame.pace.is_last(), self.state.drift + travel);
+            let farthest = farther + travel * (2 * every - 2) as f64;
+            let next = self.after(frame, &step, replay.get(taken.len() + 1));
             let replayed = !replay.is_empty() && taken.len() + 1 == replay.len();
+            let is_full = taken.len() + 1 + every > SEGMENT;
             let ends =
-                replayed || taken.len() + 1 == SEGMENT || dt >= frame.remaining || farther > MARGIN;
+                ends_slow && (replayed || is_full || dt >= frame.remaining || farthest > MARGIN);
             let stage = if ends { Stage::Gather } else { Stage::Fused };
-            let in_bounds = travel < MAX_TRAVEL;
+            let in_bounds =
+                travel * (every as f64) < MAX_TRAVEL && (ends_slow || farther <= MARGIN);
             let out_of_retries = taken.is_empty() && frame.failures >= RETRIES;
             let bad = !in_bounds && !out_of_retries || {
-                let findings = self.particles(frame, stage, dt, next_dt);
+                let findings = self.particles(frame, stage, &step, &next);
                 findings.bad || !in_bounds
             };
+            if bad && every > 1 {
+                // All alike first: where that fails as well it is known what to blame.
+                self.roll_back(frame, &checkpoint);
+                frame.alike = true;
+                return;
+            }
             if bad {
                 self.roll_back(frame, &checkpoint);
                 frame.cap = Limit {
@@ -303,13 +336,17 @@ impl World {
                 return;
             }
             frame.accept(dt, limit);
-            self.state.lag = self.lag_after(dt);
+            self.fall_behind(&frame.pace, &step);
             taken.push(dt);
             self.collect_extremes();
             if ends {
                 break;
             }
-            (dt, limit) = (next_dt, next_limit);
+            match ends_slow {
+                true => frame.pace.begin(frame.remaining),
+                false => frame.pace.go_on(),
+            }
+            step = next;
         }
         let elapsed = taken.iter().sum();
         #[cfg(test)]
@@ -323,24 +360,47 @@ impl World {
         }
     }
 
-    /// Size of the coming substep: equal shares of what is left of the frame, rounded to the precision of the
-    /// kernels so that the shares add up to the frame.
-    fn choose(&self, frame: &Frame, replayed: Option<&f64>) -> (f64, Limit) {
-        let mut limit = self.time_step();
+    /// The substep after this one.
+    fn after(&self, frame: &mut Frame, step: &Step, replayed: Option<&f64>) -> Step {
+        let (remaining, pace) = (frame.remaining, frame.pace.clone());
+        frame.remaining -= step.dt;
+        let next = if pace.is_last() {
+            frame.pace.begin(frame.remaining);
+            self.choose(frame, replayed)
+        } else {
+            frame.pace.go_on();
+            Step {
+                dt: frame.pace.share(step.span, frame.remaining),
+                ..*step
+            }
+        };
+        (frame.remaining, frame.pace) = (remaining, pace);
+        next
+    }
+
+    /// Size of the coming substep, of slow objects where some are: equal shares of what is left of the frame, rounded to the
+    /// precision of the kernels so that the shares add up to the frame.
+    fn choose(&self, frame: &Frame, replayed: Option<&f64>) -> Step {
+        let mut limit = self.time_step(&frame.pace);
         if frame.cap.dt < limit.dt {
             limit = frame.cap;
         }
+        let of = |span: f64, limit: Limit| Step {
+            dt: frame.pace.share(span, frame.remaining),
+            span,
+            limit,
+        };
         if let Some(&dt) = replayed {
-            return (dt, limit);
+            return of(dt, limit);
         }
         let smallest = self.smallest_dt(frame.length);
-        let largest = limit.dt.max(smallest.min(frame.cap.dt));
+        let largest = limit.dt.max(smallest.min(frame.cap.dt)) * f64::from(frame.pace.every);
         // A share may exceed the limit by rounding: better than one substep more.
         let shares = (frame.remaining / largest - 1e-6).ceil().max(1.0);
         if shares <= 1.0 {
-            return (frame.remaining, Limit::FRAME);
+            return of(frame.remaining, Limit::FRAME);
         }
-        (f64::from((frame.remaining / shares) as f32), limit)
+        of(f64::from((frame.remaining / shares) as f32), limit)
     }
 
     /// Restores the state at the start of the segment.
@@ -350,6 +410,7 @@ impl World {
         frame.remaining = to.remaining;
         self.state.drift = to.drift;
         self.state.lag = to.lag;
+        self.state.lags.clone_from(&to.lags);
         self.state.carrier = to.carrier;
         self.state.grid_speed = to.grid_speed;
         self.state.extremes.clone_from(&to.extremes);
@@ -389,90 +450,6 @@ impl World {
         self.workspace.motion.resize(count, Motion::REST);
         self.workspace.grid.rebuild(&particles.blocks, &fixed);
         self.survey();
-    }
-
-    /// Runs one particle pass: gathered motion advances by `dt`, forces are those of a substep of `next_dt`.
-    fn particles(&mut self, frame: &mut Frame, stage: Stage, dt: f64, next_dt: f64) -> Findings {
-        let start = Instant::now();
-        let [now, next] = self.around(frame, stage, dt, next_dt);
-        let laws = self.laws(next.kick);
-        // Field by field: particles and grid change while it is in use.
-        let touch = Touch::new(
-            &self.boundaries,
-            &self.state.paths,
-            &self.rules,
-            &self.state.pins,
-            now,
-            next,
-            self.state.gravity,
-        );
-        let pass = Pass {
-            stage,
-            dt: dt as f32,
-            carrier: self.state.carrier,
-            next_carrier: self.carrier_after(next.kick),
-            next_keep: self.scene.conditions.damping_factor(next.kick),
-            affine_kept: self.scene.conditions.affine_kept(),
-            laws: &laws,
-            max_strain: MAX_STRAIN as f32,
-            max_speed: (MAX_TRAVEL / self.smallest_dt(frame.length)) as f32,
-            max_rate: (MAX_STRAIN / self.smallest_dt(frame.length)) as f32,
-            domain: self.domain_in_cells(),
-            touch: touch.as_ref(),
-            concerned: &self.workspace.concerned,
-        };
-        let findings = particle_pass(
-            self.isa,
-            &pass,
-            &mut self.state.particles,
-            &mut self.workspace.backup,
-            &mut self.workspace.motion,
-            &mut self.workspace.grid,
-        );
-        let particles = (self.state.live - frame.asleep) as u64;
-        if stage != Stage::Scatter {
-            frame.updates += particles;
-            frame.work.grid_to_particle += particles;
-        }
-        if stage != Stage::Gather {
-            frame.work.particle_to_grid += particles;
-        }
-        frame.timings.particles += start.elapsed().as_secs_f64();
-        findings
-    }
-
-    /// Lets nearly incompressible parts share their volume over the grid.
-    fn share_volume(&mut self, frame: &mut Frame) {
-        let start = Instant::now();
-        let laws = self.laws(0.0);
-        average_volume(
-            self.isa,
-            &laws,
-            &mut self.state.particles,
-            &mut self.workspace.grid,
-        );
-        frame.timings.particles += start.elapsed().as_secs_f64();
-    }
-
-    /// Law and numbers of every part, where stress acts for `kick` [s].
-    fn laws(&self, kick: f64) -> Vec<PartLaw> {
-        let dx = self.scene.dx;
-        (0..self.parts.len())
-            .map(|part| {
-                let material = &self.state.materials[part];
-                let density = self.parts[part].material.density;
-                PartLaw {
-                    law: material.law,
-                    coefficients: Coefficients::new(material),
-                    shares_volume: material.law.is_fluid()
-                        || material.law.is_solid()
-                            && material.poisson_ratio > NEARLY_INCOMPRESSIBLE,
-                    cells_per_rest_mass: self.mass_unit / (density * dx * dx * dx),
-                    stress_scale: (4.0 * kick / (density * dx * dx)) as f32,
-                    visible: self.is_visible(part),
-                }
-            })
-            .collect()
     }
 
     /// Freezes the particles flagged as bad where they are.

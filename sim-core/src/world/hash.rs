@@ -38,6 +38,11 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
     hash.update(bytes_of(&state.carrier));
     hash.update(bytes_of(&state.sim_time));
     hash.update(bytes_of(&state.lag));
+    for (object, lag) in state.lags.iter().enumerate() {
+        if *lag != state.lag {
+            hash.update(bytes_of(&[object as f64, *lag]));
+        }
+    }
     for material in &state.materials {
         hash.update(bytes_of(&(material.law.id())));
         hash.update(bytes_of(&[

@@ -25,6 +25,7 @@ impl World {
             steps: self.state.steps,
             sim_time: 0.0,
             lag: 0.0,
+            lags: vec![0.0; scene.objects.len()],
             gravity: scene.gravity,
             materials: self.parts.iter().map(|p| p.material.clone()).collect(),
             shaped: (0..self.parts.len())

@@ -15,6 +15,8 @@ mod hash;
 mod initial;
 mod nodes;
 mod outside;
+mod pace;
+mod passes;
 mod published;
 mod settling;
 mod shape_match;
@@ -93,6 +95,8 @@ struct State {
     /// How far velocities of particles are behind positions, see [`kick`](crate::kinematics::kick) [s]: half a substep,
     /// nothing where they begin to move.
     lag: f64,
+    /// The same per object: objects may take substeps of their own.
+    lags: Vec<f64>,
     /// Gravitational acceleration [m/s^2].
     gravity: [f64; 3],
     /// Current material of every part.
@@ -335,6 +339,7 @@ impl World {
             };
             state.level = self.level(id);
             let whole = self.mass_of_body(id) + self.mass_of_affine(id);
+            let kicked = frame.kicked.get(id).copied().unwrap_or(0.0);
             // What left with particles that were taken out is no contact.
             let kept = match before.get(id) {
                 Some(old) if old.mass > 0.0 => Some(state.mass / old.mass),
@@ -342,7 +347,7 @@ impl World {
             };
             for a in 0..3 {
                 let momentum = state.mass * state.linear_velocity[a];
-                let pulled = whole * frame.length + (state.mass - whole) * frame.kicked;
+                let pulled = whole * frame.length + (state.mass - whole) * kicked;
                 let weight = self.state.gravity[a] * pulled;
                 if let Some(kept) = kept {
                     let expected = kept * self.state.momentum[id][a] + weight;

@@ -2,7 +2,10 @@
 
 use std::time::Instant;
 
-use super::{World, frame::Frame};
+use super::{
+    World,
+    frame::{Frame, Step},
+};
 use crate::{
     colliders::edge::tell_edges,
     contact::{Closed, Meeting, Wish, meet},
@@ -21,25 +24,35 @@ const NODES: u64 = 64;
 
 impl World {
     /// Runs the grid pass; returns the largest velocity component [cells/s].
-    pub(super) fn nodes(&mut self, frame: &mut Frame, dt: f64) -> f64 {
+    pub(super) fn nodes(&mut self, frame: &mut Frame, step: &Step) -> f64 {
         let start = Instant::now();
+        let dt = step.dt;
         let substep = self.substep(frame, dt);
-        self.state.carrier = self.carrier_after(substep.kick);
-        let keep = self.scene.conditions.damping_factor(substep.kick) as f32;
+        let clocks = self.clocks(frame, step);
+        let carrier = self.carrier_after(substep.kick);
+        let transfers = self.transfers(&mut frame.pace, &clocks, carrier);
+        self.state.carrier = carrier;
         let boundaries = self.boundaries.on_nodes(&self.state.paths, &substep);
         let moving = self.boundaries.moving_on_nodes(&self.state.paths, &substep);
         let (cells_per_mass, tell_edges) = (self.cells_per_mass(), self.tell_edges());
         let grid = &mut self.workspace.grid;
-        frame.work.grid_nodes += NODES * grid.nodes.len() as u64;
-        let (scene, carrier) = (&self.scene, self.state.carrier);
+        let active = grid.nodes.iter();
+        let active = active.filter(|node| !clocks[node.field as usize].waits);
+        frame.work.grid_nodes += NODES * active.count() as u64;
+        let scene = &self.scene;
         let acting = Acting {
             boundaries: &boundaries,
             moving: &moving,
-            approaches: &approaches(&self.state.particles, &self.half_spacings, &boundaries),
+            approaches: &approaches(
+                &self.state.particles,
+                &self.half_spacings,
+                &boundaries,
+                &clocks,
+            ),
             tell_edges: &tell_edges,
-            dt,
+            clocks: &clocks,
         };
-        let fastest = node_pass(self.isa, grid, &acting, carrier, keep);
+        let fastest = node_pass(self.isa, grid, &acting, &transfers);
         let meeting = Meeting {
             method: scene.contact.method,
             isa: self.isa,
@@ -50,6 +63,7 @@ impl World {
             wish: &|fields| wish(scene, &self.parts, &self.state.materials, fields),
             gravity: dot(self.state.gravity, self.state.gravity).sqrt() / scene.dx,
             time: substep.time + dt,
+            dt,
             acting,
             carrier,
         };
@@ -63,7 +77,7 @@ impl World {
         frame.timings.contact += start.elapsed().as_secs_f64();
         let fold = |m: f32, u: f64| m.max(u.abs() as f32);
         let given = relative + carrier.into_iter().fold(0.0, fold);
-        self.state.grid_speed = larger(fastest, given).into();
+        self.state.grid_speed = frame.pace.fastest(larger(fastest, given)).into();
         self.speed_with_boundaries(&substep)
     }
 

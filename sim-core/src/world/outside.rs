@@ -6,7 +6,6 @@ use crate::{
     kinematics::kick,
     particles::{BLOCK, NO_PARTICLE},
     scene::DomainPolicy,
-    step::particle_pass::Stage,
 };
 
 /// Largest speeds that come from outside in a substep [cells/s].
@@ -19,7 +18,7 @@ pub(super) struct OutsideSpeeds {
 }
 
 impl World {
-    /// The substep of size `dt` that comes next. The one place that says how long forces act in it.
+    /// The substep of size `dt` that comes next, of objects that are not slow.
     pub(super) fn substep(&self, frame: &Frame, dt: f64) -> Substep {
         Substep {
             time: self.state.sim_time + (frame.length - frame.remaining()),
@@ -28,28 +27,6 @@ impl World {
             frame_start: self.state.sim_time,
             frame_length: frame.length,
         }
-    }
-
-    /// The substep that a particle pass ends and the one that it begins.
-    pub(super) fn around(
-        &self,
-        frame: &Frame,
-        stage: Stage,
-        dt: f64,
-        next_dt: f64,
-    ) -> [Substep; 2] {
-        let now = self.substep(frame, dt);
-        let lag = self.lag_after(dt);
-        let next = match stage {
-            Stage::Scatter => now,
-            Stage::Fused | Stage::Gather => Substep {
-                time: now.time + dt,
-                dt: next_dt,
-                kick: kick(lag, next_dt, self.scene.cfl)[0],
-                ..now
-            },
-        };
-        [now, next]
     }
 
     /// What acts on single particles between two substeps.
@@ -70,9 +47,10 @@ impl World {
         kick(self.state.lag, dt, self.scene.cfl)[1]
     }
 
-    /// What gravity has yet to add to velocities for them to be those of now [m/s].
-    pub(super) fn owed(&self) -> [f64; 3] {
-        self.state.gravity.map(|g| self.state.lag * g)
+    /// What gravity has yet to add to velocities of an object's particles for them to be those of now [m/s].
+    pub(super) fn owed(&self, object: usize) -> [f64; 3] {
+        let lag = self.state.lags[object];
+        self.state.gravity.map(|g| lag * g)
     }
 
     /// The carrier velocity after a transfer in which forces act for `kick` [s]: gravity and damping are its own.

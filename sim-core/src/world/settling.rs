@@ -79,6 +79,7 @@ impl World {
         self.state.carrier = [0.0; 3];
         self.state.grid_speed = 0.0;
         self.state.lag = 0.0;
+        self.state.lags.fill(0.0);
         self.state.drift = f64::INFINITY;
         self.state.episodes = Default::default();
         self.state.momentum.fill([0.0; 3]);

@@ -1,6 +1,6 @@
 //! The largest allowed substep and what limits it.
 
-use super::World;
+use super::{World, pace::Pace};
 use crate::{
     materials::limits::{DeformationBounds, critical_dt},
     report::DtLimit,
@@ -45,31 +45,39 @@ impl Limit {
 }
 
 impl World {
-    /// Largest allowed substep at the current state: `cfl` times the sound limit of the current tangents
-    /// (numerically the isolated-particle limit), and the kinematic limits.
-    pub(super) fn time_step(&self) -> Limit {
+    /// Largest allowed substep at the current state, of those that objects share which are not slow: the limits of all,
+    /// of slow ones their share.
+    pub(super) fn time_step(&self, pace: &Pace) -> Limit {
         let mut limit = Limit::FRAME;
         for (id, part) in self.parts.iter().enumerate() {
-            if !self.is_simulated(id) {
-                continue;
+            if self.is_simulated(id) {
+                let own = self.limit_of(id);
+                limit.lower(own.dt / pace.of(part.object), own.cause, own.object);
             }
-            let object = Some(part.object);
-            let extremes = &self.state.extremes[id];
-            let bounds = DeformationBounds {
-                max_stretch: f64::from(extremes.stretch_squared).sqrt(),
-                min_j: f64::from(extremes.min_j).min(1.0),
-                max_j: f64::from(extremes.max_j),
-                max_stiffness: f64::from(extremes.stiffness),
-            };
-            let sound = self.scene.cfl * self.critical_dt(id, &bounds);
-            let speed = f64::from(extremes.speed_squared).sqrt();
-            let rate = f64::from(extremes.rate_squared).sqrt();
-            limit.lower(sound, DtLimit::Sound, object);
-            limit.lower(PLANNED_TRAVEL / speed, DtLimit::Velocity, object);
-            limit.lower(PLANNED_STRAIN / rate, DtLimit::Deformation, object);
         }
-        let grid = PLANNED_TRAVEL / self.state.grid_speed;
+        let grid = PLANNED_TRAVEL / self.state.grid_speed / f64::from(pace.every);
         limit.lower(grid, DtLimit::Velocity, None);
+        limit
+    }
+
+    /// Largest allowed substep of a part at its current state: `cfl` times the sound limit of the current tangents
+    /// (numerically the isolated-particle limit), and the kinematic limits.
+    pub(super) fn limit_of(&self, part: usize) -> Limit {
+        let object = Some(self.parts[part].object);
+        let extremes = &self.state.extremes[part];
+        let bounds = DeformationBounds {
+            max_stretch: f64::from(extremes.stretch_squared).sqrt(),
+            min_j: f64::from(extremes.min_j).min(1.0),
+            max_j: f64::from(extremes.max_j),
+            max_stiffness: f64::from(extremes.stiffness),
+        };
+        let sound = self.scene.cfl * self.critical_dt(part, &bounds);
+        let speed = f64::from(extremes.speed_squared).sqrt();
+        let rate = f64::from(extremes.rate_squared).sqrt();
+        let mut limit = Limit::FRAME;
+        limit.lower(sound, DtLimit::Sound, object);
+        limit.lower(PLANNED_TRAVEL / speed, DtLimit::Velocity, object);
+        limit.lower(PLANNED_STRAIN / rate, DtLimit::Deformation, object);
         limit
     }
 

@@ -7,6 +7,7 @@ mod damping;
 mod fields;
 mod laws;
 mod materials;
+mod pace;
 mod resting;
 mod rigid;
 mod robustness;
