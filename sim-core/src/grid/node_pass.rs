@@ -190,6 +190,9 @@ unsafe fn node_block_avx2(
     node_block::<Avx2>(block, tiles, keep, carrier, out)
 }
 
+/// How many tiles ahead of the sums a tile is asked for.
+const AHEAD: usize = 6;
+
 /// Packed tiles and their cells in use.
 type Tiles<'a> = (&'a [Tile], &'a [Cells]);
 
@@ -278,8 +281,8 @@ fn node_block<V: Lanes>(
         1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0,
     ]));
     let velocity = zero.lt(velocity);
-    // Tiles come from the outer caches: each is asked for while the one before it is summed.
-    let mut overlaps = [None; 28];
+    // Tiles come from the outer caches: each is asked for while those before it are summed.
+    let mut overlaps = [None; 27 + AHEAD];
     let mut count = 0;
     for n in 0..27 {
         if block.tiles[n] != NONE {
@@ -288,9 +291,12 @@ fn node_block<V: Lanes>(
             count += usize::from(overlaps[count].is_some());
         }
     }
+    for first in overlaps[..AHEAD].iter().flatten() {
+        first.prefetch();
+    }
     let mut sum = [zero; 16];
     for n in 0..count {
-        if let Some(next) = &overlaps[n + 1] {
+        if let Some(next) = &overlaps[n + AHEAD] {
             next.prefetch();
         }
         let Some(overlap) = &overlaps[n] else {
