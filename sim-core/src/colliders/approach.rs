@@ -6,8 +6,11 @@
 //! is as far from it as half the spacing of particles. Nodes up to [`BAND`] in front of the surface stop what touches,
 //! those farther out only what is too deep ([`STEEPNESS`]).
 
-use super::{ON_FACE, Placed, contact::Contact};
-use crate::{mat3::dot, scene::Surface};
+use super::{ON_FACE, Placed, contact::Contact, shape::Shape};
+use crate::{
+    mat3::dot,
+    scene::{Pose, Surface},
+};
 
 /// How far in front of the surface nodes stop matter that touches it [cells]. With it the last node that stops is
 /// between 0.5 cells below and 0.5 above the centres of the particles that touch (8 per cell).
@@ -79,6 +82,32 @@ impl Placed<'_> {
             gap: gap as f32,
             normal: found.normal.map(|n| n as f32),
         })
+    }
+
+    /// Normal of a half-space.
+    pub fn flat_normal(&self) -> Option<[f64; 3]> {
+        let is_flat = matches!(self.body.shape, Shape::HalfSpace { .. });
+        is_flat.then(|| self.distance(self.start.translation).normal)
+    }
+
+    /// Signed distances of points, given axis by axis, from a half-space that is not turned, as [`distance`](Self::distance)
+    /// has them, but many at once; none for other colliders.
+    #[inline(always)]
+    pub fn heights<const N: usize>(&self, x: &[[f64; N]; 3]) -> Option<[f64; N]> {
+        let Shape::HalfSpace { normal } = self.body.shape else {
+            return None;
+        };
+        let at = self.start.translation;
+        if self.start.rotation != Pose::IDENTITY.rotation {
+            return None;
+        }
+        let mut heights = [0.0; N];
+        for n in 0..N {
+            heights[n] = (x[0][n] - at[0]) * normal[0]
+                + (x[1][n] - at[1]) * normal[1]
+                + (x[2][n] - at[2]) * normal[2];
+        }
+        Some(heights)
     }
 
     /// What happens at a node at `x` that `nearest` reaches; none when nothing does.

@@ -1,6 +1,10 @@
 //! How near particles are to colliders that act on nodes, for every node that they reach.
 
+mod flat;
+
 use rayon::prelude::*;
+
+use flat::{Flat, merge, see_plane};
 
 use super::{
     Clock, NONE, NodeBlock, TILE,
@@ -28,9 +32,9 @@ const CLEAR: f32 = 0.25;
 /// Particle blocks per task at least.
 const TASK: usize = 16;
 
-/// The particle of a cell that is nearest to a collider.
+/// The particle of a cell that is nearest to a curved collider.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Seen {
+struct Seen {
     /// Number of the collider.
     body: usize,
     /// The cell, 0..6 per axis: -1..=4 in the block of its particles.
@@ -38,8 +42,14 @@ pub(crate) struct Seen {
     nearest: Nearest,
 }
 
-/// What the particles of one block are near to, collider after collider and cell after cell.
-pub(crate) type Approach = Vec<Seen>;
+/// What the particles of one block are near to.
+#[derive(Clone, Debug)]
+pub(crate) struct Approach {
+    /// Half-spaces.
+    flat: Vec<Flat>,
+    /// All others, collider after collider and cell after cell.
+    curved: Vec<Seen>,
+}
 
 /// Everything that acts on nodes in one substep.
 #[derive(Clone, Copy, Debug)]
@@ -96,20 +106,41 @@ fn approach(
     let min = block.index.map(|i| f64::from(BLOCK * i) - 1.5);
     let max = block.index.map(|i| f64::from(BLOCK * (i + 1)) + 0.5);
     for body in boundaries.bodies() {
-        if body.is_near(min, max, RANGE + RADIUS_MAX) {
-            approach_body(block, particles, half_spacings, body, &mut found);
+        if !body.is_near(min, max, RANGE + RADIUS_MAX) {
+            continue;
+        }
+        if body.flat_normal().is_some() {
+            found
+                .flat
+                .extend(see_plane(block, particles, half_spacings, body));
+        } else {
+            approach_body(block, particles, half_spacings, body, &mut found.curved);
         }
     }
     found
 }
 
-/// Adds what the particles of a block see of one collider.
+/// Cells 0..[`CUBE`] of sixteen particles in their block.
+#[inline(always)]
+fn cells_of(x: &[F32x16; 3]) -> [u32; LANES] {
+    let mut cells = [0; LANES];
+    for a in 0..3 {
+        for lane in 0..LANES {
+            // From -1 on, the block's centre is at 1.5; without the library's rounding.
+            let cell = (x[a].0[lane] + 3.0).clamp(0.0, 5.5) as i32;
+            cells[lane] = CELLS as u32 * cells[lane] + cell as u32;
+        }
+    }
+    cells
+}
+
+/// Adds what the particles of a block see of one curved collider.
 fn approach_body(
     block: &Block,
     particles: &Particles,
     half_spacings: &[f64],
     body: &Placed<'_>,
-    found: &mut Approach,
+    found: &mut Vec<Seen>,
 ) {
     let (mut cells, mut is_used) = ([Nearest::NONE; CUBE], false);
     for g in block.groups.clone() {
@@ -117,15 +148,14 @@ fn approach_body(
         if is_out_of_range(body, block.index, x) {
             continue;
         }
+        let cell = cells_of(x);
         for lane in (0..LANES).filter(|&lane| id[lane] != NO_PARTICLE) {
             let local = [x[0].0[lane], x[1].0[lane], x[2].0[lane]];
             let at = position_in_cells(block.index, local);
             let half_spacing = half_spacings[id[lane] as usize];
             if let Some(nearest) = body.nearest_of(at, half_spacing, 1.0) {
                 is_used = true;
-                // From -1 on, the block's centre is at 1.5; without the library's rounding.
-                let [i, j, k] = local.map(|x| (x + 3.0).clamp(0.0, 5.5) as usize);
-                cells[(i * CELLS + j) * CELLS + k].take(&nearest);
+                cells[cell[lane] as usize].take(&nearest);
             }
         }
     }
@@ -174,19 +204,12 @@ fn spread(seen: &[(usize, Nearest)], nearest: &mut [Nearest], b: usize, count: u
         return;
     };
     if seen.iter().all(|(_, one)| one.normal == first.normal) {
-        // Nearly always, and always in front of a plane: gaps say it all.
+        // Nearly always: gaps say it all.
         let mut gaps = [f32::INFINITY; CUBE];
         for (cell, one) in seen {
             gaps[*cell] = smaller(gaps[*cell], one.gap);
         }
-        let gaps = smallest_around(&gaps, f32::INFINITY);
-        for (at, &gap) in gaps.as_flattened().iter().enumerate() {
-            if gap < f32::INFINITY {
-                let normal = first.normal;
-                nearest[count * at + b] = Nearest { gap, normal };
-            }
-        }
-        return;
+        return spread_gaps(&gaps, first.normal, nearest, b, count);
     }
     let mut ranks = [u64::MAX; CUBE];
     for (n, (cell, one)) in seen.iter().enumerate() {
@@ -196,6 +219,22 @@ fn spread(seen: &[(usize, Nearest)], nearest: &mut [Nearest], b: usize, count: u
     for (at, &rank) in ranks.as_flattened().iter().enumerate() {
         if rank != u64::MAX {
             nearest[count * at + b] = seen[rank as u32 as usize].1;
+        }
+    }
+}
+
+/// The same where only gaps differ; infinite where there is nothing.
+fn spread_gaps(
+    gaps: &[f32; CUBE],
+    normal: [f32; 3],
+    nearest: &mut [Nearest],
+    b: usize,
+    count: usize,
+) {
+    let gaps = smallest_around(gaps, f32::INFINITY);
+    for (at, &gap) in gaps.as_flattened().iter().enumerate() {
+        if gap < f32::INFINITY {
+            nearest[count * at + b] = Nearest { gap, normal };
         }
     }
 }
@@ -278,7 +317,8 @@ impl<'a> Acting<'a> {
             return None;
         }
         // What the particle blocks around it are near to; most are near to nothing.
-        let mut around: [([i32; 3], &[Seen]); 27] = [([0; 3], &[]); 27];
+        let nothing = Approach::new();
+        let mut around = [([0; 3], &nothing); 27];
         let mut count = 0;
         for n in (0..27).filter(|&n| block.tiles[n] != NONE) {
             around[count] = (OFFSETS[n], &self.approaches[block.tiles[n] as usize]);
@@ -289,10 +329,9 @@ impl<'a> Acting<'a> {
         let [first, last] = corners(block.index);
         let is_inside = |body: &Placed<'_>| body.is_near(first, last, 0.0);
         conditions.retain_bodies(|body| {
-            let here = |seen: &Seen| seen.body == body.id;
             // Without matter near it, a collider acts on nodes inside, and counts with its speed.
             body.holds() && (moves(body) || is_inside(body))
-                || around.iter().any(|(_, approach)| approach.iter().any(here))
+                || around.iter().any(|(_, approach)| approach.sees(body.id))
         });
         if conditions.is_empty() {
             return None;
@@ -301,9 +340,19 @@ impl<'a> Acting<'a> {
         let mut nearest = vec![Nearest::NONE; 64 * bodies.len()];
         let mut reaching = Vec::new();
         for (b, body) in bodies.iter().enumerate() {
+            if let Some(normal) = body.flat_normal() {
+                let mut gaps = [f32::INFINITY; CUBE];
+                for (offset, approach) in around {
+                    let of_body = approach.flat.iter().filter(|flat| flat.body == body.id);
+                    of_body.for_each(|flat| merge(&flat.gaps, *offset, &mut gaps));
+                }
+                let normal = normal.map(|n| n as f32);
+                spread_gaps(&gaps, normal, &mut nearest, b, bodies.len());
+                continue;
+            }
             reaching.clear();
             for (offset, approach) in around {
-                let of_body = approach.iter().filter(|seen| seen.body == body.id);
+                let of_body = approach.curved.iter().filter(|seen| seen.body == body.id);
                 reaching.extend(of_body.filter_map(|seen| seen.from(*offset)));
             }
             spread(&reaching, &mut nearest, b, bodies.len());
@@ -331,6 +380,26 @@ fn is_clear(nearest: &[Nearest], v: [f64; 3], dt: f64) -> bool {
 
 fn moves(body: &Placed<'_>) -> bool {
     body.speed(1.0, 1.0) > 0.0
+}
+
+impl Approach {
+    /// To nothing.
+    fn new() -> Self {
+        Self {
+            flat: vec![],
+            curved: vec![],
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.flat.is_empty() && self.curved.is_empty()
+    }
+
+    /// Whether any particle is near a collider.
+    fn sees(&self, body: usize) -> bool {
+        self.flat.iter().any(|flat| flat.body == body)
+            || self.curved.iter().any(|seen| seen.body == body)
+    }
 }
 
 impl Seen {
@@ -396,129 +465,4 @@ impl Allowed<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{
-        colliders::{Boundaries, Substep},
-        scene::Surface,
-        test_scenes::{add_plane, empty},
-    };
-
-    /// What particle blocks at all offsets see of one collider, in cells of about one in seven.
-    fn sights(normal: impl Fn(usize) -> [f32; 3]) -> Vec<([i32; 3], Vec<Seen>)> {
-        let block = |(o, offset): (usize, &[i32; 3])| {
-            let cells = (0..CUBE).filter(|n| (n * 31 + o * 17) % 7 == 0);
-            let seen = cells.map(|n| Seen {
-                body: 0,
-                cell: [n / 36, n / 6 % 6, n % 6].map(|i| i as i32),
-                nearest: Nearest {
-                    // Few different ones, so that many are equally near.
-                    gap: ((n * 37 + o * 11) % 23) as f32 - 9.0,
-                    normal: normal(n + 5 * o),
-                },
-            });
-            (*offset, seen.collect())
-        };
-        OFFSETS.iter().enumerate().map(block).collect()
-    }
-
-    #[test]
-    fn a_node_sees_the_nearest_of_all_cells_around_it_and_no_other() {
-        let normals: [fn(usize) -> [f32; 3]; 2] = [|_| [0.0, 1.0, 0.0], |n| [n as f32, 1.0, 2.0]];
-        for normal in normals {
-            let sights = sights(normal);
-            let all = sights.iter();
-            let reaching: Vec<_> = all
-                .flat_map(|(offset, seen)| seen.iter().filter_map(|one| one.from(*offset)))
-                .collect();
-            let mut found = vec![Nearest::NONE; 2 * 64];
-            spread(&reaching, &mut found, 1, 2);
-            for at in 0..64 {
-                let node = [at / 16, at / 4 % 4, at % 4].map(|i| i as i32);
-                let mut expected = Nearest::NONE;
-                for (offset, seen) in &sights {
-                    for one in seen {
-                        // Cells -1..=4 of a block that lies four cells farther per offset.
-                        let cell = |a: usize| one.cell[a] - 1 + 4 * offset[a];
-                        if (0..3).all(|a| (cell(a) - node[a]).abs() <= 1) {
-                            expected.take(&one.nearest);
-                        }
-                    }
-                }
-                assert!(expected.gap < f32::INFINITY);
-                assert_eq!(found[2 * at + 1], expected, "{node:?}");
-                assert_eq!(found[2 * at], Nearest::NONE);
-            }
-        }
-    }
-
-    #[test]
-    fn what_nothing_is_near_to_is_near_to_nothing() {
-        let mut found = vec![Nearest::NONE; 64];
-        let far = Nearest {
-            gap: 0.25,
-            normal: [1.0, 0.0, 0.0],
-        };
-        // The last cell of the block reaches its last eight nodes.
-        spread(&[(CUBE - 1 - 43, far)], &mut found, 0, 1);
-        let near = found.iter().filter(|nearest| nearest.gap == 0.25).count();
-        assert_eq!(near, 8);
-        assert_eq!(found[63], far);
-        assert_eq!(found[0], Nearest::NONE);
-    }
-
-    #[test]
-    fn what_is_clear_of_all_colliders_goes_on_as_it_was() {
-        let now = Substep {
-            time: 0.0,
-            dt: 1e-3,
-            kick: 1e-3,
-            frame_start: 0.0,
-            frame_length: 1e-2,
-        };
-        let mut scene = empty(0.1);
-        for (normal, surface) in [
-            ([0.0, 0.0, 1.0], Surface::Sticky),
-            ([0.6, 0.0, 0.8], Surface::Slip),
-            ([0.0, 1.0, 0.0], Surface::Separate),
-        ] {
-            add_plane(&mut scene, [0.0; 3], normal, surface, 0.5);
-        }
-        let boundaries = Boundaries::new(&scene, scene.dx);
-        let conditions = boundaries.on_nodes(&vec![], &now);
-        let bodies = conditions.bodies();
-        let gaps = [0.26, 0.4, 0.9, f32::INFINITY];
-        let nearest: Vec<Nearest> = (0..64 * bodies.len())
-            .map(|n| Nearest {
-                gap: gaps[n * 29 % 23 % 4],
-                normal: bodies[n % bodies.len()]
-                    .distance([9.0; 3])
-                    .normal
-                    .map(|n| n as f32),
-            })
-            .collect();
-        let allowed = Allowed {
-            nearest: nearest.clone(),
-            is_outside: true,
-            index: [0; 3],
-            dt: now.dt,
-            conditions: conditions.clone(),
-        };
-        let mut free = 0;
-        for at in 0..64 {
-            for n in 0..200 {
-                // Up to three times as fast as what crosses the smallest gap.
-                let turn = f64::from(n * 64 + at);
-                let v = [1.3, 2.1, 3.7].map(|k| (k * turn).sin() * 2.6 * f64::from(n));
-                let at = at as usize;
-                let x = [at / 16, at / 4 % 4, at % 4].map(|i| i as f64);
-                let near = &nearest[bodies.len() * at..][..bodies.len()];
-                let obeyed = Attached::free(v);
-                let expected = conditions.constrain(x, near, now.dt, 1.0, &obeyed);
-                assert_eq!(allowed.constrain(at, v), expected, "{near:?} {v:?}");
-                free += usize::from(is_clear(near, v, now.dt));
-            }
-        }
-        assert!((1000..12_000).contains(&free), "{free} of 12800 are clear");
-    }
-}
+mod tests;
