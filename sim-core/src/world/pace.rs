@@ -17,9 +17,12 @@ use crate::{
 const MOST: u32 = 7;
 /// Cost of a particle's substep where forces are worked out apart, in common ones.
 const COST: f64 = 1.5;
+/// Share of particles in the cost of a substep among others, where contact and boundaries are worked out as often as before
+/// (measured in heaps: 0.3 to 0.4).
+const OFF_THE_GRID: f64 = 0.35;
 /// Offset 0 of the 27 around a block.
 const HERE: usize = 13;
-/// Least share of the steps of particles that must be saved.
+/// Least share of the cost of substeps that must be saved.
 const WORTH: f64 = 0.1;
 
 /// How an object takes substeps.
@@ -162,7 +165,7 @@ impl World {
                 .map(|(stride, count)| match stride {
                     Stride::Common => 0.0,
                     Stride::Apart => count * (1.0 - f64::from(every).recip()),
-                    Stride::Among => count * (1.0 - COST / f64::from(every)),
+                    Stride::Among => count * OFF_THE_GRID * (1.0 - COST / f64::from(every)),
                 });
             let saved = saved.sum();
             if saved > best.0 {
