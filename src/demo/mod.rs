@@ -77,6 +77,16 @@ pub struct Args {
 
 /// Simulated seconds where nothing else is said.
 const DURATION: f64 = 4.0;
+/// Where the two vases are looked at from: so that they are seen where they come to lie.
+const TWO_VASES_VIEW: [&str; 7] = [
+    "--azimuth=12",
+    "--elevation=18",
+    "--distance=1.15",
+    "--target",
+    "0.1",
+    "0.08",
+    "0.03",
+];
 /// How long the processes may take to find each other, loading and filling included.
 const ATTACH_TIMEOUT: Duration = Duration::from_secs(120);
 /// How long the clients may take to finish their files after the last frame.
@@ -286,7 +296,13 @@ impl Demo<'_> {
         ]
         .map(str::to_owned)
         .to_vec();
-        arguments.extend(self.known.iter().flat_map(|scene| scene.view_arguments()));
+        match &self.known {
+            Some(scene) => arguments.extend(scene.view_arguments()),
+            None if self.args.splat.is_none() => {
+                arguments.extend(TWO_VASES_VIEW.map(str::to_owned))
+            }
+            None => {}
+        }
         Ok(arguments)
     }
 
