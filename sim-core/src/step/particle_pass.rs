@@ -102,8 +102,8 @@ fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     mine
 }
 
-/// Runs one stage over the particles of fields that have a pass: `of` says which of `passes`, all of one stage. `backup` receives them as they were in [`Stage::Scatter`]; `motion_out` the
-/// velocities in [`Stage::Gather`].
+/// Runs one stage over the particles of fields that have a pass: `of` says which of `passes`, all of one stage. `backup`
+/// receives them as they were in [`Stage::Scatter`]; `motion_out` the velocities in [`Stage::Gather`].
 pub(crate) fn particle_pass(
     isa: Isa,
     passes: &[Pass<'_>],

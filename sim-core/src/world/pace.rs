@@ -146,15 +146,17 @@ impl World {
             }
         }
         let shortest = own.iter().copied().fold(f64::INFINITY, f64::min);
-        let longest = frame
-            .remaining()
-            .min(PLANNED_TRAVEL / self.state.grid_speed);
         let total: f64 = counts.iter().sum();
         for (object, own) in own.iter_mut().enumerate() {
             if *own < 2.0 * shortest || counts[object] == 0.0 || !self.may_be_slow(object) {
                 *own = 0.0;
             }
         }
+        // Nobody's substep is longer than this, and mostly it is nothing.
+        let longest = own.iter().copied().fold(0.0, f64::max);
+        let longest = longest
+            .min(frame.remaining())
+            .min(PLANNED_TRAVEL / self.state.grid_speed);
         let mut best = (WORTH * total, Pace::common());
         for every in (2..=MOST).take_while(|&every| f64::from(every) * shortest <= longest) {
             let slow = own.iter().map(|&own| own >= f64::from(every) * shortest);
