@@ -292,7 +292,8 @@ impl World {
         Cow::Borrowed(self.blocks_of_particles(object))
     }
 
-    fn blocks_of_particles(&self, object: usize) -> &[Block] {
+    /// Blocks of its particles, awake or not, as of the last sort.
+    pub(super) fn blocks_of_particles(&self, object: usize) -> &[Block] {
         if let Some(particles) = self.state.standing[object].sleeping() {
             return &particles.blocks;
         }

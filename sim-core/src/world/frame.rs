@@ -22,7 +22,7 @@ const MARGIN: f64 = 0.999;
 /// Drift beyond which a new segment sorts first [cells].
 const SORT_DRIFT: f64 = 0.5;
 /// Substeps of a segment at most: the work that a rollback may repeat.
-const SEGMENT: usize = 32;
+pub(super) const SEGMENT: usize = 32;
 /// Times that a failing substep is halved before its bad particles are quarantined.
 const RETRIES: u32 = 6;
 

@@ -5,11 +5,18 @@
 //! bodies as in every substep: so momentum is exchanged as always, and what rests on each other is in balance at any time. Their
 //! particles move by where those velocities end, as in any substep, and are left alone until then.
 
-use super::{Frame, World, frame::Step, time_step::PLANNED_TRAVEL};
+use super::{
+    Frame, World,
+    frame::{SEGMENT, Step},
+    time_step::PLANNED_TRAVEL,
+};
 use crate::{
+    bodies::body::Body,
     colliders::Substep,
     grid::{Clock, NONE, Shared, Transfer},
     kinematics::kick,
+    mat3::length,
+    particles::{BLOCK, Block},
 };
 
 /// Most substeps of others to one of a slow object. Fewer than those without an impulse after which a pair may count as
@@ -157,10 +164,16 @@ impl World {
         let longest = longest
             .min(frame.remaining())
             .min(PLANNED_TRAVEL / self.state.grid_speed);
+        if longest < 2.0 * shortest {
+            return Pace::common();
+        }
+        // Twice, as objects may become faster meanwhile.
+        let time = frame.remaining().min(SEGMENT as f64 * shortest);
+        let waded = self.waded(2.0 * time);
         let mut best = (WORTH * total, Pace::common());
         for every in (2..=MOST).take_while(|&every| f64::from(every) * shortest <= longest) {
             let slow = own.iter().map(|&own| own >= f64::from(every) * shortest);
-            let strides = self.strides(&slow.collect::<Vec<_>>());
+            let strides = self.strides(&slow.collect::<Vec<_>>(), &waded);
             let saved = strides
                 .iter()
                 .zip(&counts)
@@ -187,8 +200,39 @@ impl World {
         self.is_automatic(object) && !self.is_ruled(object)
     }
 
-    /// How objects take substeps of which some could take longer ones.
-    fn strides(&self, slow: &[bool]) -> Vec<Stride> {
+    /// Per object, whether a body may come to its matter within some time [s]: bodies meet nodes in every common substep.
+    fn waded(&self, time: f64) -> Vec<bool> {
+        let dx = self.scene.dx;
+        let bodies: Vec<(usize, &Body, f64)> = (0..self.scene.objects.len())
+            .filter_map(|id| {
+                let (rigid, shape) = (self.state.rigid[id].as_ref()?, self.shapes[id].as_ref()?);
+                Some((id, &rigid.body, shape.radius))
+            })
+            .collect();
+        // Particles drift out of their block, and their nodes are farther out.
+        let edges = |index: i32| [-3, BLOCK + 3].map(|cells| f64::from(BLOCK * index + cells) * dx);
+        let distance = |block: &Block, from: [f64; 3]| {
+            let outside: [f64; 3] = std::array::from_fn(|a| {
+                let [min, max] = edges(block.index[a]);
+                (min - from[a]).max(from[a] - max).max(0.0)
+            });
+            length(outside)
+        };
+        let is_near = |object: usize| {
+            let near = |(id, body, radius): &(usize, &Body, f64)| {
+                let reach = radius + time * (self.fastest(*id) + self.fastest(object));
+                let blocks = self.blocks_of_particles(object).iter();
+                blocks
+                    .map(|block| distance(block, body.com))
+                    .any(|gap| gap <= reach)
+            };
+            bodies.iter().any(near)
+        };
+        (0..self.scene.objects.len()).map(is_near).collect()
+    }
+
+    /// How objects take substeps of which some could take longer ones, and some may meet bodies.
+    fn strides(&self, slow: &[bool], waded: &[bool]) -> Vec<Stride> {
         // What may share nodes with one that takes common ones, or with what does, is among them: particles reach nodes of
         // their block and of those around it.
         let grid = &self.workspace.grid;
@@ -198,7 +242,11 @@ impl World {
         };
         let is_met = |place: &&Shared| sharers(place).any(|node| node.tiles[HERE] != NONE);
         let met: Vec<&Shared> = grid.shared.iter().filter(is_met).collect();
-        let mut among: Vec<bool> = slow.iter().map(|slow| !slow || self.has_bodies()).collect();
+        let mut among: Vec<bool> = slow
+            .iter()
+            .zip(waded)
+            .map(|(slow, waded)| !slow || *waded)
+            .collect();
         loop {
             let mut grows = false;
             for place in &met {
@@ -212,17 +260,17 @@ impl World {
                 break;
             }
         }
-        // Forces that depend on velocities cannot be worked out apart from them.
-        let stiffens = |object: usize| {
+        // Grains give way to stress anew whenever it is asked for.
+        let lasts = |object: usize| {
             let parts = self.parts.iter().zip(&self.state.materials);
             let mut mine = parts.filter(|(part, _)| part.object == object);
-            mine.all(|(_, material)| material.law.is_solid() && !material.law.is_rigid())
+            mine.all(|(_, material)| material.law.is_solid() || material.law.is_fluid())
         };
         let objects = slow.iter().zip(among).enumerate();
         objects
             .map(|(object, (&slow, among))| match (slow, among) {
                 (true, false) => Stride::Apart,
-                (true, true) if stiffens(object) => Stride::Among,
+                (true, true) if lasts(object) => Stride::Among,
                 _ => Stride::Common,
             })
             .collect()

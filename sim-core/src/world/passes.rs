@@ -11,7 +11,7 @@ use super::{
 use crate::{
     colliders::{Substep, touch::Touch},
     grid::{Sums, node_means},
-    materials::Coefficients,
+    materials::{Coefficients, Material},
     particles::NO_PARTICLE,
     step::{
         constitutive::PartLaw,
@@ -37,12 +37,12 @@ impl World {
             .iter()
             .map(|class| self.of_class(frame, class, step, next))
             .collect();
-        // Of slow objects among others forces come by themselves.
+        // Of slow objects among others those forces that do not depend on velocities come by themselves.
         let laws = all
             .iter()
             .zip(&substeps)
             .map(|(class, [_, next])| match class.stride {
-                Stride::Among => self.laws(0.0),
+                Stride::Among => self.frictions(next.kick),
                 Stride::Common | Stride::Apart => self.laws(next.kick),
             });
         let laws: Vec<Vec<PartLaw>> = laws.collect();
@@ -172,6 +172,23 @@ impl World {
             &mut self.workspace.grid,
         );
         frame.timings.particles += start.elapsed().as_secs_f64();
+    }
+
+    /// The laws of that stress alone which depends on velocities: friction in fluids.
+    fn frictions(&self, kick: f64) -> Vec<PartLaw> {
+        let mut laws = self.laws(kick);
+        for (law, material) in laws.iter_mut().zip(&self.state.materials) {
+            match material.law.friction() {
+                Some(friction) => {
+                    law.coefficients = Coefficients::new(&Material {
+                        law: friction,
+                        ..material.clone()
+                    });
+                }
+                None => law.stress_scale = 0.0,
+            }
+        }
+        laws
     }
 
     /// Law and numbers of every part, where stress acts for `kick` [s].

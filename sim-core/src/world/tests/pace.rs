@@ -178,6 +178,92 @@ fn what_is_apart_from_the_stiff_one_takes_whole_substeps() {
     }
 }
 
+/// Sand, a stiff block that is far from it, and a stone which comes to it, in nothing.
+fn visit() -> Scene {
+    let mut scene = empty(DX);
+    add(&mut scene, true, Fidelity::Mpm, [-1.5, 0.0, 0.0]);
+    let sand = Law::DruckerPrager {
+        friction_angle: 30.0,
+        cohesion: 0.0,
+    };
+    let corner = [-0.5 * EDGE; 3];
+    let pile = add_box(
+        &mut scene,
+        elastic(sand, 2e5, 0.3),
+        corner,
+        0.5 * DX,
+        [12; 3],
+    );
+    scene.objects[pile].fidelity = Fidelity::Auto;
+    let matter = elastic(Law::Rigid, 1e6, 0.3);
+    let stone = add_box(&mut scene, matter, [1.4, -0.1, -0.1], 0.5 * DX, [8; 3]);
+    scene.objects[stone].linear_velocity = [-4.0, 0.0, 0.0];
+    scene
+}
+
+#[test]
+fn a_rigid_body_holds_up_what_it_may_come_to_and_nothing_else() {
+    let mut world = World::new(visit()).expect("valid");
+    let momentum = world.report().linear_momentum[0];
+    // Of the stone nothing is a particle that takes substeps.
+    let matter = 2 * 12_usize.pow(3);
+    let far = share(&run(&mut world, 12), matter);
+    assert!(far < 0.65, "{far}");
+    // The stone is there, and sand takes common substeps where something else is near.
+    run(&mut world, 6);
+    let near = share(&run(&mut world, 6), matter);
+    assert_eq!(near, 1.0);
+    let after = world.report();
+    let pushed = after.objects[1].linear_velocity[0];
+    assert!(pushed < -0.5, "{pushed}");
+    let lost = after.linear_momentum[0] - momentum;
+    assert!(lost.abs() < 1e-5 * momentum.abs(), "{lost}");
+}
+
+/// A stiff block as heavy as water falls into a tank of it.
+fn tank(fidelity: Fidelity) -> Scene {
+    let mut scene = empty(DX);
+    scene.gravity = [0.0, -9.81, 0.0];
+    scene.tolerance = 1e-6;
+    let mut wall = |point, normal| add_plane(&mut scene, point, normal, Surface::Slip, 0.0);
+    wall([0.0; 3], [0.0, 1.0, 0.0]);
+    for (a, sign) in [(0, 1.0), (0, -1.0), (2, 1.0), (2, -1.0)] {
+        let (mut point, mut normal) = ([0.0; 3], [0.0; 3]);
+        (point[a], normal[a]) = (-EDGE * sign, sign);
+        wall(point, normal);
+    }
+    let water = Law::Fluid {
+        bulk_modulus: 2e5,
+        viscosity: 1.0,
+    };
+    let corner = [-EDGE, 0.0, -EDGE];
+    let water = elastic(water, 0.0, 0.0);
+    let pool = add_box(&mut scene, water, corner, 0.5 * DX, [24, 12, 24]);
+    scene.objects[pool].fidelity = fidelity;
+    add(&mut scene, true, fidelity, [0.0, EDGE + 0.25, 0.0]);
+    scene
+}
+
+#[test]
+fn water_takes_its_own_substeps_around_a_stiff_block_and_lets_it_in() {
+    let ends = |fidelity| {
+        let scene = tank(fidelity);
+        let particles = scene.particles.position.len();
+        let mut world = World::new(scene).expect("valid");
+        let start = energy(world.report());
+        let reports = run(&mut world, 60);
+        let most = reports.iter().map(energy).fold(0.0, f64::max);
+        assert!(most <= 1.0005 * start, "{most} {start}");
+        let height = world.report().objects[1].com[1];
+        (share(&reports, particles), height)
+    };
+    let [(share, own), (_, common)] = [Fidelity::Auto, Fidelity::Mpm].map(ends);
+    // The water, four fifths of all, takes a fifth of the substeps.
+    assert!(share < 0.45, "{share}");
+    // It is less viscous where it takes fewer: the block, which floats at any depth under water, comes nearer to it.
+    assert!(own < common - 0.02, "{own} {common}");
+}
+
 #[test]
 fn the_same_bits_for_any_threads_instructions_and_from_a_checkpoint() {
     let last = |threads: usize, isa: Isa, restored: bool| {
