@@ -259,6 +259,18 @@ impl World {
     pub(super) fn settle_fidelity(&mut self, frame: &mut Frame) {
         let objects = 0..self.scene.objects.len();
         self.settle_affine(frame);
+        // What a checkpoint brought along of a scene that asked for less.
+        for object in objects.clone() {
+            if self.is_automatic(object) {
+                continue;
+            }
+            if self.state.sleeps(object) {
+                self.wake(object);
+            }
+            if self.state.standing[object].stand_in.is_some() {
+                self.bring_back(object);
+            }
+        }
         if !objects.clone().any(|id| self.is_automatic(id)) {
             return;
         }

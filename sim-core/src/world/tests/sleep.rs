@@ -192,3 +192,22 @@ fn gravity_wakes_all_and_a_moving_collider_what_it_comes_near() {
     let levels = [0, 1].map(|id| report.objects[id].level);
     assert_eq!(levels, [Level::Mpm; 2]);
 }
+
+#[test]
+fn sleepers_of_a_checkpoint_are_awake_in_a_scene_that_models_all_in_full() {
+    let mut world = World::new(two_boxes(0.05)).expect("valid");
+    fall_asleep(&mut world);
+    let mut scene = two_boxes(0.05);
+    for object in &mut scene.objects {
+        object.fidelity = Fidelity::Mpm;
+    }
+    let mut full = World::new(scene).expect("valid");
+    full.restore(&world.checkpoint()).expect("the same matter");
+    let report = full.step(FRAME, &[]);
+    assert!(report.objects.iter().all(|o| o.level == Level::Mpm));
+    let particles = full.positions().len() as u64;
+    assert_eq!(
+        report.particle_updates,
+        particles * u64::from(report.substeps)
+    );
+}

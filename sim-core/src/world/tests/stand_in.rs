@@ -183,3 +183,23 @@ fn an_object_of_fidelity_rigid_moves_like_one_of_a_rigid_material() {
     }
     assert_eq!(stated.positions(), material.positions());
 }
+
+#[test]
+fn a_checkpoint_of_a_stand_in_goes_on_in_full_where_the_scene_asks_for_that() {
+    let mut world = World::new(auto()).expect("valid");
+    let levels: Vec<Level> = (0..12)
+        .map(|_| world.step(FRAME, &[]).objects[0].level)
+        .collect();
+    assert_eq!(levels[11], Level::Rigid);
+    let mut full = World::new(thrown(Fidelity::Mpm, Law::NeoHookean)).expect("valid");
+    full.restore(&world.checkpoint()).expect("the same matter");
+    let before = world.report().clone();
+    let report = full.step(FRAME, &[]);
+    assert_eq!(report.objects[0].level, Level::Mpm);
+    assert!(report.particle_updates > 0);
+    let spin = |report: &crate::StepReport| report.objects[0].angular_momentum;
+    for a in 0..3 {
+        let lost = spin(&report)[a] - spin(&before)[a];
+        assert!(lost.abs() < 1e-5 * spin(&before)[2].abs(), "{a}: {lost}");
+    }
+}
