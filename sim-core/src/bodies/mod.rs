@@ -12,6 +12,7 @@ pub(crate) mod engine;
 mod field;
 mod impact_time;
 mod meet;
+pub(crate) mod near;
 pub(crate) mod nodes;
 mod overlap;
 mod points;

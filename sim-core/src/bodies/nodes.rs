@@ -1,28 +1,34 @@
 //! Bodies and matter on the grid: impulses between a body and the nodes in it.
 //!
-//! A body meets matter as a collider of finite mass would: nodes inside it may not move further in, and rub. Impulses
-//! act at the nodes, equal and opposite, so that linear and angular momentum stay.
+//! A body meets matter as a collider of finite mass would: nodes may come no nearer to it than the nearest of the particles
+//! that reach them does, and rub. Impulses act at the nodes, equal and opposite, so that linear and angular momentum stay.
 
 use std::collections::BTreeMap;
 
 use super::{
     body::Body,
     engine::Drive,
+    near::{Fields, NODES, Nearest, near},
     shape::Shape,
     solve::{Mover, Point, sweep},
-    vector::{Vec3, add, along, scaled, sub},
+    vector::{Vec3, add, along, length, scaled, sub},
 };
 use crate::{
-    colliders::pose::rotate,
-    grid::Grid,
+    colliders::{edge, pose::rotate},
+    grid::{Grid, NodeBlock},
     mat3::{Mat3, cross, dot},
-    particles::BLOCK,
+    particles::{BLOCK, Particles},
 };
 
 /// Nodes lighter than this share of the heaviest particle meet nobody.
 const LIGHTEST: f32 = 1e-12;
-/// Depth that a body has for nodes at least [cells]: a thinner one might lie between all of them.
+/// Depth that a body has at least for nodes of matter that is one piece with it [cells]: a thinner one might lie between all of
+/// them.
 const DEPTH: f64 = 0.9;
+/// Gap up to which nodes count that would not close it by themselves [cells]: a body that others push may.
+const SOON: f64 = 0.1;
+/// Cosine of the angle beyond which a node's normal is that of the other side of a thin body.
+const SAME_SIDE: f64 = 0.5;
 
 /// A body among nodes.
 #[derive(Clone, Copy, Debug)]
@@ -36,6 +42,11 @@ pub(crate) struct Wader<'a> {
 
 /// What the grid is filled with, and how bodies meet it.
 pub(crate) struct Water<'a> {
+    /// What it is the grid of.
+    pub particles: &'a Particles,
+    pub fields: Fields<'a>,
+    /// How fast it moves at most, about [m/s].
+    pub fastest: f64,
     /// Cell size [m].
     pub dx: f64,
     /// Unit of mass of nodes [kg].
@@ -52,7 +63,7 @@ pub(crate) struct Water<'a> {
     pub bonded: &'a dyn Fn(usize, u32) -> bool,
 }
 
-/// A node in a body, the first of those that it is in.
+/// A node that meets a body, the first of those that it meets.
 struct Site {
     /// Node block, row and first float of the node.
     at: [usize; 3],
@@ -75,68 +86,72 @@ pub(crate) fn wade(
     let (mut sites, mut points): (Vec<Site>, Vec<Point>) = (Vec::new(), Vec::new());
     let mut known: BTreeMap<[usize; 3], usize> = BTreeMap::new();
     for (n, wader) in bodies.iter().enumerate() {
-        let thicker = (DEPTH * dx - wader.shape.depth).max(0.0);
-        let reach = wader.shape.radius + thicker;
+        let moves = movers[n];
+        let speed = length(moves.velocity) + length(moves.spin) * wader.shape.radius;
+        let most = SOON * dx + water.dt * (water.fastest + speed);
+        let (shape, body) = (wader.shape, &wader.body);
+        let (particles, volumes) = (water.particles, water.fields.cells_per_mass);
+        let told = near(particles, volumes, grid, shape, body, most, dx);
         for (block, nodes) in grid.nodes.iter().enumerate() {
-            let first = nodes.index.map(|i| f64::from(BLOCK * i) * dx);
-            let last = first.map(|x| x + f64::from(BLOCK - 1) * dx);
-            let com = wader.body.com;
-            if (0..3).any(|a| com[a] + reach < first[a] || com[a] - reach > last[a]) {
+            let meeting = Meeting {
+                grid,
+                water,
+                wader,
+                moves: &moves,
+                nodes,
+                nearest: told.get(&block),
+                bonded: (water.bonded)(wader.object, nodes.field),
+            };
+            if !meeting.is_possible() {
                 continue;
             }
-            for row in 0..16 {
-                for k in 0..4 {
-                    let node = &grid.velocities[block].0[row].0[4 * k..4 * k + 4];
-                    if node[3].is_nan() || node[3] <= LIGHTEST {
-                        continue;
-                    }
-                    let offset = [row / 4, row % 4, k];
-                    let x = [0, 1, 2].map(|a| first[a] + offset[a] as f64 * dx);
-                    let local = wader.body.inverse_point(x);
-                    if wader.shape.distance(local) >= thicker {
-                        continue;
-                    }
-                    let bonded = (water.bonded)(wader.object, nodes.field);
-                    let at = [block, row, 4 * k];
-                    let mover = *known.entry(at).or_insert_with(|| {
-                        let velocity =
-                            [0, 1, 2].map(|a| (f64::from(node[a]) + water.carrier[a]) * dx);
-                        sites.push(Site {
-                            at,
-                            body: n,
-                            arm: sub(x, com),
-                            velocity,
-                        });
-                        movers.push(Mover {
-                            inverse_mass: 1.0 / (f64::from(node[3]) * water.mass_unit),
-                            inverse_inertia: Mat3::diagonal([0.0; 3]),
-                            velocity,
-                            spin: [0.0; 3],
-                        });
-                        movers.len() - 1
-                    });
-                    points.push(Point {
-                        a: mover,
-                        b: Some(n),
-                        normal: rotate(wader.body.rotation, wader.shape.normal(local)),
-                        arms: [[0.0; 3], sub(x, com)],
-                        wall: [0.0; 3],
-                        friction: (water.friction)(wader.object, nodes.field),
-                        restitution: 0.0,
-                        target: 0.0,
-                        holds: bonded,
-                        sticks: bonded,
-                        pressed: 0.0,
-                        rubbed: [0.0; 3],
-                        before: [0.0; 3],
-                    });
+            for at in 0..NODES {
+                let node = &grid.velocities[block].0[at / 4].0[4 * (at % 4)..][..4];
+                if node[3].is_nan() || node[3] <= LIGHTEST {
+                    continue;
                 }
+                let velocity = [0, 1, 2].map(|a| (f64::from(node[a]) + water.carrier[a]) * dx);
+                let Some((normal, target)) = meeting.at(at, velocity) else {
+                    continue;
+                };
+                let arm = sub(meeting.place(at), wader.body.com);
+                let place = [block, at / 4, 4 * (at % 4)];
+                let mover = *known.entry(place).or_insert_with(|| {
+                    sites.push(Site {
+                        at: place,
+                        body: n,
+                        arm,
+                        velocity,
+                    });
+                    movers.push(Mover {
+                        inverse_mass: 1.0 / (f64::from(node[3]) * water.mass_unit),
+                        inverse_inertia: Mat3::diagonal([0.0; 3]),
+                        velocity,
+                        spin: [0.0; 3],
+                    });
+                    movers.len() - 1
+                });
+                points.push(Point {
+                    a: mover,
+                    b: Some(n),
+                    normal,
+                    arms: [[0.0; 3], arm],
+                    wall: [0.0; 3],
+                    friction: (water.friction)(wader.object, nodes.field),
+                    restitution: 0.0,
+                    target,
+                    holds: meeting.bonded,
+                    sticks: meeting.bonded,
+                    pressed: 0.0,
+                    rubbed: [0.0; 3],
+                    before: [0.0; 3],
+                });
             }
         }
     }
     let touched = points.iter().any(|p| {
         let u = p.relative(&movers);
-        p.holds || dot(u, p.normal) < 0.0
+        p.holds || dot(u, p.normal) < p.target
     });
     if !touched {
         return (loads, 0.0);
@@ -174,6 +189,104 @@ pub(crate) fn wade(
         );
     }
     (loads, f32::from_bits(largest))
+}
+
+/// A body and a block of nodes.
+struct Meeting<'a> {
+    grid: &'a Grid,
+    water: &'a Water<'a>,
+    wader: &'a Wader<'a>,
+    /// The body at the end of the substep, as far as it is known.
+    moves: &'a Mover,
+    nodes: &'a NodeBlock,
+    /// What particles may touch the body, if any.
+    nearest: Option<&'a [Nearest; NODES]>,
+    /// Whether both are one piece.
+    bonded: bool,
+}
+
+impl Meeting<'_> {
+    /// Where a node is [m].
+    fn place(&self, at: usize) -> Vec3 {
+        let local = [at / 16, at / 4 % 4, at % 4];
+        let first = self.nodes.index.map(|i| f64::from(BLOCK * i));
+        std::array::from_fn(|a| (first[a] + local[a] as f64) * self.water.dx)
+    }
+
+    /// Depth that the body lacks to hold nodes of what is one piece with it [m].
+    fn thicker(&self) -> f64 {
+        (DEPTH * self.water.dx - self.wader.shape.depth).max(0.0)
+    }
+
+    /// Whether the body may meet some node.
+    fn is_possible(&self) -> bool {
+        if !self.bonded {
+            return self.nearest.is_some();
+        }
+        let (first, last) = (self.place(0), self.place(NODES - 1));
+        let com = self.wader.body.com;
+        let reach = self.wader.shape.radius + self.thicker();
+        (0..3).all(|a| com[a] + reach >= first[a] && com[a] - reach <= last[a])
+    }
+
+    /// Normal out of the body at a node that meets it, and the least velocity along it that is left to the node [m/s], both
+    /// relative to the body.
+    fn at(&self, at: usize, velocity: Vec3) -> Option<(Vec3, f64)> {
+        let (shape, body, water) = (self.wader.shape, &self.wader.body, self.water);
+        let x = self.place(at);
+        let local = body.inverse_point(x);
+        if self.bonded {
+            let inside = shape.distance(local) < self.thicker();
+            return inside.then(|| (rotate(body.rotation, shape.normal(local)), 0.0));
+        }
+        let nearest = self.nearest?[at];
+        if nearest.gap == f64::INFINITY {
+            return None;
+        }
+        // That of the surface near the node, if it is on the side of the particle.
+        let [own, its] = [local, nearest.place].map(|x| shape.normal(x));
+        let outward = if dot(own, its) > SAME_SIDE { own } else { its };
+        let normal = rotate(body.rotation, outward);
+        let turns = cross(self.moves.spin, sub(x, body.com));
+        let moves = sub(velocity, add(self.moves.velocity, turns));
+        let way = water.dt * dot(moves, normal);
+        // What is on its way since it came to the grid is farther than where it was.
+        let clock = &water.fields.clocks[self.nodes.field as usize];
+        let mut gap = nearest.gap + clock.passed * dot(velocity, normal);
+        if gap + way > SOON * water.dx {
+            return None;
+        }
+        if water.fields.tell_edges[self.nodes.field as usize] && gap + way < 0.0 {
+            gap = water.dx * edge::gap(gap / water.dx, self.edge(at));
+        }
+        Some((normal, -gap.max(0.0) / water.dt))
+    }
+
+    /// Gap in front of a node by where masses say that matter ends [cells].
+    fn edge(&self, at: usize) -> f64 {
+        let (shape, body, dx) = (self.wader.shape, &self.wader.body, self.water.dx);
+        let surface = |index: [i32; 3]| {
+            let local = body.inverse_point(index.map(|i| f64::from(i) * dx));
+            let normal = rotate(body.rotation, shape.normal(local));
+            (shape.distance(local) / dx, normal)
+        };
+        let local = [at / 16, at / 4 % 4, at % 4];
+        let index = std::array::from_fn(|a| BLOCK * self.nodes.index[a] + local[a] as i32);
+        edge::edge(index, surface, |index| {
+            mass_of(self.grid, self.nodes.field, index)
+        })
+    }
+}
+
+/// Mass of a field at a node by its place in the grid.
+fn mass_of(grid: &Grid, field: u32, index: [i32; 3]) -> f64 {
+    let block = index.map(|i| i.div_euclid(BLOCK));
+    let nodes = &grid.nodes;
+    let Ok(found) = nodes.binary_search_by_key(&(field, block), |n| (n.field, n.index)) else {
+        return 0.0;
+    };
+    let [i, j, k] = index.map(|i| i.rem_euclid(BLOCK) as usize);
+    f64::from(grid.velocities[found].0[4 * i + j].0[4 * k + 3])
 }
 
 /// Adds a force at a point.

@@ -234,7 +234,9 @@ impl Face {
         if self.releases && gap < RANGE * cell && nodes.tell_edges() {
             let mut normal = [0.0; 3];
             normal[self.axis] = f64::from(self.side);
-            let edge = edge::edge(nearest, normal, self.eta - 1.0, nodes);
+            let edge = edge::line(nearest, normal, self.eta - 1.0, |at| {
+                edge::mass_of(nodes, at)
+            });
             gap = cell * edge::gap(gap / cell, edge);
         }
         let range = if self.releases { RANGE } else { TOUCHING };

@@ -61,12 +61,39 @@ pub(crate) fn end(mass: impl Fn(i32) -> f64) -> f64 {
 }
 
 /// Distance from a surface to where matter ends in the line of nodes along `normal` from a node that is `off` in front
-/// of it, at most about half a cell [cells].
-pub(super) fn edge(base: [i32; 3], normal: [f64; 3], off: f64, nodes: &impl Nodes) -> f64 {
+/// of it, at most about half a cell [cells]; `mass` is what a node holds.
+pub(super) fn line(
+    base: [i32; 3],
+    normal: [f64; 3],
+    off: f64,
+    mass: impl Fn([i32; 3]) -> f64,
+) -> f64 {
     off + end(|n| {
-        let at = std::array::from_fn(|a| base[a] + (f64::from(n) * normal[a]).round() as i32);
-        nodes.node(at).map_or(0.0, |(mass, _)| mass)
+        mass(std::array::from_fn(|a| {
+            base[a] + (f64::from(n) * normal[a]).round() as i32
+        }))
     })
+}
+
+/// Distance from a surface to where matter ends in front of or behind a node [cells]. `surface` tells a node's distance from it
+/// [cells] and its normal there.
+pub(crate) fn edge(
+    index: [i32; 3],
+    surface: impl Fn([i32; 3]) -> (f64, [f64; 3]),
+    mass: impl Fn([i32; 3]) -> f64,
+) -> f64 {
+    let ((off, normal), mut base) = (surface(index), index);
+    // The node of its line that is nearest to the surface, as far as lines may begin beside a node.
+    for a in 0..3 {
+        base[a] -= (off * normal[a]).clamp(-BESIDE, BESIDE).round() as i32;
+    }
+    let off = if base == index { off } else { surface(base).0 };
+    line(base, normal, off, mass)
+}
+
+/// Mass of a node.
+pub(super) fn mass_of(nodes: &impl Nodes, at: [i32; 3]) -> f64 {
+    nodes.node(at).map_or(0.0, |(mass, _)| mass)
 }
 
 /// Gap of matter whose nearest particle has the gap `nearest`, and which ends at `edge` [cells].
@@ -89,17 +116,13 @@ pub(crate) fn tell_edges(
 }
 
 impl Placed<'_> {
-    /// Distance to where matter ends in front of or behind a node [cells]; `cell` is the cell size.
+    /// The same of a collider; `cell` is the cell size.
     fn edge(&self, index: [i32; 3], nodes: &impl Nodes, cell: f64) -> f64 {
-        let at = |index: [i32; 3]| self.distance(index.map(|i| f64::from(i) * cell));
-        let (found, mut base) = (at(index), index);
-        // The node of its line that is nearest to the surface, as far as lines may begin beside a node.
-        for a in 0..3 {
-            let step = (found.value / cell * found.normal[a]).clamp(-BESIDE, BESIDE);
-            base[a] -= step.round() as i32;
-        }
-        let off = if base == index { found } else { at(base) };
-        edge(base, found.normal, off.value / cell, nodes)
+        let surface = |index: [i32; 3]| {
+            let found = self.distance(index.map(|i| f64::from(i) * cell));
+            (found.value / cell, found.normal)
+        };
+        edge(index, surface, |at| mass_of(nodes, at))
     }
 }
 

@@ -18,7 +18,7 @@ const ASIDE: f32 = 0.9;
 /// Farthest from a node along the normal, and along any axis: the reach of the splines [cells].
 const REACH: f32 = 1.5;
 /// Particles are taken for balls of their volume at rest, but none larger than this [cells].
-const LARGEST_RADIUS: f64 = 0.5;
+pub(crate) const LARGEST_RADIUS: f64 = 0.5;
 
 /// Measures the gaps of the nodes for which `wanted` says so; returns how many particles it looked at.
 pub(super) fn measure_gaps(
@@ -305,7 +305,7 @@ fn overlaps(cells: &crate::grid::Cells, offset: [i32; 3], first: [f32; 3], last:
 }
 
 /// Half the edge of a cube of this volume [cells].
-fn radius_of(volume: f64) -> f64 {
+pub(crate) fn radius_of(volume: f64) -> f64 {
     if volume >= (2.0 * LARGEST_RADIUS).powi(3) {
         return LARGEST_RADIUS;
     }

@@ -8,6 +8,7 @@ use crate::{
     bodies::{
         body::Body,
         engine::{Actor, Drive, Outcome, Setting, step},
+        near::Fields,
         nodes::{Wader, Water, wade},
         shape::{Grain, Shape, frame as frame_of, of_cubes},
     },
@@ -335,7 +336,7 @@ impl World {
 
     /// Bodies meet the nodes of the grid, then each other and colliders, and move by a substep of `dt` [s]; returns the
     /// largest velocity component given to a node [cells/s].
-    pub(super) fn move_bodies(&mut self, substep: &Substep) -> f32 {
+    pub(super) fn move_bodies(&mut self, substep: &Substep, fields: Fields<'_>) -> f32 {
         if !self.has_bodies() {
             return 0.0;
         }
@@ -364,6 +365,9 @@ impl World {
             false => scene.surface_between(object, field as usize).friction,
         };
         let water = Water {
+            particles: &self.state.particles,
+            fields,
+            fastest: 3.0_f64.sqrt() * self.state.grid_speed * scene.dx,
             dx: scene.dx,
             mass_unit: self.mass_unit,
             carrier: self.state.carrier,

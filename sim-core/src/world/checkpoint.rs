@@ -470,6 +470,7 @@ mod tests {
         // Without the substep before, it would go another way.
         world.restore(&bytes).expect("a checkpoint of this scene");
         world.state.lag = 0.0;
+        world.state.lags.fill(0.0);
         go_on(&mut world);
         assert_ne!(world.positions(), there);
         world.state.lag = f64::NAN;

@@ -8,7 +8,7 @@ use super::{
     time_step::{Limit, MAX_TRAVEL},
 };
 use crate::{
-    bodies::{body::Body, engine::Remembered},
+    bodies::{body::Body, engine::Remembered, near::Fields},
     contact::{self, Episodes},
     particles::{Extremes, Flags, Motion, NO_PARTICLE, Run},
     report::{DtLimit, StepReport, Timings, Work},
@@ -254,7 +254,7 @@ impl World {
         let start = Instant::now();
         let dt = frame.remaining;
         let substep = self.substep(frame, dt);
-        self.move_bodies(&substep);
+        self.move_bodies(&substep, Fields::default());
         frame.accept(dt, Limit::FRAME);
         frame.timings.grid += start.elapsed().as_secs_f64();
     }

@@ -7,6 +7,7 @@ use super::{
     frame::{Frame, Step},
 };
 use crate::{
+    bodies::near::Fields,
     colliders::edge::tell_edges,
     contact::{Closed, Meeting, Wish, meet},
     grid::{
@@ -73,7 +74,12 @@ impl World {
         frame.contact_work.add(&met.work);
         // As integers, so that NaN is the largest of all.
         let larger = |a: f32, b: f32| f32::from_bits(a.to_bits().max(b.to_bits()));
-        let relative = larger(met.largest, self.move_bodies(&substep));
+        let fields = Fields {
+            cells_per_mass: &cells_per_mass,
+            clocks: &clocks,
+            tell_edges: &tell_edges,
+        };
+        let relative = larger(met.largest, self.move_bodies(&substep, fields));
         frame.timings.contact += start.elapsed().as_secs_f64();
         let fold = |m: f32, u: f64| m.max(u.abs() as f32);
         let given = relative + carrier.into_iter().fold(0.0, fold);

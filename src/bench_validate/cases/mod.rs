@@ -11,6 +11,7 @@ mod determinism;
 mod disks;
 mod fidelity;
 mod fit;
+mod floating;
 mod free_fall;
 mod granular;
 mod hertz;
@@ -27,7 +28,7 @@ mod vortex;
 use super::Case;
 
 /// All of them.
-pub const ALL: [&Case; 22] = [
+pub const ALL: [&Case; 23] = [
     &cluster::CASE,
     &free_fall::CASE,
     &spinning_cube::CASE,
@@ -50,4 +51,5 @@ pub const ALL: [&Case; 22] = [
     &determinism::CASE,
     &taylor_green::CASE,
     &hertz::CASE,
+    &floating::CASE,
 ];

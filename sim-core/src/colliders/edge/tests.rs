@@ -83,7 +83,9 @@ fn a_flat_bottom_is_found_wherever_its_lattice_lies() {
         let bottom = shift[2];
         let matter = lattice(shift, |x| x[2] > bottom);
         let base = [0, 0, bottom.round() as i32];
-        let found = edge(base, [0.0, 0.0, 1.0], f64::from(base[2]) - bottom, &matter);
+        let found = line(base, [0.0, 0.0, 1.0], f64::from(base[2]) - bottom, |at| {
+            mass_of(&matter, at)
+        });
         worst = worst.max(found.abs());
     }
     // What the sum over a lattice of half a cell makes of the integral: measured, 0.0213.
@@ -100,10 +102,12 @@ fn a_slanting_bottom_is_found_at_the_node_and_not_a_cell_and_a_half_beside_it() 
         let above = |x: [f64; 3]| cos * (x[2] - 0.3) - sin * x[0] > 0.0;
         let matter = lattice(shift, above);
         // Height of matter above the plane z = 0 at the node, the mean over the spline being that in its middle.
-        let found = edge([0; 3], [0.0, 0.0, 1.0], 0.0, &matter);
+        let found = line([0; 3], [0.0, 0.0, 1.0], 0.0, |at| mass_of(&matter, at));
         worst = worst.max((found - 0.3).abs());
         // The same surface and a plane parallel to it.
-        let found = edge([0; 3], [-sin, 0.0, cos], 0.3 * cos, &matter);
+        let found = line([0; 3], [-sin, 0.0, cos], 0.3 * cos, |at| {
+            mass_of(&matter, at)
+        });
         worst = worst.max((found - 0.6 * cos).abs());
     }
     // Steps of half a cell, averaged. The nearest particle is 1.5 tan 24 = 0.67 cells lower.
@@ -159,10 +163,13 @@ fn no_node_is_looked_at_beyond_the_reach() {
 #[test]
 fn what_is_too_thin_to_tell_leaves_it_to_the_nearest_particle() {
     let film = lattice([0.0; 3], |x| x[2] > 0.0 && x[2] < 0.5);
-    let found = edge([0; 3], [0.0, 0.0, 1.0], 0.0, &film);
+    let found = line([0; 3], [0.0, 0.0, 1.0], 0.0, |at| mass_of(&film, at));
     assert_eq!(gap(-0.02, found), -0.02);
     let nothing = Masses(BTreeMap::new());
-    assert_eq!(edge([0; 3], [0.0, 0.0, 1.0], 0.0, &nothing), f64::INFINITY);
+    assert_eq!(
+        line([0; 3], [0.0, 0.0, 1.0], 0.0, |at| mass_of(&nothing, at)),
+        f64::INFINITY
+    );
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Laws and stories of the fast solver.
 
 mod affine;
+mod afloat;
 mod boundaries;
 mod coherence;
 mod damping;

@@ -1,0 +1,150 @@
+//! How near matter is to a body at the nodes that it reaches: its nearest particle tells, as in front of colliders.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::{body::Body, shape::Shape, vector::Vec3};
+use crate::{
+    contact::{LARGEST_RADIUS, radius_of},
+    grid::{Clock, Grid, NONE},
+    mat3::{Mat3, dot},
+    particles::{BLOCK, Block, Particles},
+    simd::LANES,
+};
+
+/// Nodes of a block.
+pub(super) const NODES: usize = 64;
+/// How far particles may be outside of their block [cells].
+const DRIFT: f64 = 1.0;
+
+/// The nearest of the particles that reach a node.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Nearest {
+    /// Between its surface and that of the body, negative where they overlap [m]; infinite where there is none.
+    pub gap: f64,
+    /// Its place in the body's frame [m].
+    pub place: Vec3,
+}
+
+impl Nearest {
+    const NONE: Self = Self {
+        gap: f64::INFINITY,
+        place: [0.0; 3],
+    };
+}
+
+/// What bodies are told of the fields of a grid.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Fields<'a> {
+    /// Per part the volume of one unit of mass at rest [cells].
+    pub cells_per_mass: &'a [f64],
+    /// Per field when its particles came to the grid.
+    pub clocks: &'a [Clock],
+    /// Per field whether the masses of nodes tell where matter ends.
+    pub tell_edges: &'a [bool],
+}
+
+/// A particle near a body.
+struct Near {
+    /// From the first node of its block [cells].
+    inner: Vec3,
+    nearest: Nearest,
+}
+
+/// Per node block the nearest particles of its nodes, z fastest, where some have a gap of at most `most` [m] to the body; `dx` is
+/// the cell size [m].
+pub(super) fn near(
+    particles: &Particles,
+    cells_per_mass: &[f64],
+    grid: &Grid,
+    shape: &Shape,
+    body: &Body,
+    most: f64,
+    dx: f64,
+) -> BTreeMap<usize, [Nearest; NODES]> {
+    let blocks = particles.blocks.par_iter().zip(&grid.nodes_of);
+    let of_block = |(block, nodes_of)| {
+        let found = of_block(particles, cells_per_mass, block, shape, body, most, dx);
+        (!found.is_empty()).then_some((found, nodes_of))
+    };
+    let blocks: Vec<(Vec<Near>, &[u32; 27])> = blocks.filter_map(of_block).collect();
+    let mut nodes = BTreeMap::new();
+    for (found, nodes_of) in blocks {
+        for Near { inner, nearest } in found {
+            reached(inner, |offset, node| {
+                let block = nodes_of[offset];
+                if block != NONE {
+                    let block = nodes
+                        .entry(block as usize)
+                        .or_insert([Nearest::NONE; NODES]);
+                    if nearest.gap < block[node].gap {
+                        block[node] = nearest;
+                    }
+                }
+            });
+        }
+    }
+    nodes
+}
+
+/// The particles of a block with a gap of at most `most`.
+fn of_block(
+    particles: &Particles,
+    cells_per_mass: &[f64],
+    block: &Block,
+    shape: &Shape,
+    body: &Body,
+    most: f64,
+    dx: f64,
+) -> Vec<Near> {
+    let mut found = vec![];
+    let reach = (shape.radius + most) / dx + LARGEST_RADIUS;
+    let com = body.com.map(|x| x / dx);
+    let first = block.index.map(|i| f64::from(BLOCK * i));
+    let aside = [0, 1, 2].map(|a| {
+        let [min, max] = [first[a] - DRIFT, first[a] + f64::from(BLOCK) + DRIFT];
+        (min - com[a]).max(com[a] - max).max(0.0)
+    });
+    if dot(aside, aside) > reach * reach {
+        return found;
+    }
+    let turn = Mat3::from_quaternion(body.rotation).transpose();
+    let start: Vec3 = std::array::from_fn(|a| first[a] - com[a]);
+    for run in &particles.runs[block.runs.clone()] {
+        // Neighbours mostly have the same mass.
+        let mut known = (0.0, 0.0);
+        for g in run.groups.clone() {
+            let (mass, x) = (&particles.fixed[g].mass.0, &particles.groups[g].x);
+            for lane in (0..LANES).filter(|&lane| mass[lane] > 0.0) {
+                if known.0 != mass[lane] {
+                    let volume = cells_per_mass[run.part] * f64::from(mass[lane]);
+                    known = (mass[lane], dx * radius_of(volume));
+                }
+                let inner: Vec3 = std::array::from_fn(|a| f64::from(x[a].0[lane]) + 1.5);
+                let place = turn.mul_vec([0, 1, 2].map(|a| dx * (start[a] + inner[a])));
+                let gap = shape.distance(place) - known.1;
+                if gap <= most {
+                    let nearest = Nearest { gap, place };
+                    found.push(Near { inner, nearest });
+                }
+            }
+        }
+    }
+    found
+}
+
+/// The nodes that a particle reaches, given where it is from the first node of its block [cells]: which of the 27 blocks around
+/// that, and which node of it.
+fn reached(x: Vec3, mut node: impl FnMut(usize, usize)) {
+    let [i, j, k] = x.map(|x| x.round() as i32 - 1);
+    for i in i..i + 3 {
+        for j in j..j + 3 {
+            for k in k..k + 3 {
+                let [a, b, c] = [i, j, k].map(|n| (n.div_euclid(BLOCK) + 1).clamp(0, 2) as usize);
+                let [u, v, w] = [i, j, k].map(|n| n.rem_euclid(BLOCK) as usize);
+                node(9 * a + 3 * b + c, 16 * u + 4 * v + w);
+            }
+        }
+    }
+}
