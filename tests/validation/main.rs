@@ -136,6 +136,11 @@ fn an_elastic_ball_meets_a_plane_as_hertz_says() {
 }
 
 #[test]
+fn a_block_floats_as_deep_as_archimedes_says() {
+    holds("floating");
+}
+
+#[test]
 fn an_unknown_case_is_named_with_those_there_are() {
     let run = Command::new(env!("CARGO_BIN_EXE_cosplat"))
         .args(["bench", "validate", "--case", "perpetuum"])

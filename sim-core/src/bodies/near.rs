@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::{body::Body, shape::Shape, vector::Vec3};
 use crate::{
     contact::{LARGEST_RADIUS, radius_of},
-    grid::{Clock, Grid, NONE},
+    grid::{Clock, Grid},
     mat3::{Mat3, dot},
     particles::{BLOCK, Block, Particles},
     simd::LANES,
@@ -52,8 +52,22 @@ struct Near {
     nearest: Nearest,
 }
 
-/// Per node block the nearest particles of its nodes, z fastest, where some have a gap of at most `most` [m] to the body; `dx` is
-/// the cell size [m].
+/// The nearest particles of the nodes of some blocks.
+pub(super) struct Told {
+    /// Per node block where its nodes are.
+    at: BTreeMap<u32, usize>,
+    /// Nodes of a block, z fastest.
+    nodes: Vec<[Nearest; NODES]>,
+}
+
+impl Told {
+    /// Of the nodes of a block, if any of them is reached by a particle that may touch the body.
+    pub fn get(&self, block: usize) -> Option<&[Nearest; NODES]> {
+        Some(&self.nodes[*self.at.get(&(block as u32))?])
+    }
+}
+
+/// The nearest particles of nodes, of all those with a gap of at most `most` [m] to the body; `dx` is the cell size [m].
 pub(super) fn near(
     particles: &Particles,
     cells_per_mass: &[f64],
@@ -62,30 +76,32 @@ pub(super) fn near(
     body: &Body,
     most: f64,
     dx: f64,
-) -> BTreeMap<usize, [Nearest; NODES]> {
+) -> Told {
     let blocks = particles.blocks.par_iter().zip(&grid.nodes_of);
     let of_block = |(block, nodes_of)| {
         let found = of_block(particles, cells_per_mass, block, shape, body, most, dx);
         (!found.is_empty()).then_some((found, nodes_of))
     };
     let blocks: Vec<(Vec<Near>, &[u32; 27])> = blocks.filter_map(of_block).collect();
-    let mut nodes = BTreeMap::new();
+    let (mut at, mut nodes) = (BTreeMap::new(), Vec::new());
     for (found, nodes_of) in blocks {
+        let mut known = [None; 27];
         for Near { inner, nearest } in found {
             reached(inner, |offset, node| {
-                let block = nodes_of[offset];
-                if block != NONE {
-                    let block = nodes
-                        .entry(block as usize)
-                        .or_insert([Nearest::NONE; NODES]);
-                    if nearest.gap < block[node].gap {
-                        block[node] = nearest;
-                    }
+                let place = *known[offset].get_or_insert_with(|| {
+                    *at.entry(nodes_of[offset]).or_insert_with(|| {
+                        nodes.push([Nearest::NONE; NODES]);
+                        nodes.len() - 1
+                    })
+                });
+                let before: &mut Nearest = &mut nodes[place][node];
+                if nearest.gap < before.gap {
+                    *before = nearest;
                 }
             });
         }
     }
-    nodes
+    Told { at, nodes }
 }
 
 /// The particles of a block with a gap of at most `most`.

@@ -99,7 +99,7 @@ pub(crate) fn wade(
                 wader,
                 moves: &moves,
                 nodes,
-                nearest: told.get(&block),
+                nearest: told.get(block),
                 bonded: (water.bonded)(wader.object, nodes.field),
             };
             if !meeting.is_possible() {
