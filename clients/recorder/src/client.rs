@@ -24,6 +24,8 @@ use crate::writer::{RecordingWriter, WriterOptions};
 const QUEUE_DEPTH: usize = 64;
 /// How often the loop looks at its stop flag.
 const TICK: Duration = Duration::from_millis(100);
+/// Longest that one try to read its scene becomes.
+const LONGEST: Duration = Duration::from_secs(2);
 /// How long the scene of a restarted server may take.
 const SCENE_TIMEOUT: Duration = Duration::from_secs(10);
 /// A server without a heartbeat for this long is gone; it sends ten per second.
@@ -347,8 +349,12 @@ impl Recorder {
     /// The scene of `epoch`, once it is published.
     fn scene_of(&self, epoch: u64, stop: &AtomicBool) -> Option<SceneView> {
         let deadline = Instant::now() + SCENE_TIMEOUT;
+        // Every try begins anew: where there is little time for this process, a tick is too short.
+        let mut patience = TICK;
         while Instant::now() < deadline && !stop.load(Ordering::Relaxed) {
-            match self.client.scene(TICK) {
+            let tried = self.client.scene(patience);
+            patience = (2 * patience).min(LONGEST);
+            match tried {
                 Ok(scene) if scene.header().epoch == epoch => return Some(scene),
                 Ok(_) => std::thread::sleep(TICK / 10),
                 Err(error) => tracing::debug!("{error}"),

@@ -21,6 +21,8 @@ use crate::{Harmonics, Projected};
 pub const BACKGROUND: [f32; 3] = [0.93; 3];
 /// How long one wait lasts before the stop flag is looked at [s].
 const GLANCE: Duration = Duration::from_millis(100);
+/// Longest that one wait becomes.
+const LONGEST: Duration = Duration::from_secs(2);
 /// A server that publishes frames has published its scene; this long a delay means that it died in between.
 const SCENE_PATIENCE: Duration = Duration::from_secs(10);
 
@@ -275,14 +277,17 @@ fn attach(
 /// The scene that frames of `epoch` belong to; `None` when the server is gone before it could be read, or when stopped.
 fn read_scene(client: &Client, epoch: u64, stop: &AtomicBool) -> Option<SceneView> {
     let deadline = Instant::now() + SCENE_PATIENCE;
+    // Every try begins anew: where there is little time for this process, a glance is too short.
+    let mut patience = GLANCE;
     while !stop.load(Ordering::Relaxed) {
-        let reason = match client.scene(GLANCE) {
+        let reason = match client.scene(patience) {
             Ok(scene) if scene.header().epoch == epoch => return Some(scene),
             // The frame is a leftover of a server that was replaced.
             Ok(scene) if scene.header().epoch > epoch => return None,
             Ok(_) => "only the scene of an older run is there".to_owned(),
             Err(error) => error.to_string(),
         };
+        patience = (2 * patience).min(LONGEST);
         if Instant::now() >= deadline {
             tracing::warn!(reason, "no scene: frames left out");
             return None;

@@ -104,16 +104,35 @@ pub(super) fn read(
         deadline,
     };
     loop {
-        let gaussians = wait.for_block::<GaussianRest>(session::SCENE_GAUSSIANS)?;
+        // Asked for together: the server answers all that it finds in one turn of its monitor.
+        let mut gaussians = Asked::new(session::SCENE_GAUSSIANS);
+        let mut sh = Asked::new(session::SCENE_SH);
+        let mut objects = Asked::new(session::SCENE_OBJECTS);
+        let mut source = Asked::new(session::SCENE_SOURCE);
+        let (gaussians, sh, objects, source) = loop {
+            let here = gaussians.look(&wait)?
+                & sh.look(&wait)?
+                & objects.look(&wait)?
+                & source.look(&wait)?;
+            if here
+                && let (Some(gaussians), Some(sh)) = (gaussians.newest.take(), sh.newest.take())
+                && let (Some(objects), Some(source)) = (objects.newest.take(), source.newest.take())
+            {
+                break (gaussians, sh, objects, source);
+            }
+            wait.rest()?;
+        };
         let header = *gaussians.user_header();
+        let features = match header.feature_dim > 0 {
+            true => Some(wait.for_block(session::SCENE_FEATURES)?),
+            false => None,
+        };
         let view = SceneView {
             gaussians,
-            sh: wait.for_block(session::SCENE_SH)?,
-            objects: wait.for_block(session::SCENE_OBJECTS)?,
-            source: wait.for_block(session::SCENE_SOURCE)?,
-            features: (header.feature_dim > 0)
-                .then(|| wait.for_block(session::SCENE_FEATURES))
-                .transpose()?,
+            sh,
+            objects,
+            source,
+            features,
         };
         let others = [
             Some(view.sh.user_header()),
@@ -131,10 +150,7 @@ pub(super) fn read(
             };
         }
         // The server is just publishing another scene.
-        if Instant::now() >= deadline {
-            return Err(wait.over());
-        }
-        std::thread::sleep(RETRY_PERIOD);
+        wait.rest()?;
     }
 }
 
@@ -146,12 +162,20 @@ struct Wait<'a> {
 }
 
 impl Wait<'_> {
-    fn over(&self) -> ConnectError {
-        ConnectError::Timeout {
-            session: self.session.as_str().into(),
-            what: "its scene",
-            seconds: self.timeout.as_secs_f64(),
+    /// Sleeps for a moment.
+    ///
+    /// # Errors
+    /// When the time is over.
+    fn rest(&self) -> Result<(), ConnectError> {
+        if Instant::now() >= self.deadline {
+            return Err(ConnectError::Timeout {
+                session: self.session.as_str().into(),
+                what: "its scene",
+                seconds: self.timeout.as_secs_f64(),
+            });
         }
+        std::thread::sleep(RETRY_PERIOD);
+        Ok(())
     }
 
     /// The newest sample of a block.
@@ -159,35 +183,55 @@ impl Wait<'_> {
     where
         T: Debug + ZeroCopySend + 'static,
     {
-        let mut subscriber: Option<Subscriber<Service, [T], SceneHeader>> = None;
-        let failed = |reason: String| ConnectError::Transport {
-            session: self.session.as_str().into(),
-            reason: format!("{}: {reason}", stream.name),
-        };
+        let mut asked = Asked::new(stream);
         loop {
-            if let Some(port) = &subscriber {
-                let mut newest = None;
-                while let Some(sample) = port.receive().map_err(|e| failed(e.to_string()))? {
-                    newest = Some(sample);
-                }
-                if let Some(sample) = newest {
-                    return Ok(sample);
-                }
-            } else {
-                match session::pub_sub::<T, SceneHeader>(self.node, self.session, stream, false) {
-                    Ok(service) => {
-                        let port = service.subscriber_builder().buffer_size(1).create();
-                        subscriber = Some(port.map_err(|e| failed(e.to_string()))?);
-                        continue;
-                    }
-                    Err(OpenError::Absent) => {}
-                    Err(error) => return Err(ConnectError::open(self.session.as_str(), error)),
-                }
+            if asked.look(self)?
+                && let Some(block) = asked.newest.take()
+            {
+                return Ok(block);
             }
-            if Instant::now() >= self.deadline {
-                return Err(self.over());
-            }
-            std::thread::sleep(RETRY_PERIOD);
+            self.rest()?;
         }
+    }
+}
+
+/// A block that is waited for.
+struct Asked<T: Debug + ZeroCopySend + 'static> {
+    stream: Stream,
+    subscriber: Option<Subscriber<Service, [T], SceneHeader>>,
+    newest: Option<Block<T>>,
+}
+
+impl<T: Debug + ZeroCopySend + 'static> Asked<T> {
+    fn new(stream: Stream) -> Self {
+        Self {
+            stream,
+            subscriber: None,
+            newest: None,
+        }
+    }
+
+    /// Takes the newest sample; whether there is one.
+    fn look(&mut self, wait: &Wait<'_>) -> Result<bool, ConnectError> {
+        let failed = |reason: String| ConnectError::Transport {
+            session: wait.session.as_str().into(),
+            reason: format!("{}: {reason}", self.stream.name),
+        };
+        if self.subscriber.is_none() {
+            match session::pub_sub::<T, SceneHeader>(wait.node, wait.session, self.stream, false) {
+                Ok(service) => {
+                    let port = service.subscriber_builder().buffer_size(1).create();
+                    self.subscriber = Some(port.map_err(|e| failed(e.to_string()))?);
+                }
+                Err(OpenError::Absent) => {}
+                Err(error) => return Err(ConnectError::open(wait.session.as_str(), error)),
+            }
+        }
+        if let Some(port) = &self.subscriber {
+            while let Some(sample) = port.receive().map_err(|e| failed(e.to_string()))? {
+                self.newest = Some(sample);
+            }
+        }
+        Ok(self.newest.is_some())
     }
 }
