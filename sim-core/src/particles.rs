@@ -6,7 +6,10 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use crate::simd::{F32x16, LANES};
+use crate::{
+    mat3::length,
+    simd::{F32x16, LANES},
+};
 
 /// Cells along one edge of a block.
 pub(crate) const BLOCK: i32 = 4;
@@ -151,6 +154,17 @@ pub(crate) struct Block {
     pub groups: Range<usize>,
     /// Its visible shapes.
     pub shapes: Range<usize>,
+}
+
+impl Block {
+    /// Distance of a point from its cells and `margin` more on all sides; all in cells.
+    pub fn distance(&self, from: [f64; 3], margin: f64) -> f64 {
+        length(std::array::from_fn(|a| {
+            let first = f64::from(BLOCK * self.index[a]);
+            let [min, max] = [first - margin, first + f64::from(BLOCK) + margin];
+            (min - from[a]).max(from[a] - max).max(0.0)
+        }))
+    }
 }
 
 /// Lanes of one group that need attention, one bit each.

@@ -6,9 +6,9 @@ use rayon::prelude::*;
 
 use super::{body::Body, shape::Shape, vector::Vec3};
 use crate::{
-    contact::{LARGEST_RADIUS, radius_of},
+    contact::{LARGEST_RADIUS, Radii},
     grid::{Clock, Grid},
-    mat3::{Mat3, dot},
+    mat3::Mat3,
     particles::{BLOCK, Block, Particles},
     simd::LANES,
 };
@@ -117,29 +117,19 @@ fn of_block(
     let mut found = vec![];
     let reach = (shape.radius + most) / dx + LARGEST_RADIUS;
     let com = body.com.map(|x| x / dx);
-    let first = block.index.map(|i| f64::from(BLOCK * i));
-    let aside = [0, 1, 2].map(|a| {
-        let [min, max] = [first[a] - DRIFT, first[a] + f64::from(BLOCK) + DRIFT];
-        (min - com[a]).max(com[a] - max).max(0.0)
-    });
-    if dot(aside, aside) > reach * reach {
+    if block.distance(com, DRIFT) > reach {
         return found;
     }
     let turn = Mat3::from_quaternion(body.rotation).transpose();
-    let start: Vec3 = std::array::from_fn(|a| first[a] - com[a]);
+    let start: Vec3 = std::array::from_fn(|a| f64::from(BLOCK * block.index[a]) - com[a]);
     for run in &particles.runs[block.runs.clone()] {
-        // Neighbours mostly have the same mass.
-        let mut known = (0.0, 0.0);
+        let mut radii = Radii::new(cells_per_mass[run.part]);
         for g in run.groups.clone() {
             let (mass, x) = (&particles.fixed[g].mass.0, &particles.groups[g].x);
             for lane in (0..LANES).filter(|&lane| mass[lane] > 0.0) {
-                if known.0 != mass[lane] {
-                    let volume = cells_per_mass[run.part] * f64::from(mass[lane]);
-                    known = (mass[lane], dx * radius_of(volume));
-                }
                 let inner: Vec3 = std::array::from_fn(|a| f64::from(x[a].0[lane]) + 1.5);
                 let place = turn.mul_vec([0, 1, 2].map(|a| dx * (start[a] + inner[a])));
-                let gap = shape.distance(place) - known.1;
+                let gap = shape.distance(place) - dx * radii.of(mass[lane]);
                 if gap <= most {
                     let nearest = Nearest { gap, place };
                     found.push(Near { inner, nearest });

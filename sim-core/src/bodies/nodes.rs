@@ -114,7 +114,7 @@ pub(crate) fn wade(
                 let Some((normal, target)) = meeting.at(at, velocity) else {
                     continue;
                 };
-                let arm = sub(meeting.place(at), wader.body.com);
+                let arm = sub(meeting.place(meeting.index(at)), wader.body.com);
                 let place = [block, at / 4, 4 * (at % 4)];
                 let mover = *known.entry(place).or_insert_with(|| {
                     sites.push(Site {
@@ -206,11 +206,15 @@ struct Meeting<'a> {
 }
 
 impl Meeting<'_> {
-    /// Where a node is [m].
-    fn place(&self, at: usize) -> Vec3 {
+    /// Which node of the grid one of the block is.
+    fn index(&self, at: usize) -> [i32; 3] {
         let local = [at / 16, at / 4 % 4, at % 4];
-        let first = self.nodes.index.map(|i| f64::from(BLOCK * i));
-        std::array::from_fn(|a| (first[a] + local[a] as f64) * self.water.dx)
+        std::array::from_fn(|a| BLOCK * self.nodes.index[a] + local[a] as i32)
+    }
+
+    /// Where a node of the grid is [m].
+    fn place(&self, index: [i32; 3]) -> Vec3 {
+        index.map(|i| f64::from(i) * self.water.dx)
     }
 
     /// Depth that the body lacks to hold nodes of what is one piece with it [m].
@@ -223,7 +227,7 @@ impl Meeting<'_> {
         if !self.bonded {
             return self.nearest.is_some();
         }
-        let (first, last) = (self.place(0), self.place(NODES - 1));
+        let [first, last] = [0, NODES - 1].map(|at| self.place(self.index(at)));
         let com = self.wader.body.com;
         let reach = self.wader.shape.radius + self.thicker();
         (0..3).all(|a| com[a] + reach >= first[a] && com[a] - reach <= last[a])
@@ -233,7 +237,7 @@ impl Meeting<'_> {
     /// relative to the body.
     fn at(&self, at: usize, velocity: Vec3) -> Option<(Vec3, f64)> {
         let (shape, body, water) = (self.wader.shape, &self.wader.body, self.water);
-        let x = self.place(at);
+        let x = self.place(self.index(at));
         let local = body.inverse_point(x);
         if self.bonded {
             let inside = shape.distance(local) < self.thicker();
@@ -266,13 +270,11 @@ impl Meeting<'_> {
     fn edge(&self, at: usize) -> f64 {
         let (shape, body, dx) = (self.wader.shape, &self.wader.body, self.water.dx);
         let surface = |index: [i32; 3]| {
-            let local = body.inverse_point(index.map(|i| f64::from(i) * dx));
+            let local = body.inverse_point(self.place(index));
             let normal = rotate(body.rotation, shape.normal(local));
             (shape.distance(local) / dx, normal)
         };
-        let local = [at / 16, at / 4 % 4, at % 4];
-        let index = std::array::from_fn(|a| BLOCK * self.nodes.index[a] + local[a] as i32);
-        edge::edge(index, surface, |index| {
+        edge::edge(self.index(at), surface, |index| {
             mass_of(self.grid, self.nodes.field, index)
         })
     }

@@ -106,18 +106,13 @@ impl Seen {
 fn near(particles: &Particles, block: &Block, cells_per_mass: &[f64]) -> Vec<Near> {
     let mut found = Vec::with_capacity(block.groups.len());
     for run in &particles.runs[block.runs.clone()] {
-        let volume = cells_per_mass[run.part];
-        // Neighbours mostly have the same mass.
-        let mut known = (0.0, 0.0);
+        let mut radii = Radii::new(cells_per_mass[run.part]);
         for group in run.groups.clone() {
             let mut radius = F32x16::splat(f32::NEG_INFINITY);
             let mass = &particles.fixed[group].mass.0;
             for (radius, &mass) in radius.0.iter_mut().zip(mass) {
                 if mass > 0.0 {
-                    if known.0 != mass {
-                        known = (mass, radius_of(volume * f64::from(mass)) as f32);
-                    }
-                    *radius = known.1;
+                    *radius = radii.of(mass) as f32;
                 }
             }
             found.push(Near::new(&particles.groups[group].x, radius));
@@ -304,8 +299,35 @@ fn overlaps(cells: &crate::grid::Cells, offset: [i32; 3], first: [f32; 3], last:
     })
 }
 
+/// Radii of the particles of a part [cells].
+pub(crate) struct Radii {
+    /// Of one unit of mass at rest [cells].
+    volume: f64,
+    /// The last mass that was asked for, and its radius: neighbours mostly have the same.
+    known: (f32, f64),
+}
+
+impl Radii {
+    /// Of a part of which one unit of mass has this volume at rest [cells].
+    pub fn new(volume: f64) -> Self {
+        Self {
+            volume,
+            known: (0.0, 0.0),
+        }
+    }
+
+    /// That of a particle with a mass above 0.
+    #[inline]
+    pub fn of(&mut self, mass: f32) -> f64 {
+        if self.known.0 != mass {
+            self.known = (mass, radius_of(self.volume * f64::from(mass)));
+        }
+        self.known.1
+    }
+}
+
 /// Half the edge of a cube of this volume [cells].
-pub(crate) fn radius_of(volume: f64) -> f64 {
+fn radius_of(volume: f64) -> f64 {
     if volume >= (2.0 * LARGEST_RADIUS).powi(3) {
         return LARGEST_RADIUS;
     }

@@ -15,7 +15,7 @@ mod solve;
 use edge::Approach;
 use episodes::by_pair;
 pub(crate) use episodes::{Closed, Episodes, Wish};
-pub(crate) use gap::{LARGEST_RADIUS, radius_of};
+pub(crate) use gap::{LARGEST_RADIUS, Radii};
 use sites::{Sites, read};
 use solve::Surroundings;
 

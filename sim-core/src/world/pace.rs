@@ -15,8 +15,6 @@ use crate::{
     colliders::Substep,
     grid::{Clock, NONE, Shared, Transfer},
     kinematics::kick,
-    mat3::length,
-    particles::{BLOCK, Block},
 };
 
 /// Most substeps of others to one of a slow object. Fewer than those without an impulse after which a pair may count as
@@ -27,6 +25,8 @@ const COST: f64 = 1.5;
 /// Share of particles in the cost of a substep among others, where contact and boundaries are worked out as often as before
 /// (measured in heaps: 0.3 to 0.4).
 const OFF_THE_GRID: f64 = 0.35;
+/// How far out of a block of particles their nodes may be: particles drift, and reach beyond [cells].
+const NODES_OUT: f64 = 3.0;
 /// Offset 0 of the 27 around a block.
 const HERE: usize = 13;
 /// Least share of the cost of substeps that must be saved.
@@ -209,22 +209,12 @@ impl World {
                 Some((id, &rigid.body, shape.radius))
             })
             .collect();
-        // Particles drift out of their block, and their nodes are farther out.
-        let edges = |index: i32| [-3, BLOCK + 3].map(|cells| f64::from(BLOCK * index + cells) * dx);
-        let distance = |block: &Block, from: [f64; 3]| {
-            let outside: [f64; 3] = std::array::from_fn(|a| {
-                let [min, max] = edges(block.index[a]);
-                (min - from[a]).max(from[a] - max).max(0.0)
-            });
-            length(outside)
-        };
         let is_near = |object: usize| {
             let near = |(id, body, radius): &(usize, &Body, f64)| {
                 let reach = radius + time * (self.fastest(*id) + self.fastest(object));
-                let blocks = self.blocks_of_particles(object).iter();
-                blocks
-                    .map(|block| distance(block, body.com))
-                    .any(|gap| gap <= reach)
+                let com = body.com.map(|x| x / dx);
+                let mut blocks = self.blocks_of_particles(object).iter();
+                blocks.any(|block| block.distance(com, NODES_OUT) <= reach / dx)
             };
             bodies.iter().any(near)
         };

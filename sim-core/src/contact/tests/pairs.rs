@@ -54,8 +54,8 @@ fn a_body_and_matter_of_ten_thousand_times_its_mass_or_a_ten_thousandth_of_it() 
             p < 1e-5 * mass && l < 1e-5 * mass,
             "{body}: {p:e} {l:e} of {mass}"
         );
-        // Matter of 11 m/s speed of sound, three cells across, gives back a quarter of what it had; more with smaller cells (the
-        // law below). A body this light is thrown back within 3 ms, which is less than a substep: nodes that hardly move
+        // Matter of 11 m/s speed of sound, three cells across, gives back a quarter of what it had; more with smaller cells
+        // (`matter_meets_a_heavy_body_as_it_meets_a_wall`). A body this light is thrown back within 3 ms, which is less than a substep: nodes that hardly move
         // stop it, and nothing is left.
         let back = -speed * last.objects[light].linear_velocity[0];
         let least = if body > matter { 0.2 } else { 0.0 };
