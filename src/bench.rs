@@ -1,89 +1,36 @@
-//! `cosplat bench`: measurements.
+//! `cosplat bench`: hands over to `cosplat-bench`, so that who simulates does not build charts.
 
-#[path = "bench_fidelity.rs"]
-mod fidelity;
-#[path = "bench_kernel/mod.rs"]
-mod kernel;
-#[path = "bench_physgaussian.rs"]
-mod physgaussian;
-#[path = "bench_table1.rs"]
-mod table1;
-#[path = "bench_transport.rs"]
-mod transport;
+use std::{env, ffi::OsString, os::unix::process::CommandExt, process::Command};
 
-use std::path::{Path, PathBuf};
+use anyhow::Context;
 
-use anyhow::bail;
-
-use crate::{bench_precision, bench_stability, bench_validate};
-
-/// Measure this machine.
+/// Measure this machine, and hold the solver against known answers.
+///
+/// The measurements are the program `cosplat-bench`: `cargo build --release -p cosplat-bench` makes it.
 #[derive(clap::Args)]
+#[command(disable_help_flag = true)]
 pub struct Args {
-    #[command(subcommand)]
-    what: What,
+    /// What to measure, and how; --help tells.
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    words: Vec<OsString>,
 }
 
-#[derive(clap::Subcommand)]
-enum What {
-    Documents(Documents),
-    Fidelity(fidelity::Args),
-    Kernel(kernel::Args),
-    Physgaussian(physgaussian::Args),
-    Precision(bench_precision::Args),
-    Stability(bench_stability::Args),
-    Table1(table1::Args),
-    Transport(transport::Args),
-    Validate(bench_validate::Args),
-}
-
-/// Validate, map stability and chart precision at full size, and write all their pages.
-#[derive(clap::Args)]
-struct Documents {
-    /// Folder of `validation.md`, `stability.md` and `precision.md`.
-    #[arg(default_value = "docs")]
-    folder: PathBuf,
-}
-
-/// What cannot be measured does not keep the rest from being written.
-fn documents(folder: &Path) -> anyhow::Result<()> {
-    let failed: Vec<String> = [
-        (
-            "validate",
-            bench_validate::run(&bench_validate::Args::documents(folder)),
-        ),
-        (
-            "stability",
-            bench_stability::run(&bench_stability::Args::documents(folder)),
-        ),
-        (
-            "precision",
-            bench_precision::run(&bench_precision::Args::documents(folder)),
-        ),
-    ]
-    .into_iter()
-    .filter_map(|(name, result)| Some(format!("bench {name}: {:#}", result.err()?)))
-    .collect();
-    if !failed.is_empty() {
-        bail!("{}", failed.join("\n"));
-    }
-    Ok(())
-}
-
-/// Runs the measurement.
+/// Becomes `cosplat-bench` beside this program.
 ///
 /// # Errors
-/// When it could not be made.
+/// When it is not there.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    match &args.what {
-        What::Documents(args) => documents(&args.folder),
-        What::Fidelity(args) => fidelity::run(args),
-        What::Kernel(args) => kernel::run(args),
-        What::Physgaussian(args) => physgaussian::run(args),
-        What::Precision(args) => bench_precision::run(args),
-        What::Stability(args) => bench_stability::run(args),
-        What::Table1(args) => table1::run(args),
-        What::Transport(args) => transport::run(args),
-        What::Validate(args) => bench_validate::run(args),
-    }
+    let own = env::current_exe().context("cannot find this program's own file")?;
+    let bench = own.with_file_name("cosplat-bench");
+    let profile = if cfg!(debug_assertions) {
+        ""
+    } else {
+        " --release"
+    };
+    Err(Command::new(&bench).args(&args.words).exec()).with_context(|| {
+        format!(
+            "cannot start {}, which this makes: cargo build{profile} -p cosplat-bench",
+            bench.display()
+        )
+    })
 }

@@ -1,9 +1,6 @@
 //! `cosplat ctl`: orders to a running simulation.
 
-use std::{
-    path::{Path, PathBuf},
-    time::{Duration, Instant},
-};
+use std::{path::PathBuf, time::Duration};
 
 use anyhow::{Context, bail};
 use clap::Subcommand;
@@ -21,6 +18,8 @@ use cosplat_ipc::{
 use cosplat_sim_core::materials::Material;
 use serde_json::json;
 
+use crate::{say, seconds};
+
 /// Give orders to a running simulation.
 #[derive(clap::Args)]
 pub struct Args {
@@ -28,8 +27,8 @@ pub struct Args {
     #[arg(long, default_value = "default", global = true)]
     session: String,
     /// Seconds to wait for the server and for its answers.
-    #[arg(long, value_name = "S", default_value_t = 5.0, global = true)]
-    timeout: f64,
+    #[arg(long, value_name = "S", default_value = "5", global = true, value_parser = seconds::duration)]
+    timeout: Duration,
     /// Step at whose start the order takes effect; the next one without.
     #[arg(long, value_name = "STEP", default_value_t = 0, global = true)]
     at_step: u64,
@@ -117,11 +116,12 @@ enum Ctl {
         /// Object name or id.
         object: ObjectRef,
     },
-    /// Have the server write its complete state to a file in its `--checkpoints` folder, and wait for the file.
+    /// Have the server write its complete state to a file in its `--checkpoints` folder, and wait for the file; with
+    /// `--at-step` for the state before that step.
     Checkpoint,
-    /// Stop stepping.
+    /// Stop stepping; with `--at-step` the step before is the last.
     Pause,
-    /// Step again.
+    /// Step again; a paused server can be resumed at its next step only.
     Resume,
     /// Go back to the initial state.
     Reset,
@@ -140,12 +140,7 @@ enum Ctl {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    anyhow::ensure!(
-        args.timeout.is_finite() && args.timeout >= 0.0,
-        "--timeout is {}, expected a finite number of seconds >= 0",
-        args.timeout
-    );
-    let timeout = Duration::from_secs_f64(args.timeout);
+    let timeout = args.timeout;
     let domain = Domain::from_env().context("cannot use the session folder")?;
     match &args.order {
         Ctl::List => list(&domain, args.json),
@@ -285,10 +280,7 @@ fn report(args: &Args, answers: &[Answer]) -> anyhow::Result<()> {
     if args.json {
         let steps: Vec<_> = answers.iter().map(|a| a.applied_at_step).collect();
         let files: Vec<_> = answers.iter().filter_map(|a| a.file.as_ref()).collect();
-        for file in &files {
-            wait_for(file, args.timeout);
-        }
-        println!(
+        say!(
             "{}",
             json!({
                 "acknowledged": answers.len() - refusals.len(),
@@ -296,16 +288,12 @@ fn report(args: &Args, answers: &[Answer]) -> anyhow::Result<()> {
                 "applied_at_step": steps,
                 "files": files,
             })
-        );
+        )?;
     } else {
         for answer in answers.iter().filter(|a| a.refused.is_none()) {
             match &answer.file {
-                None => println!("accepted, takes effect at step {}", answer.applied_at_step),
-                Some(file) if wait_for(file, args.timeout) => println!("{file}"),
-                Some(file) => println!(
-                    "accepted, {file} will be there at step {}",
-                    answer.applied_at_step
-                ),
+                None => say!("accepted, takes effect at step {}", answer.applied_at_step)?,
+                Some(file) => say!("{file}")?,
             }
         }
     }
@@ -315,18 +303,6 @@ fn report(args: &Args, answers: &[Answer]) -> anyhow::Result<()> {
     }
 }
 
-/// Waits until a file is there; the server writes it between two steps.
-fn wait_for(file: &str, seconds: f64) -> bool {
-    let deadline = Instant::now() + Duration::from_secs_f64(seconds);
-    while !Path::new(file).exists() {
-        if Instant::now() > deadline {
-            return false;
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    true
-}
-
 fn list(domain: &Domain, json: bool) -> anyhow::Result<()> {
     let sessions = list_sessions(domain);
     if json {
@@ -334,12 +310,12 @@ fn list(domain: &Domain, json: bool) -> anyhow::Result<()> {
             .iter()
             .map(|s| json!({ "session": s.name, "pid": s.pid }))
             .collect();
-        println!("{}", json!({ "sessions": rows }));
+        say!("{}", json!({ "sessions": rows }))?;
     } else if sessions.is_empty() {
-        println!("no session is running; start one with: cosplat serve SCENE.toml");
+        say!("no session is running; start one with: cosplat serve SCENE.toml")?;
     } else {
         for session in &sessions {
-            println!("{}  (process {})", session.name, session.pid);
+            say!("{}  (process {})", session.name, session.pid)?;
         }
     }
     Ok(())
@@ -352,9 +328,9 @@ fn status(domain: &Domain, args: &Args, timeout: Duration) -> anyhow::Result<()>
         .next(timeout)?
         .with_context(|| format!("session \"{}\" sent no status", args.session))?;
     if args.json {
-        println!("{}", status_json(&status));
+        say!("{}", status_json(&status))?;
     } else {
-        println!(
+        say!(
             "{} at step {}, {:.3} s simulated: {:.1} steps/s, {:.2} x real time, dt {:.3e} s\n\
              energy {:.4} J kinetic, {:.4} J elastic, {:.4} J potential\n\
              {} frames published, {} skipped; {} commands accepted, {} refused; {} particles left, {} quarantined",
@@ -373,7 +349,7 @@ fn status(domain: &Domain, args: &Args, timeout: Duration) -> anyhow::Result<()>
             status.commands_refused,
             status.particles_left,
             status.particles_quarantined,
-        );
+        )?;
     }
     Ok(())
 }

@@ -21,12 +21,15 @@ use cosplat_sim_core::{
 use precision::PrecisionHint;
 use serde::Serialize;
 
+use crate::say;
+
 /// Print what a scene file means: boxes, masses, materials, time step, cost.
 #[derive(clap::Args)]
 pub struct Args {
     /// The scene file.
     scene: PathBuf,
-    /// Replace a value of the file, like dx=0.01 or objects.0.friction=0.2; may be given several times.
+    /// Replace or add a value of the file, like dx=0.01, objects.0.friction=0.2 or 'colliders.0={name="floor", normal=[0, 1, 0]}';
+    /// may be given several times.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
     /// Print one JSON object instead of text.
@@ -49,9 +52,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
     }
     if args.json {
-        println!("{}", serde_json::to_string(&explanation)?);
+        say!("{}", serde_json::to_string(&explanation)?)?;
     } else {
-        println!("{explanation}");
+        say!("{explanation}")?;
     }
     Ok(())
 }
@@ -63,7 +66,7 @@ struct Explanation {
     precision: Option<PrecisionHint>,
     assets: Vec<Asset>,
     colliders: Vec<Collider>,
-    pinned_regions: Vec<Extent>,
+    pinned_regions: Vec<Pinned>,
     probes: Vec<String>,
     warnings: Vec<String>,
 }
@@ -79,6 +82,15 @@ struct Asset {
 }
 
 #[derive(Serialize)]
+struct Pinned {
+    /// Before it is turned.
+    #[serde(flatten)]
+    extent: Extent,
+    /// About its middle.
+    rotation: [f64; 4],
+}
+
+#[derive(Serialize)]
 struct Collider {
     name: String,
     shape: &'static str,
@@ -88,7 +100,8 @@ struct Collider {
     #[serde(skip_serializing_if = "Option::is_none")]
     normal: Option<[f64; 3]>,
     surface: &'static str,
-    friction: f64,
+    /// That of what meets it when absent.
+    friction: Option<f64>,
     restitution: f64,
 }
 
@@ -106,7 +119,10 @@ impl Explanation {
             pinned_regions: scene
                 .pinned_regions
                 .iter()
-                .map(|r| r.bounds.into())
+                .map(|r| Pinned {
+                    extent: r.bounds.bounds.into(),
+                    rotation: r.bounds.rotation,
+                })
                 .collect(),
             probes: probes(scene),
             warnings: (report.warnings.iter().map(ToString::to_string))
@@ -164,14 +180,18 @@ fn probes(scene: &Scene) -> Vec<String> {
     let name = |object: usize| scene.objects.get(object).map_or("?", |o| o.name.as_str());
     let probe = |p: &cosplat_sim_core::scene::Probe| {
         let what = match p.kind {
-            ProbeKind::Extent { object } => format!("extent of {}", name(object)),
+            ProbeKind::Extent { object, share } if share < 1.0 => {
+                format!("extent of {share} of {}", name(object))
+            }
+            ProbeKind::Extent { object, .. } => format!("extent of {}", name(object)),
             ProbeKind::Point { position } => format!("point {}", vector(position)),
             ProbeKind::Deviation { object, bounds, .. } => match bounds {
                 Some(b) => format!(
-                    "deviation of {} between {} and {}",
+                    "deviation of {} between {} and {}{}",
                     name(object),
-                    vector(b.min),
-                    vector(b.max)
+                    vector(b.bounds.min),
+                    vector(b.bounds.max),
+                    turned(b.rotation)
                 ),
                 None => format!("deviation of {}", name(object)),
             },
@@ -194,6 +214,18 @@ fn vector(v: [f64; 3]) -> String {
     format!("({})", v.map(number).join(", "))
 }
 
+/// How a box is turned about its middle; nothing where it is not.
+fn turned(rotation: [f64; 4]) -> String {
+    let [x, y, z, w] = rotation;
+    let sine = (x * x + y * y + z * z).sqrt();
+    if sine == 0.0 {
+        return String::new();
+    }
+    let angle = 2.0 * sine.atan2(w).to_degrees();
+    let axis = [x, y, z].map(|n| n / sine);
+    format!(", turned by {angle:.1} degrees about {}", vector(axis))
+}
+
 fn extent(e: &Extent) -> String {
     format!("{} to {} m", vector(e.min), vector(e.max))
 }
@@ -209,12 +241,13 @@ impl fmt::Display for Explanation {
             s.dx, s.particles, s.gaussians
         )?;
         writeln!(f, "frames     {} per second", s.frame_rate)?;
-        if let (Some(dt), Some(object)) = (s.dt, &s.dt_object) {
-            writeln!(
-                f,
-                "substeps   {} per frame, dt = {dt:.3e} s limited by `{object}` (cfl {})",
-                s.substeps_per_frame, s.cfl
-            )?;
+        if let Some(dt) = s.dt {
+            let why = match &s.dt_object {
+                Some(object) => format!(" limited by `{object}` (cfl {})", s.cfl),
+                None => ", the whole frame".into(),
+            };
+            let count = s.substeps_per_frame;
+            writeln!(f, "substeps   {count} per frame, dt = {dt:.3e} s{why}")?;
             writeln!(
                 f,
                 "cost       {:.2} million particle-substeps per simulated second, about {:.1} MB",
@@ -250,6 +283,7 @@ impl fmt::Display for Explanation {
         }
         for c in &self.colliders {
             let normal = c.normal.map(|n| format!(", normal {}", vector(n)));
+            let friction = c.friction.map(|friction| friction.to_string());
             writeln!(
                 f,
                 "collider   {}: {} at {} m{}, {}, friction {}, restitution {}",
@@ -258,12 +292,13 @@ impl fmt::Display for Explanation {
                 vector(c.point),
                 normal.unwrap_or_default(),
                 c.surface,
-                c.friction,
+                friction.as_deref().unwrap_or("of what meets it"),
                 c.restitution
             )?;
         }
         for region in &self.pinned_regions {
-            writeln!(f, "pinned     {}", extent(region))?;
+            let (place, turn) = (extent(&region.extent), turned(region.rotation));
+            writeln!(f, "pinned     {place}{turn}")?;
         }
         for probe in &self.probes {
             writeln!(f, "probe      {probe}")?;

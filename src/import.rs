@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use cosplat_server::{
-    import::{
-        Note, NoteKind,
-        files::{Written, import_files},
-    },
-    load::load_scene,
+use cosplat_physgaussian::{
+    Note, NoteKind,
+    files::{Written, import_files},
 };
+use cosplat_server::load::load_scene;
 use serde::Serialize;
+
+use crate::say;
 
 /// Turn a PhysGaussian configuration and its model into a scene file.
 ///
@@ -101,14 +101,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             .collect(),
     };
     if args.json {
-        println!("{}", serde_json::to_string(&report)?);
+        say!("{}", serde_json::to_string(&report)?)?;
     } else {
-        print(&report);
+        print(&report)?;
     }
     Ok(())
 }
 
-fn print(report: &Report) {
+fn print(report: &Report) -> anyhow::Result<()> {
     let mut findings = report.findings;
     while let [first, ..] = findings {
         // Keys that are ignored for one and the same reason share a line.
@@ -116,30 +116,34 @@ fn print(report: &Report) {
         let count = findings.iter().take_while(alike).count().max(1);
         let (group, rest) = findings.split_at(count);
         if count == 1 {
-            println!("{first}");
+            say!("{first}")?;
         } else {
             let keys: Vec<&str> = group.iter().map(|f| f.key.as_str()).collect();
-            println!(
+            say!(
                 "{:<10} {}: {}",
                 first.kind.to_string(),
                 keys.join(", "),
                 first.message
-            );
+            )?;
         }
         findings = rest;
     }
     for warning in &report.warnings {
-        println!("scene      {warning}");
+        say!("scene      {warning}")?;
     }
-    println!(
+    say!(
         "{} Gaussians simulated with {} particles, {} at rest, {} too transparent",
         report.simulated_gaussians,
         report.particles,
         report.static_gaussians,
         report.transparent_gaussians
-    );
-    println!(
+    )?;
+    say!(
         "run        cosplat simulate {} --duration {} (the original: {} frames, {} substeps)",
-        report.scene, report.duration, report.frames, report.fixed_substeps
-    );
+        report.scene,
+        report.duration,
+        report.frames,
+        report.fixed_substeps
+    )?;
+    Ok(())
 }

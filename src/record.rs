@@ -7,7 +7,7 @@ use cosplat_ipc::Domain;
 use cosplat_recorder::client::{RecordOptions, Summary, record};
 use cosplat_recorder::writer::{Compression, WriterOptions};
 
-use crate::{progress, signals};
+use crate::{progress, say, seconds, signals};
 
 /// Record every step of a session as MCAP.
 #[derive(clap::Args)]
@@ -22,10 +22,10 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = CompressionName::None)]
     compression: CompressionName,
     /// Stop after this time [s, wall clock]; without it, at the end of the session or on Ctrl-C.
-    #[arg(long, value_parser = seconds)]
+    #[arg(long, value_parser = seconds::duration)]
     duration: Option<Duration>,
     /// How long to wait for a server [s].
-    #[arg(long, value_parser = seconds, default_value = "10")]
+    #[arg(long, value_parser = seconds::duration, default_value = "10")]
     wait: Duration,
     /// Replace an existing file.
     #[arg(long)]
@@ -40,13 +40,6 @@ enum CompressionName {
     None,
     Lz4,
     Zstd,
-}
-
-fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text
-        .parse()
-        .map_err(|_| format!("expected seconds, found {text:?}"))?;
-    Duration::try_from_secs_f64(seconds).map_err(|e| e.to_string())
 }
 
 /// Runs the command.
@@ -80,27 +73,29 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     })?;
     counter.finish_and_clear();
     match args.json {
-        true => println!("{}", serde_json::to_string(&summary)?),
-        false => print(args, &summary),
+        true => say!("{}", serde_json::to_string(&summary)?)?,
+        false => print(args, &summary)?,
     }
     Ok(())
 }
 
-fn print(args: &Args, summary: &Summary) {
-    println!(
+fn print(args: &Args, summary: &Summary) -> anyhow::Result<()> {
+    say!(
         "{}: {} frames, {} commands, {:.1} MB",
         args.output.display(),
         summary.frames_recorded,
         summary.journal_entries,
         summary.bytes as f64 / 1e6
-    );
+    )?;
     if let (Some(first), Some(last)) = (summary.first_step, summary.last_step) {
-        println!(
+        say!(
             "steps {first} to {last}, {} gaps with {} missed steps",
-            summary.gaps, summary.missed_steps
-        );
+            summary.gaps,
+            summary.missed_steps
+        )?;
     }
     if let (Some(p50), Some(p99)) = (summary.latency_us.p50, summary.latency_us.p99) {
-        println!("latency {p50:.0} us (median), {p99:.0} us (99 %)");
+        say!("latency {p50:.0} us (median), {p99:.0} us (99 %)")?;
     }
+    Ok(())
 }

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::say;
+
 /// Repair a recording that was cut off or damaged.
 #[derive(clap::Args)]
 pub struct Args {
@@ -29,27 +31,27 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let report = cosplat_recorder::recover::recover(&args.input, &output, args.force)?;
     if args.json {
-        println!("{}", serde_json::to_string(&report)?);
+        say!("{}", serde_json::to_string(&report)?)?;
         return Ok(());
     }
     let steps = match (report.first_step, report.last_step) {
         (Some(first), Some(last)) => format!("{} frames, steps {first} to {last}", report.frames),
         _ => "no frames".to_owned(),
     };
-    println!("{}: {steps}", output.display());
+    say!("{}: {steps}", output.display())?;
     match report.was_intact {
-        true => println!("the recording was intact"),
-        false => println!(
+        true => say!("the recording was intact")?,
+        false => say!(
             "lost: {} bytes, {} damaged chunks, {} damaged attachments; {} messages of the cut-off end have no checksum",
             report.lost_bytes,
             report.chunks_damaged,
             report.attachments_damaged,
             report.messages_unverified
-        ),
+        )?,
     }
     for gap in &report.lost_steps {
         let last = gap.to_step.unwrap_or(gap.from_step);
-        println!("lost steps {} to {last}", gap.from_step);
+        say!("lost steps {} to {last}", gap.from_step)?;
     }
     Ok(())
 }

@@ -11,7 +11,7 @@ use cosplat_server::{
 };
 use serde_json::json;
 
-use crate::signals;
+use crate::{note, say, seconds, signals};
 
 /// Simulate a scene and publish every step over shared memory.
 #[derive(clap::Args)]
@@ -28,7 +28,7 @@ pub struct Args {
     #[arg(long, default_value_t = 0)]
     threads: usize,
     /// Simulated seconds after which to stop; without it, runs until Ctrl-C or `cosplat ctl stop`.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = seconds::number)]
     duration: Option<f64>,
     /// Begin paused, so that clients can attach before the first step (`cosplat ctl resume` starts it).
     #[arg(long)]
@@ -61,16 +61,10 @@ enum PaceName {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    if let Some(duration) = args.duration {
-        anyhow::ensure!(
-            duration.is_finite() && duration >= 0.0,
-            "--duration is {duration}, expected a finite number of seconds >= 0"
-        );
-    }
     let stop = signals::stop_flag()?;
     let scene = load_scene(&args.scene)?;
     for warning in &scene.report.warnings {
-        eprintln!("warning: {warning}");
+        note!("warning: {warning}");
     }
     let checkpoints = args
         .checkpoints
@@ -92,7 +86,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         restore: args.restore.clone(),
     };
     let summary = serve(scene, &options, &stop, |summary| {
-        eprintln!(
+        note!(
             "serving session \"{}\": {} Gaussians on {} particles in {} objects{}",
             args.session,
             summary.gaussians,
@@ -102,9 +96,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         );
     })?;
     if args.json {
-        println!("{}", as_json(&args.session, &summary));
+        say!("{}", as_json(&args.session, &summary))?;
     } else {
-        eprintln!(
+        note!(
             "{} steps, {:.3} s simulated in {:.3} s, {} frames published, {} skipped, state {:016x}",
             summary.steps,
             summary.sim_seconds,

@@ -4,7 +4,7 @@ use std::sync::{Arc, atomic::AtomicBool};
 
 use anyhow::{Context, ensure};
 use rustix::process::{Signal, getppid, set_parent_process_death_signal};
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 
 /// Asks this process to finish, as SIGTERM does, when the one that started it ends, even when that is killed.
 ///
@@ -17,6 +17,17 @@ pub fn end_with(parent: i32) -> anyhow::Result<()> {
         getppid().is_some_and(|pid| pid.as_raw_pid() == parent),
         "process {parent}, which should have started this one, has ended or did not"
     );
+    Ok(())
+}
+
+/// Makes writing beyond the largest file that `ulimit -f` allows an error of that write, like a full disk; the signal that
+/// comes with it would end the process without a word.
+///
+/// # Errors
+/// When the operating system refuses the handler.
+pub fn outlive_full_files() -> anyhow::Result<()> {
+    signal_hook::flag::register(SIGXFSZ, Arc::default())
+        .context("cannot install a signal handler")?;
     Ok(())
 }
 

@@ -13,18 +13,23 @@ use anyhow::{Context, bail};
 use cosplat_server::load::load_scene_with;
 use cosplat_sim_core::{
     ContactEpisode, DtLimit, Isa, ObjectState, ReferenceWorld, Scene, StepReport, Work,
+    moments::{Matter, matter},
+    notices::Notices,
     probe::{Measured, Probes},
+    report::{Timings, Torn},
+    scene::Part,
 };
 use serde::Serialize;
 
-use crate::{progress, signals};
+use crate::{note, progress, say, signals};
 
 /// Run a scene without shared memory and report every frame as a JSON line.
 #[derive(clap::Args)]
 pub struct Args {
     /// The scene file.
     scene: PathBuf,
-    /// Replace a value of the file, like dx=0.01 or objects.0.friction=0.2; may be given several times.
+    /// Replace or add a value of the file, like dx=0.01, objects.0.friction=0.2 or 'colliders.0={name="floor", normal=[0, 1, 0]}';
+    /// may be given several times.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
     /// Simulated seconds to run; rounded up to whole frames.
@@ -34,9 +39,9 @@ pub struct Args {
     #[arg(long)]
     report: Option<PathBuf>,
     /// Use the scalar double-precision reference solver: slow, for comparison.
-    #[arg(long, conflicts_with_all = ["threads", "isa"])]
+    #[arg(long, conflicts_with = "isa")]
     f64: bool,
-    /// Threads of the solver; results do not depend on it [default: one per core].
+    /// Threads of the solver; results do not depend on it [default: one per core, with --f64 one].
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// Instruction set of the kernels; results do not depend on it [default: the best].
@@ -90,6 +95,7 @@ struct Line<'a> {
     /// Absent for the reference solver, which has none.
     state_hash: Option<String>,
     contacts: Vec<ContactLine<'a>>,
+    torn: Vec<TornLine<'a>>,
     objects: Vec<ObjectLine<'a>>,
     probes: BTreeMap<&'a str, Option<Measured>>,
 }
@@ -97,6 +103,8 @@ struct Line<'a> {
 #[derive(Serialize)]
 struct ObjectLine<'a> {
     name: &'a str,
+    #[serde(flatten)]
+    matter: Matter,
     #[serde(flatten)]
     state: ObjectState,
 }
@@ -106,6 +114,13 @@ struct ContactLine<'a> {
     names: [&'a str; 2],
     #[serde(flatten)]
     episode: ContactEpisode,
+}
+
+#[derive(Serialize)]
+struct TornLine<'a> {
+    name: &'a str,
+    #[serde(flatten)]
+    torn: Torn,
 }
 
 /// What a finished run comes to.
@@ -121,6 +136,8 @@ struct Summary {
     particle_updates: u64,
     particle_updates_full: u64,
     work: Work,
+    /// Wall seconds of the solver per phase.
+    phases: Timings,
     left_domain: usize,
     quarantined: usize,
     state_hash: Option<String>,
@@ -132,6 +149,11 @@ struct Summary {
 /// # Errors
 /// When the scene cannot be used or the report cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    if let (true, Some(threads @ 2..)) = (args.f64, args.threads) {
+        bail!(
+            "--threads {threads}: the solver of --f64 has one thread, expected --threads 1 or none"
+        );
+    }
     let loaded = load_scene_with(&args.scene, &args.settings)?;
     let scene = &loaded.scene;
     let warnings: Vec<String> = loaded
@@ -141,7 +163,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .map(ToString::to_string)
         .collect();
     for warning in &warnings {
-        eprintln!("warning: {}: {warning}", args.scene.display());
+        note!("warning: {}: {warning}", args.scene.display());
     }
     let file = args.report.as_deref().filter(|p| *p != Path::new("-"));
     let mut out: Box<dyn Write + Send> = match file {
@@ -161,6 +183,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         particle_updates: 0,
         particle_updates_full: 0,
         work: Work::default(),
+        phases: Timings::default(),
         left_domain: 0,
         quarantined: 0,
         state_hash: None,
@@ -168,7 +191,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let mut world = World::new(args, scene)?;
     let mut pool = rayon::ThreadPoolBuilder::new();
-    if let Some(threads) = args.threads {
+    if let Some(threads) = args.threads.or(args.f64.then_some(1)) {
         pool = pool.num_threads(threads.into());
     }
     let pool = pool.build().context("cannot start the solver's threads")?;
@@ -178,13 +201,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         outcome => outcome?,
     }
     if args.json && file.is_some() {
-        println!("{}", serde_json::to_string(&summary)?);
+        say!("{}", serde_json::to_string(&summary)?)?;
     } else {
         let text = summary_text(&summary);
         if file.is_some() {
-            println!("{text}");
+            say!("{text}")?;
         } else {
-            eprintln!("{text}");
+            note!("{text}");
         }
     }
     Ok(())
@@ -201,6 +224,8 @@ fn simulate(
     // A duration of whole frames must not gain one by rounding.
     let frames = (args.duration * scene.frame_rate - 1e-6).ceil().max(1.0) as u64;
     let probes = Probes::new(scene);
+    let mut notices = Notices::new(scene);
+    let parts = scene.parts();
     let bar = progress::bar("frames", frames);
     let start = Instant::now();
     for frame in 0..frames {
@@ -210,7 +235,7 @@ fn simulate(
         }
         let report = world.step(1.0 / scene.frame_rate);
         let measured = world.measure(&probes, report.sim_time);
-        let line = line(scene, &report, measured);
+        let line = line(scene, &report, &world.matter(scene, &parts), measured);
         serde_json::to_writer(&mut *out, &line)?;
         out.write_all(b"\n")?;
         summary.frames = frame + 1;
@@ -221,9 +246,14 @@ fn simulate(
         summary.particle_updates += report.particle_updates;
         summary.particle_updates_full += report.particle_updates_full;
         summary.work += report.work;
+        summary.phases += report.timings;
         summary.left_domain += report.left_domain.len();
         summary.quarantined += report.quarantined.len();
         summary.state_hash = line.state_hash;
+        for notice in notices.of(scene, &report) {
+            bar.suspend(|| note!("warning: {notice}"));
+            summary.warnings.push(notice);
+        }
         bar.set_message(format!(
             "{:.2} s, {:.2} x real time",
             report.sim_time,
@@ -232,7 +262,7 @@ fn simulate(
         bar.inc(1);
         if report.stopped {
             bar.suspend(|| {
-                eprintln!(
+                note!(
                     "stopped at {:.6} s: {} particles would leave the domain, whose policy is to stop",
                     report.sim_time,
                     report.left_domain.len()
@@ -260,11 +290,12 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
 fn line<'a>(
     scene: &'a Scene,
     report: &'a StepReport,
+    matter: &[Matter],
     probes: Vec<(&'a str, Option<Measured>)>,
 ) -> Line<'a> {
     let name = |i: usize| scene.objects.get(i).map_or("", |o| o.name.as_str());
-    let objects = report.objects.iter().enumerate();
-    let contacts = report.contacts.iter();
+    let objects = report.objects.iter().zip(matter).enumerate();
+    let (contacts, torn) = (report.contacts.iter(), report.torn.iter());
     Line {
         step: report.step,
         sim_time: report.sim_time,
@@ -293,9 +324,16 @@ fn line<'a>(
                 episode: *episode,
             })
             .collect(),
+        torn: torn
+            .map(|torn| TornLine {
+                name: name(torn.object),
+                torn: *torn,
+            })
+            .collect(),
         objects: objects
-            .map(|(i, state)| ObjectLine {
+            .map(|(i, (state, matter))| ObjectLine {
                 name: name(i),
+                matter: *matter,
                 state: *state,
             })
             .collect(),
@@ -362,6 +400,14 @@ impl World {
         match self {
             Self::Fast(world) => probes.measure(&world.arrays(), time),
             Self::Reference(world) => probes.measure(&world.particles.arrays(), time),
+        }
+    }
+
+    fn matter(&self, scene: &Scene, parts: &[Part]) -> Vec<Matter> {
+        let objects = scene.objects.len();
+        match self {
+            Self::Fast(world) => matter(&world.arrays(), parts, objects),
+            Self::Reference(world) => matter(&world.particles.arrays(), parts, objects),
         }
     }
 }

@@ -8,7 +8,7 @@ use cosplat_ipc::Domain;
 use cosplat_renderer::camera::Orbit;
 use cosplat_renderer::client::Options;
 
-use crate::{progress, signals};
+use crate::{progress, say, seconds, signals};
 
 /// Render a running session to pictures and video, until its last frame or Ctrl-C.
 #[derive(clap::Args)]
@@ -16,9 +16,9 @@ pub struct Args {
     /// Session to watch.
     #[arg(long, default_value = "default")]
     session: String,
-    /// Seconds to wait for the server.
-    #[arg(long, value_name = "S", default_value_t = 10.0)]
-    timeout: f64,
+    /// Seconds to wait for the server, and as long for what it needs to draw.
+    #[arg(long, value_name = "S", default_value = "10", value_parser = seconds::duration)]
+    timeout: Duration,
     /// Folder for pictures, named by their step.
     #[arg(long, value_name = "DIR")]
     png: Option<PathBuf>,
@@ -66,16 +66,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         bail!("nothing to write: give --png DIR, --mp4 FILE or both");
     }
     let stop = signals::stop_flag()?;
-    // Drawing takes every core it gets; the simulation and its other readers come first.
-    if let Err(error) = rustix::process::nice(NICENESS) {
-        tracing::debug!(%error, "keeps its priority");
-    }
     let options = Options {
         domain: Domain::from_env()?,
         session: args.session.clone(),
-        patience: Duration::try_from_secs_f64(args.timeout).map_err(|_| {
-            anyhow::anyhow!("--timeout {} is not a number of seconds", args.timeout)
-        })?,
+        patience: args.timeout,
         width: args.size.0,
         height: args.size.1,
         orbit: Orbit {
@@ -98,7 +92,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Some(frames) => progress::bar("frames", frames),
         None => progress::spinner("frames"),
     };
-    let summary = cosplat_renderer::run(&options, &stop, |progress| {
+    // Drawing takes every core it gets; the simulation and its other readers come first. Not before there is something to
+    // draw: on a busy machine a process without priority would not get that far.
+    let stand_aside = || {
+        if let Err(error) = rustix::process::nice(NICENESS) {
+            tracing::debug!(%error, "keeps its priority");
+        }
+    };
+    let summary = cosplat_renderer::run(&options, &stop, stand_aside, |progress| {
         bar.set_position(progress.frames_rendered);
         bar.set_message(format!(
             "step {}, {:.2} s",
@@ -108,30 +109,30 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     bar.finish_and_clear();
     let summary = summary?;
     if args.json {
-        println!("{}", serde_json::to_string(&summary)?);
+        say!("{}", serde_json::to_string(&summary)?)?;
         return Ok(());
     }
-    println!(
+    say!(
         "{} frames rendered ({:.1} ms each), up to step {} at {:.3} s; {} skipped for newer ones",
         summary.frames_rendered,
         summary.render_ms,
         summary.last_step,
         summary.sim_time,
         summary.frames_missed
-    );
+    )?;
     if let Some(path) = &summary.last_picture {
-        println!(
+        say!(
             "{} pictures, the last one {}",
             summary.pictures,
             path.display()
-        );
+        )?;
     }
     if let Some(path) = &summary.video {
-        println!(
+        say!(
             "{} video frames in {}",
             summary.video_frames,
             path.display()
-        );
+        )?;
     }
     Ok(())
 }

@@ -9,7 +9,7 @@ use std::{
 
 use iceoryx2::prelude::*;
 
-use crate::{Service, sweeper};
+use crate::{LimitReached, Service, management, sweeper};
 
 /// Longest root path and prefix together [byte]: with `/`, an id of 39 digits and `.event` a socket's path must
 /// fit the 107 bytes of a Unix address.
@@ -60,13 +60,56 @@ pub enum DomainError {
         /// This process's user id.
         user: u32,
     },
+    /// The root folder is a link or a file.
+    #[error("{} is a link or a file, expected a folder: set COSPLAT_DOMAIN to a folder", path.display())]
+    NotAFolder {
+        /// The path.
+        path: PathBuf,
+    },
+    /// Other users may enter the root folder.
+    #[error(
+        "the folder {0} has mode {mode:03o}, expected 700, so that nobody else can enter: run `chmod 700 {0}` if it is not shared, or set COSPLAT_DOMAIN to another folder",
+        path.display()
+    )]
+    OpenRoot {
+        /// The folder.
+        path: PathBuf,
+        /// Its permissions.
+        mode: u32,
+    },
+    /// A file that the domain needs belongs to somebody else.
+    #[error("the file {} belongs to user {owner}, expected user {user}: have it removed, or set COSPLAT_DOMAIN to another folder", path.display())]
+    ForeignFile {
+        /// The file.
+        path: PathBuf,
+        /// Its owner's id.
+        owner: u32,
+        /// This process's user id.
+        user: u32,
+    },
+    /// A file that the domain needs cannot be made or read.
+    #[error("the file {} cannot be used: {cause}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        cause: std::io::Error,
+    },
     /// The root folder cannot be made or read.
-    #[error("the folder {} cannot be used: {source}", path.display())]
+    #[error("the folder {} cannot be used: {cause}", path.display())]
     Io {
         /// The folder.
         path: PathBuf,
         /// What the system says.
-        source: std::io::Error,
+        cause: std::io::Error,
+    },
+    /// The process has reached a limit.
+    #[error("cannot join the domain at {}: {limit}", path.display())]
+    Limit {
+        /// Root folder.
+        path: PathBuf,
+        /// The limit.
+        limit: LimitReached,
     },
     /// iceoryx2 refused to join.
     #[error("cannot join the domain at {}: {reason}", path.display())]
@@ -178,9 +221,13 @@ impl Domain {
         self.claim_root()?;
         self.write_config();
         sweeper::watch(self);
-        let failed = |reason: String| DomainError::Node {
-            path: self.root.clone(),
-            reason,
+        management::claim(self)?;
+        let failed = |reason: String| {
+            let path = self.root.clone();
+            match LimitReached::behind(&reason) {
+                Some(limit) => DomainError::Limit { path, limit },
+                None => DomainError::Node { path, reason },
+            }
         };
         let name = NodeName::new(&format!("cosplat-{role}"))
             .map_err(|error| failed(format!("the role {role:?} is not a node name ({error:?})")))?;
@@ -226,22 +273,35 @@ impl Domain {
 
     /// Makes the root folder for this user alone, or checks that it is.
     fn claim_root(&self) -> Result<(), DomainError> {
-        let io = |source| DomainError::Io {
+        let io = |cause| DomainError::Io {
             path: self.root.clone(),
-            source,
+            cause,
         };
         fs::DirBuilder::new()
             .recursive(true)
             .mode(0o700)
             .create(&self.root)
             .map_err(io)?;
-        let owner = fs::metadata(&self.root).map_err(io)?.uid();
+        let found = fs::symlink_metadata(&self.root).map_err(io)?;
+        if !found.is_dir() {
+            return Err(DomainError::NotAFolder {
+                path: self.root.clone(),
+            });
+        }
+        let owner = found.uid();
         let user = rustix::process::getuid().as_raw();
         if owner != user {
             return Err(DomainError::ForeignRoot {
                 path: self.root.clone(),
                 owner,
                 user,
+            });
+        }
+        let mode = found.mode() & 0o777;
+        if mode & 0o077 != 0 {
+            return Err(DomainError::OpenRoot {
+                path: self.root.clone(),
+                mode,
             });
         }
         Ok(())
@@ -288,6 +348,8 @@ fn iceoryx_path(path: &FsPath) -> Option<Path> {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
     use super::*;
 
     #[test]
@@ -345,6 +407,34 @@ mod tests {
             Domain::new("relative", "p"),
             Err(DomainError::BadRoot { .. })
         ));
+    }
+
+    #[test]
+    fn a_root_that_is_open_to_others_or_a_link_is_refused() {
+        let root = PathBuf::from(format!("/tmp/cpopen{}", std::process::id()));
+        let link = PathBuf::from(format!("/tmp/cplink{}", std::process::id()));
+        fs::create_dir(&root).expect("made");
+        std::os::unix::fs::symlink(&root, &link).expect("linked");
+        let refusal = |root: &FsPath| {
+            let domain = Domain::new(root, "p").expect("a domain");
+            domain.join("test").expect_err("refused")
+        };
+        for mode in [0o777, 0o1777, 0o755, 0o710, 0o701] {
+            fs::set_permissions(&root, fs::Permissions::from_mode(mode)).expect("opened");
+            let error = refusal(&root);
+            assert!(
+                matches!(error, DomainError::OpenRoot { mode: m, .. } if m == mode & 0o777),
+                "{error}"
+            );
+            assert!(error.to_string().contains("chmod 700"), "{error}");
+        }
+        fs::set_permissions(&root, fs::Permissions::from_mode(0o700)).expect("closed");
+        let error = refusal(&link);
+        assert!(matches!(error, DomainError::NotAFolder { .. }), "{error}");
+        // Nothing was put where the link leads.
+        assert_eq!(fs::read_dir(&root).expect("a folder").count(), 0);
+        fs::remove_file(&link).expect("removed");
+        fs::remove_dir(&root).expect("removed");
     }
 
     #[test]

@@ -7,6 +7,8 @@ pub mod client;
 #[cfg(test)]
 mod documentation;
 mod domain;
+mod limits;
+mod management;
 mod remains;
 pub mod schema;
 pub mod server;
@@ -16,6 +18,7 @@ mod sweeper;
 
 pub use client::Client;
 pub use domain::{Domain, DomainError, MAX_ROOT_LENGTH};
+pub use limits::LimitReached;
 
 pub use server::ServerPorts;
 pub use session::{BadSessionName, SessionInfo, list_sessions};

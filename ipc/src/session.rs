@@ -33,7 +33,8 @@ pub(crate) const EVENT_RESPONSE: usize = 2;
 pub(crate) const EVENT_SAMPLE: usize = 3;
 /// Requests that a client may have unanswered.
 pub(crate) const MAX_ACTIVE_REQUESTS: usize = 16;
-const MAX_CLIENTS: usize = 32;
+/// Senders of commands at most.
+pub(crate) const MAX_CLIENTS: usize = 32;
 
 /// Quality of service of a publish-subscribe stream.
 #[derive(Clone, Copy, Debug)]
@@ -85,11 +86,13 @@ const fn scene(name: &'static str) -> Stream {
 pub(crate) const MAX_SUBSCRIBERS: usize = 32;
 /// The server, a replay or a tunnel, and a dead server that is not cleaned up yet.
 const MAX_PUBLISHERS: usize = 4;
-const MAX_NODES: usize = 72;
+/// Processes that use a service at most.
+pub(crate) const MAX_NODES: usize = 72;
 
 pub(crate) type PubSub<T, H> = publish_subscribe::PortFactory<Service, [T], H>;
 pub(crate) type Commands =
     request_response::PortFactory<Service, [Command], CommandHeader, [Ack], ()>;
+pub(crate) type HelloService = publish_subscribe::PortFactory<Service, Hello, ()>;
 pub(crate) type Event = event::PortFactory<Service>;
 
 /// A session's name.
@@ -215,7 +218,7 @@ pub(crate) fn hello(
     node: &Node<Service>,
     session: &SessionName,
     create: bool,
-) -> Result<publish_subscribe::PortFactory<Service, Hello, ()>, OpenError> {
+) -> Result<HelloService, OpenError> {
     let name = session.hello()?;
     let builder = node.service_builder(&name).publish_subscribe::<Hello>();
     if !create {

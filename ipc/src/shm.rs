@@ -20,8 +20,8 @@ pub(crate) enum ReserveError {
     #[error("no file of port {id} in {SHM_DIR}")]
     NotFound { id: u128 },
     /// The system refuses.
-    #[error("{}: {source}", path.display())]
-    Io { path: PathBuf, source: io::Error },
+    #[error("{}: {cause}", path.display())]
+    Io { path: PathBuf, cause: io::Error },
 }
 
 /// Shared memory that can be taken now [byte]: free space of the mount, but no more than free memory.
@@ -40,9 +40,9 @@ fn free_memory() -> Option<u64> {
 /// Makes the system set aside every page of the data segment of the port `id`.
 pub(crate) fn reserve(id: u128) -> Result<(), ReserveError> {
     let path = data_file(id).ok_or(ReserveError::NotFound { id })?;
-    let io = |source| ReserveError::Io {
+    let io = |cause| ReserveError::Io {
         path: path.clone(),
-        source,
+        cause,
     };
     let file = fs::OpenOptions::new()
         .read(true)

@@ -91,8 +91,10 @@ fn unfinished(ours: impl Fn(&str) -> bool) -> Vec<(PathBuf, u64)> {
         .collect()
 }
 
-/// Inode of the file if it is not finished.
+/// Inode of the file if it is not finished. What another user puts there is none of ours, and holds nobody up.
 fn inode(path: &Path) -> Option<u64> {
     let found = fs::symlink_metadata(path).ok()?;
-    (found.permissions().mode() & 0o777 == UNFINISHED_MODE).then_some(found.ino())
+    let is_ours = found.uid() == rustix::process::getuid().as_raw();
+    let is_unfinished = found.permissions().mode() & 0o777 == UNFINISHED_MODE;
+    (is_ours && is_unfinished).then_some(found.ino())
 }

@@ -6,7 +6,10 @@ mod wire {
     mod commands;
     mod crash;
     mod examples;
+    mod impostors;
+    mod limits;
     mod refusals;
     mod shm;
     mod support;
+    mod users;
 }

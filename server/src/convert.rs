@@ -8,6 +8,8 @@ use cosplat_sim_core::{
     scene::{Object, Pose},
 };
 
+use crate::steering::Control;
+
 /// Why a wire command cannot become an action, whatever the state of the world.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WireError {
@@ -32,12 +34,8 @@ pub enum Order {
     World(Action),
     /// Write a checkpoint.
     Checkpoint,
-    /// Stop stepping.
-    Pause,
-    /// Step again.
-    Resume,
-    /// Shut down.
-    Stop,
+    /// Something for the server itself.
+    Server(Control),
 }
 
 /// Reads a wire command. Numbers are not judged here: [`World::check`](cosplat_sim_core::World::check) does.
@@ -85,9 +83,9 @@ pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
         wire::COMMAND_RELEASE => Action::Release { object },
         wire::COMMAND_RESET => Action::Reset,
         wire::COMMAND_CHECKPOINT => return Ok(Order::Checkpoint),
-        wire::COMMAND_PAUSE => return Ok(Order::Pause),
-        wire::COMMAND_RESUME => return Ok(Order::Resume),
-        wire::COMMAND_STOP => return Ok(Order::Stop),
+        wire::COMMAND_PAUSE => return Ok(Order::Server(Control::Pause)),
+        wire::COMMAND_RESUME => return Ok(Order::Server(Control::Resume)),
+        wire::COMMAND_STOP => return Ok(Order::Server(Control::Stop)),
         kind => return Err(WireError::UnknownKind { kind }),
     };
     Ok(Order::World(action))

@@ -1,11 +1,16 @@
 //! Commands between their arrival and the step they take effect at.
 
-use std::path::PathBuf;
-
-use cosplat_ipc::schema as wire;
+use cosplat_ipc::{
+    schema as wire,
+    server::{Asked, Reply},
+};
 use cosplat_sim_core::{Action, Command, CommandError};
 
-use crate::convert::{Order, order_from_wire};
+use crate::{
+    checkpoints::{CheckpointFolder, Checkpoints},
+    convert::{Order, order_from_wire},
+    steering::{Scheduled, Steering},
+};
 
 /// Commands that may wait at once; more are refused, so that a runaway client cannot eat the memory.
 pub const MAX_PENDING: usize = 4096;
@@ -16,35 +21,14 @@ pub const MAX_STEPS_AHEAD: u64 = 10_000_000;
 #[derive(Debug, Default)]
 pub struct Ingest {
     pending: Vec<Pending>,
-    /// Whether stepping is suspended.
-    pub paused: bool,
-    /// Whether a client asked the server to shut down.
-    pub stop: bool,
-    /// Where checkpoints go; none where they are not wanted.
-    pub checkpoints: Option<CheckpointFolder>,
-    /// Steps before which a checkpoint is due.
-    due_checkpoints: Vec<u64>,
+    /// Whether the server may step.
+    pub steering: Steering,
+    /// Checkpoints that clients wait for.
+    pub checkpoints: Checkpoints,
     /// Commands accepted since start.
     pub accepted: u64,
     /// Commands refused since start.
     pub refused: u64,
-}
-
-/// Names the files of checkpoints.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct CheckpointFolder {
-    /// Existing folder.
-    pub folder: PathBuf,
-    /// First part of the names.
-    pub session: String,
-}
-
-impl CheckpointFolder {
-    /// File of the state after `step` steps.
-    pub fn file(&self, step: u64) -> PathBuf {
-        let name = format!("{}-step-{step}.checkpoint", self.session);
-        self.folder.join(name)
-    }
 }
 
 /// A command that waits for its step, in both shapes: for the world and for the journal.
@@ -60,40 +44,51 @@ impl Ingest {
     /// An empty inbox.
     pub fn new(paused: bool, checkpoints: Option<CheckpointFolder>) -> Ingest {
         Ingest {
-            paused,
-            checkpoints,
+            steering: Steering::new(paused),
+            checkpoints: Checkpoints::new(checkpoints),
             ..Ingest::default()
         }
     }
 
-    /// Checks one request and answers every command of it; `next_step` is the first step still to come.
+    /// Commands to the world that wait for their step.
+    pub fn waiting(&self) -> usize {
+        self.pending.len()
+    }
+
+    /// Checks one request and answers every command of it, at once or, where one orders a checkpoint, when that is
+    /// written; `next_step` is the first step still to come.
     ///
     /// `check` judges an action against the world. A refused command leaves no trace but the count.
     pub fn accept(
         &mut self,
-        client: u64,
-        commands: &[wire::Command],
+        asked: &Asked<'_>,
         next_step: u64,
         check: &dyn Fn(&Action) -> Result<(), CommandError>,
-    ) -> Vec<wire::Ack> {
-        commands
-            .iter()
-            .map(|command| {
-                let outcome = self.accept_one(client, command, next_step, check);
-                match &outcome {
-                    Ok(_) => self.accepted += 1,
-                    Err(_) => self.refused += 1,
-                }
-                match (outcome, &self.checkpoints) {
-                    (Ok(step), Some(to)) if command.kind == wire::COMMAND_CHECKPOINT => {
-                        let path = to.file(step - 1).display().to_string();
-                        wire::Ack::accepted_with_file(command.sequence, step, &path)
+    ) -> Reply {
+        let mut due = Vec::new();
+        let mut acks = Vec::with_capacity(asked.commands.len());
+        for (index, command) in asked.commands.iter().enumerate() {
+            acks.push(
+                match self.accept_one(asked.header.client, command, next_step, check) {
+                    Ok(step) => {
+                        self.accepted += 1;
+                        if command.kind == wire::COMMAND_CHECKPOINT {
+                            due.push((index, step));
+                        }
+                        wire::Ack::accepted(command.sequence, step)
                     }
-                    (Ok(step), _) => wire::Ack::accepted(command.sequence, step),
-                    (Err(reason), _) => wire::Ack::refused(command.sequence, &reason),
-                }
-            })
-            .collect()
+                    Err(reason) => {
+                        self.refused += 1;
+                        wire::Ack::refused(command.sequence, &reason)
+                    }
+                },
+            );
+        }
+        if due.is_empty() {
+            return Reply::Now(acks);
+        }
+        self.checkpoints.expect((asked.ticket, acks), &due);
+        Reply::Later
     }
 
     fn accept_one(
@@ -111,20 +106,20 @@ impl Ingest {
             ));
         }
         match order_from_wire(command).map_err(|error| error.to_string())? {
-            Order::Checkpoint => {
-                self.checkpoint_at(step)?;
+            Order::Checkpoint => self.checkpoints.check(step)?,
+            Order::Server(control) => {
+                self.has_room(step == next_step)?;
+                let order = Scheduled {
+                    step,
+                    client,
+                    sequence: command.sequence,
+                    control,
+                };
+                self.steering.order(order, next_step)?;
             }
-            Order::Pause => self.paused = true,
-            Order::Resume => self.paused = false,
-            Order::Stop => self.stop = true,
             Order::World(action) => {
                 check(&action).map_err(|error| error.to_string())?;
-                if self.pending.len() >= MAX_PENDING {
-                    return Err(format!(
-                        "{} commands are waiting already, expected fewer than {MAX_PENDING}",
-                        self.pending.len()
-                    ));
-                }
+                self.has_room(false)?;
                 self.pending.push(Pending {
                     command: Command {
                         client,
@@ -143,39 +138,15 @@ impl Ingest {
         Ok(step)
     }
 
-    /// Notes that a checkpoint is wanted of the state before `step`.
-    fn checkpoint_at(&mut self, step: u64) -> Result<(), String> {
-        let Some(to) = &self.checkpoints else {
-            return Err(
-                "this server writes no checkpoints: start it with --checkpoints DIR".into(),
-            );
-        };
-        let path = to.file(step - 1).display().to_string();
-        let room = wire::Ack::accepted(0, 0).reason.len();
-        if path.len() > room {
-            let length = path.len();
-            return Err(format!(
-                "the path of the checkpoint has {length} bytes, expected at most {room}: {path}"
-            ));
+    /// Whether one more command may wait; what takes effect `at_once` need not.
+    fn has_room(&self, at_once: bool) -> Result<(), String> {
+        let waiting = self.pending.len() + self.steering.waiting();
+        if at_once || waiting < MAX_PENDING {
+            return Ok(());
         }
-        if self.due_checkpoints.len() >= MAX_PENDING {
-            return Err(format!(
-                "{MAX_PENDING} checkpoints are waiting already, expected fewer"
-            ));
-        }
-        self.due_checkpoints.push(step);
-        Ok(())
-    }
-
-    /// Takes out the checkpoint that is due before `step`; its file when there is one.
-    pub fn take_checkpoint(&mut self, step: u64) -> Option<PathBuf> {
-        let before = self.due_checkpoints.len();
-        self.due_checkpoints.retain(|&due| due > step);
-        let is_due = self.due_checkpoints.len() < before;
-        self.checkpoints
-            .as_ref()
-            .filter(|_| is_due)
-            .map(|to| to.file(step - 1))
+        Err(format!(
+            "{waiting} commands are waiting already, expected fewer than {MAX_PENDING}"
+        ))
     }
 
     /// Takes out what is due at `step`, in the order of application.
@@ -206,12 +177,41 @@ mod tests {
         }
     }
 
+    /// The answers to a request of `client`, which come at once.
+    fn accept(
+        ingest: &mut Ingest,
+        client: u64,
+        commands: &[wire::Command],
+        next_step: u64,
+        check: &dyn Fn(&Action) -> Result<(), CommandError>,
+    ) -> Vec<wire::Ack> {
+        let header = wire::CommandHeader {
+            client,
+            ..Default::default()
+        };
+        let asked = Asked {
+            ticket: 1,
+            header: &header,
+            commands,
+        };
+        match ingest.accept(&asked, next_step, check) {
+            Reply::Now(acks) => acks,
+            other => panic!("{other:?}"),
+        }
+    }
+
     #[test]
     fn due_commands_come_in_step_client_sequence_order() {
         let mut ingest = Ingest::default();
         let fine = |_: &Action| Ok(());
-        ingest.accept(2, &[impulse(1, 5), impulse(2, 4)], 3, &fine);
-        ingest.accept(1, &[impulse(9, 5), impulse(3, 5), impulse(4, 7)], 3, &fine);
+        accept(&mut ingest, 2, &[impulse(1, 5), impulse(2, 4)], 3, &fine);
+        accept(
+            &mut ingest,
+            1,
+            &[impulse(9, 5), impulse(3, 5), impulse(4, 7)],
+            3,
+            &fine,
+        );
         let order: Vec<_> = ingest
             .take_due(5)
             .iter()
@@ -224,7 +224,9 @@ mod tests {
     #[test]
     fn a_past_step_means_the_next_one() {
         let mut ingest = Ingest::default();
-        let acks = ingest.accept(1, &[impulse(1, 0), impulse(2, 2)], 8, &|_| Ok(()));
+        let acks = accept(&mut ingest, 1, &[impulse(1, 0), impulse(2, 2)], 8, &|_| {
+            Ok(())
+        });
         assert!(acks.iter().all(|ack| ack.applied_at_step == 8));
         assert!(ingest.take_due(7).is_empty());
     }
@@ -238,7 +240,7 @@ mod tests {
                 count: 2,
             })
         };
-        let acks = ingest.accept(1, &[impulse(1, 0)], 1, &refuse);
+        let acks = accept(&mut ingest, 1, &[impulse(1, 0)], 1, &refuse);
         assert_eq!(acks[0].status, wire::ACK_REFUSED);
         let reason = String::from_utf8_lossy(&acks[0].reason).into_owned();
         assert!(reason.contains('7') && reason.contains('2'), "{reason}");
@@ -250,44 +252,64 @@ mod tests {
     fn a_flood_is_refused_and_not_stored() {
         let mut ingest = Ingest::default();
         let flood = vec![impulse(1, 0); MAX_PENDING + 10];
-        let acks = ingest.accept(1, &flood, 1, &|_| Ok(()));
+        let acks = accept(&mut ingest, 1, &flood, 1, &|_| Ok(()));
         let refused = acks.iter().filter(|a| a.status == wire::ACK_REFUSED);
         assert_eq!(refused.count(), 10);
         assert_eq!(ingest.take_due(1).len(), MAX_PENDING);
     }
 
     #[test]
-    fn checkpoints_are_due_before_their_step_and_named_after_the_state() {
-        let checkpoint = |sequence, apply_at_step| wire::Command {
+    fn an_order_for_a_checkpoint_is_answered_late_or_refused_now() {
+        let checkpoint = wire::Command {
             kind: wire::COMMAND_CHECKPOINT,
-            sequence,
+            sequence: 3,
+            ..Default::default()
+        };
+        let fine = |_: &Action| Ok(());
+        let refused = accept(&mut Ingest::default(), 1, &[checkpoint], 5, &fine);
+        assert_eq!(refused[0].status, wire::ACK_REFUSED);
+        let folder = CheckpointFolder {
+            folder: "/tmp/states".into(),
+            session: "demo".into(),
+        };
+        let mut ingest = Ingest::new(false, Some(folder));
+        let asked = Asked {
+            ticket: 8,
+            header: &wire::CommandHeader::default(),
+            commands: &[impulse(2, 0), checkpoint],
+        };
+        assert_eq!(ingest.accept(&asked, 5, &fine), Reply::Later);
+        let answers = ingest.checkpoints.written(5, &Ok("file".into()));
+        let (ticket, acks) = &answers[0];
+        assert_eq!((*ticket, acks.len()), (8, 2));
+        assert_eq!((acks[0].sequence, acks[0].reason()), (2, Ok("")));
+        assert_eq!((acks[1].sequence, acks[1].reason()), (3, Ok("file")));
+    }
+
+    #[test]
+    fn a_full_inbox_still_takes_what_acts_at_once() {
+        let mut ingest = Ingest::default();
+        let fine = |_: &Action| Ok(());
+        let flood = vec![impulse(1, 50); MAX_PENDING];
+        accept(&mut ingest, 1, &flood, 1, &fine);
+        let pause = |apply_at_step| wire::Command {
+            kind: wire::COMMAND_PAUSE,
             apply_at_step,
             ..Default::default()
         };
-        let mut ingest = Ingest::default();
-        let fine = |_: &Action| Ok(());
-        let refused = ingest.accept(1, &[checkpoint(1, 0)], 5, &fine);
-        assert_eq!(refused[0].status, wire::ACK_REFUSED);
-        ingest.checkpoints = Some(CheckpointFolder {
-            folder: "/tmp/states".into(),
-            session: "demo".into(),
-        });
-        let acks = ingest.accept(1, &[checkpoint(2, 0), checkpoint(3, 9)], 5, &fine);
-        assert!(acks.iter().all(|ack| ack.status == wire::ACK_ACCEPTED));
-        assert_eq!(acks[1].reason(), Ok("/tmp/states/demo-step-8.checkpoint"));
+        let acks = accept(&mut ingest, 2, &[pause(7), pause(0)], 1, &fine);
+        assert_eq!(acks[0].status, wire::ACK_REFUSED);
+        assert_eq!(acks[1].status, wire::ACK_ACCEPTED);
         assert_eq!(
-            ingest.take_checkpoint(5),
-            Some("/tmp/states/demo-step-4.checkpoint".into())
+            ingest.steering.permission(),
+            crate::steering::Permission::Wait
         );
-        assert_eq!(ingest.take_checkpoint(8), None);
-        assert!(ingest.take_checkpoint(9).is_some());
-        assert_eq!(ingest.take_checkpoint(9), None);
     }
 
     #[test]
     fn a_step_beyond_reach_is_refused() {
         let mut ingest = Ingest::default();
-        let acks = ingest.accept(1, &[impulse(1, u64::MAX)], 1, &|_| Ok(()));
+        let acks = accept(&mut ingest, 1, &[impulse(1, u64::MAX)], 1, &|_| Ok(()));
         assert_eq!(acks[0].status, wire::ACK_REFUSED);
     }
 }

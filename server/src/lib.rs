@@ -1,10 +1,12 @@
 //! The simulation process: ingest commands, step, write each frame into loaned shared memory, publish, pace.
 
+pub mod allowance;
+pub mod checkpoints;
 pub mod convert;
-pub mod import;
 pub mod ingest;
 pub mod load;
 pub mod pace;
 pub mod publish;
 pub mod serve;
 pub mod settings;
+pub mod steering;

@@ -32,12 +32,12 @@ pub struct LoadedScene {
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file cannot be read.
-    #[error("cannot read scene file {}: {source}", path.display())]
+    #[error("cannot read scene file {}: {cause}", path.display())]
     Read {
         /// The scene file.
         path: PathBuf,
         /// What the operating system says.
-        source: io::Error,
+        cause: io::Error,
     },
     /// The file is read and wrong.
     #[error("{} has {} error(s):\n{errors}", path.display(), errors.0.len())]
@@ -54,18 +54,18 @@ pub enum LoadError {
 
 /// An asset file that cannot be read.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot read asset {}: {source}", path.display())]
+#[error("cannot read asset {}: {cause}", path.display())]
 struct AssetFile {
     path: PathBuf,
-    source: io::Error,
+    cause: io::Error,
 }
 
 /// A mesh file that cannot be read.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot read mesh {}: {source}", path.display())]
+#[error("cannot read mesh {}: {cause}", path.display())]
 struct MeshFile {
     path: PathBuf,
-    source: io::Error,
+    cause: io::Error,
 }
 
 /// Reads and builds a scene file; asset paths are relative to its folder.
@@ -81,9 +81,9 @@ pub fn load_scene(path: &Path) -> Result<LoadedScene, LoadError> {
 /// # Errors
 /// As [`load_scene`], or when a setting cannot be made.
 pub fn load_scene_with(path: &Path, settings: &[String]) -> Result<LoadedScene, LoadError> {
-    let text = fs::read_to_string(path).map_err(|source| LoadError::Read {
+    let text = fs::read_to_string(path).map_err(|cause| LoadError::Read {
         path: path.into(),
-        source,
+        cause,
     })?;
     if settings.is_empty() {
         return load_text(text, path);
@@ -117,17 +117,17 @@ pub fn load_text(text: String, path: &Path) -> Result<LoadedScene, LoadError> {
 }
 
 fn read_mesh(path: &Path) -> Result<TriangleMesh, Box<dyn Error + Send + Sync>> {
-    let bytes = fs::read(path).map_err(|source| MeshFile {
+    let bytes = fs::read(path).map_err(|cause| MeshFile {
         path: path.into(),
-        source,
+        cause,
     })?;
     Ok(assets::mesh::read(&path.display().to_string(), &bytes)?)
 }
 
 fn read_asset(path: &Path) -> Result<(Gaussians, ReadReport), Box<dyn Error + Send + Sync>> {
-    let bytes = fs::read(path).map_err(|source| AssetFile {
+    let bytes = fs::read(path).map_err(|cause| AssetFile {
         path: path.into(),
-        source,
+        cause,
     })?;
     Ok(assets::read(&path.display().to_string(), &bytes)?)
 }

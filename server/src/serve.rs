@@ -10,15 +10,18 @@ use std::{
 use cosplat_ipc::{
     Domain,
     schema::{self as wire, FrameHeader},
-    server::{CreateError, LoanRefused, PoolPlan, PublishError, ServerPorts},
+    server::{CreateError, FrameLoan, LoanRefused, PoolPlan, PublishError, Reply, ServerPorts},
 };
-use cosplat_sim_core::{CheckpointError, StepReport, World, WorldError};
+use cosplat_sim_core::{CheckpointError, StepReport, World, WorldError, notices::Notices};
 
 use crate::{
-    ingest::{CheckpointFolder, Ingest},
+    allowance::Allowance,
+    checkpoints::CheckpointFolder,
+    ingest::Ingest,
     load::LoadedScene,
     pace::{Pace, Pacer},
     publish::{Output, SceneBuffers},
+    steering::Permission,
 };
 
 /// How a scene is served.
@@ -51,7 +54,7 @@ pub struct ServeOptions {
 pub enum ServeError {
     /// The scene cannot be simulated.
     #[error("the scene cannot be simulated: {0}")]
-    World(#[from] WorldError),
+    World(WorldError),
     /// The session cannot be made.
     #[error(transparent)]
     Create(#[from] CreateError),
@@ -62,20 +65,20 @@ pub enum ServeError {
     #[error(transparent)]
     Loan(#[from] LoanRefused),
     /// A checkpoint cannot be read.
-    #[error("cannot read checkpoint {}: {source}", path.display())]
+    #[error("cannot read checkpoint {}: {cause}", path.display())]
     ReadCheckpoint {
         /// The file.
         path: PathBuf,
         /// What the system says.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// A checkpoint cannot be used.
-    #[error("cannot restore {}: {source}", path.display())]
+    #[error("cannot restore {}: {cause}", path.display())]
     Restore {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
-        source: CheckpointError,
+        cause: CheckpointError,
     },
     /// The thread pool cannot be made.
     #[error("cannot start {threads} threads: {reason}")]
@@ -122,8 +125,10 @@ pub struct ServeSummary {
 
 /// How long a paused server sleeps between looks at its clients; a request wakes it at once.
 const IDLE: Duration = Duration::from_millis(20);
-/// How long a lossless server waits for memory before it looks at commands and signals again.
-const LOSSLESS_WAIT: Duration = Duration::from_millis(50);
+/// How often a lossless server that waits for memory looks for it, and at its clients and signals.
+const LOSSLESS_WAIT: Duration = Duration::from_millis(1);
+/// How long it still waits when it is told to stop.
+const LAST_WAIT: Duration = Duration::from_secs(2);
 
 /// Serves `scene` until its duration is over, a client or `stop` ends it.
 ///
@@ -148,16 +153,18 @@ pub fn serve(
     let buffers = SceneBuffers::new(&scene);
     let blocks = buffers.blocks(&scene);
     let output = Output::new(&scene.scene);
-    let mut world = pool.install(|| World::new(scene.scene.clone()))?;
+    let mut world = pool
+        .install(|| World::new(scene.scene.clone()))
+        .map_err(ServeError::World)?;
     if let Some(path) = &options.restore {
-        let bytes = fs::read(path).map_err(|source| ServeError::ReadCheckpoint {
+        let bytes = fs::read(path).map_err(|cause| ServeError::ReadCheckpoint {
             path: path.clone(),
-            source,
+            cause,
         })?;
         let restored = pool.install(|| world.restore(&bytes));
-        restored.map_err(|source| ServeError::Restore {
+        restored.map_err(|cause| ServeError::Restore {
             path: path.clone(),
-            source,
+            cause,
         })?;
     }
     let plan = PoolPlan {
@@ -170,9 +177,11 @@ pub fn serve(
         folder,
         session: options.session.clone(),
     });
+    let frame_dt = 1.0 / scene.scene.frame_rate;
     let mut server = Server {
         output,
-        frame_dt: 1.0 / scene.scene.frame_rate,
+        frame_dt,
+        allowance: Allowance::new(frame_dt),
         pacer: Pacer::new(options.pace, scene.scene.frame_rate, Instant::now()),
         ingest: Ingest::new(options.paused, checkpoints),
         summary: ServeSummary {
@@ -187,6 +196,7 @@ pub fn serve(
         options,
         stop,
         last_sent: false,
+        notices: Notices::new(&scene.scene),
     };
     started(&server.summary);
     server.run()?;
@@ -198,6 +208,7 @@ struct Server<'a> {
     ports: ServerPorts,
     output: Output,
     ingest: Ingest,
+    allowance: Allowance,
     pacer: Pacer,
     pool: rayon::ThreadPool,
     options: &'a ServeOptions,
@@ -205,32 +216,44 @@ struct Server<'a> {
     frame_dt: f64,
     summary: ServeSummary,
     last_sent: bool,
+    notices: Notices,
 }
 
 impl Server<'_> {
     fn run(&mut self) -> Result<(), ServeError> {
         self.publish(0)?;
-        while !self.done() {
-            self.answer();
-            if self.stopping() {
-                break;
+        loop {
+            let news = self.answer();
+            match self.permission() {
+                Permission::End => break,
+                Permission::Wait => self.idle(news)?,
+                Permission::Step => {
+                    let begin = Instant::now();
+                    self.step()?;
+                    self.pacer.frame_done(Instant::now());
+                    self.wait_until_due();
+                    self.summary.wall_seconds += begin.elapsed().as_secs_f64();
+                }
             }
-            if self.ingest.paused {
-                self.idle()?;
-                continue;
-            }
-            let begin = Instant::now();
-            self.step()?;
-            self.pacer.frame_done(Instant::now());
-            self.wait_until_due();
-            self.summary.wall_seconds += begin.elapsed().as_secs_f64();
         }
         if !self.last_sent {
             // The state of the last step once more, so that readers learn that nothing follows.
-            self.publish(wire::FRAME_FLAG_LAST)?;
+            self.publish(0)?;
+        }
+        for (ticket, acks) in self.ingest.checkpoints.give_up() {
+            self.ports.answer(ticket, acks);
         }
         self.output.state = wire::SERVER_STOPPING;
         self.update_status()
+    }
+
+    /// Whether a step may be made: the one place that says so.
+    fn permission(&self) -> Permission {
+        if self.done() || self.stop.load(Ordering::Relaxed) {
+            Permission::End
+        } else {
+            self.ingest.steering.permission()
+        }
     }
 
     /// Steps in the requested duration.
@@ -244,35 +267,55 @@ impl Server<'_> {
             .is_some_and(|steps| self.summary.steps >= steps)
     }
 
-    fn stopping(&self) -> bool {
-        self.ingest.stop || self.stop.load(Ordering::Relaxed)
+    /// Whether somebody told the server to end.
+    fn told_to_stop(&self) -> bool {
+        self.stop.load(Ordering::Relaxed) || self.ingest.steering.permission() == Permission::End
     }
 
-    fn answer(&mut self) {
+    /// Looks at what clients ask for, as far as there is time for it, and writes the checkpoint that is due; says
+    /// whether there was anything.
+    fn answer(&mut self) -> bool {
         let next_step = self.world.report().step + 1;
-        let (world, ingest) = (&self.world, &mut self.ingest);
-        self.ports.poll_commands(|header, commands| {
-            ingest.accept(header.client, commands, next_step, &|action| {
-                world.check(action)
-            })
-        });
-        if let Some(path) = self.ingest.take_checkpoint(next_step) {
-            // A client asked for it and waits for the file: failing to write it must not end the simulation.
-            if let Err(error) = write_checkpoint(&path, &self.world.checkpoint()) {
-                tracing::warn!("cannot write checkpoint {}: {error}", path.display());
+        let begin = Instant::now();
+        let (world, ingest, allowance) = (&self.world, &mut self.ingest, &mut self.allowance);
+        let before = ingest.waiting();
+        let mut asked = 0;
+        self.ports.poll_commands(|request| {
+            asked += 1;
+            let seconds = begin.elapsed().as_secs_f64();
+            if !allowance.covers(seconds, ingest.waiting() - before) {
+                return Reply::NotYet;
             }
+            ingest.accept(&request, next_step, &|action| world.check(action))
+        });
+        if asked > 0 {
+            let seconds = begin.elapsed().as_secs_f64();
+            allowance.answered(seconds, ingest.waiting() - before);
         }
         self.summary.commands_accepted = self.ingest.accepted;
         self.summary.commands_refused = self.ingest.refused;
+        if let Some(path) = self.ingest.checkpoints.file_due(next_step) {
+            // Clients wait for the file: failing to write it must not end the simulation.
+            let name = path.display();
+            let outcome = match write_checkpoint(&path, &self.world.checkpoint()) {
+                Ok(()) => Ok(name.to_string()),
+                Err(error) => Err(format!("cannot write {name}: {error}")),
+            };
+            for (ticket, acks) in self.ingest.checkpoints.written(next_step, &outcome) {
+                self.ports.answer(ticket, acks);
+            }
+        }
+        asked > 0
     }
 
-    /// One turn of a paused server.
-    fn idle(&mut self) -> Result<(), ServeError> {
-        if self.output.state != wire::SERVER_PAUSED {
+    /// One turn of a paused server; `news` says whether the status has changed.
+    fn idle(&mut self, news: bool) -> Result<(), ServeError> {
+        if news || self.output.state != wire::SERVER_PAUSED {
             self.output.state = wire::SERVER_PAUSED;
             self.update_status()?;
         }
         self.ports.maintain();
+        self.allowance.grant(IDLE.as_secs_f64());
         self.ports.wait(IDLE);
         self.pacer.restart(Instant::now());
         Ok(())
@@ -288,7 +331,7 @@ impl Server<'_> {
         let report = self.pool.install(|| world.step(frame_dt, &commands));
         if report.stopped {
             // Nothing will change until a command does something about it.
-            self.ingest.paused = true;
+            self.ingest.steering.pause();
             self.summary.stops += 1;
             tracing::warn!(
                 "paused at {:.6} s: {} particles would leave the domain, whose policy is to stop",
@@ -296,21 +339,28 @@ impl Server<'_> {
                 report.left_domain.len()
             );
         }
+        for notice in self.notices.of(self.world.scene(), &report) {
+            tracing::warn!("{notice}");
+        }
+        self.ingest.steering.reach(step + 1);
         self.summary.steps += 1;
         let stepped = Instant::now();
         let applied: Vec<_> = due.iter().map(|p| p.applied).collect();
         if !applied.is_empty() {
             self.ports.publish_journal(step, &applied)?;
+            let seconds = report.timings.commands + stepped.elapsed().as_secs_f64();
+            self.allowance.applied(seconds, applied.len());
         }
+        self.allowance.grant(match self.options.pace {
+            Pace::Realtime => report.timings.total.max(self.frame_dt),
+            Pace::Free => report.timings.total,
+        });
         let mut flags = 0;
         if commands
             .iter()
             .any(|c| c.action == cosplat_sim_core::Action::Reset)
         {
             flags |= wire::FRAME_FLAG_RESET;
-        }
-        if self.done() || self.stopping() {
-            flags |= wire::FRAME_FLAG_LAST;
         }
         self.publish(flags)?;
         self.summary.step_seconds += (stepped - begin).as_secs_f64();
@@ -320,9 +370,17 @@ impl Server<'_> {
 
     /// Sends the current state: frame, objects, status.
     fn publish(&mut self, flags: u32) -> Result<(), ServeError> {
+        let loan = self.loan();
+        // What came while it waited for memory counts as well.
+        let flags = flags
+            | match self.permission() {
+                Permission::Step => 0,
+                Permission::Wait => wire::FRAME_FLAG_PAUSED,
+                Permission::End => wire::FRAME_FLAG_LAST,
+            };
         self.last_sent = flags & wire::FRAME_FLAG_LAST != 0;
         let report = self.world.report();
-        match loan(&self.ports, self.summary.gaussians, self.options, self.stop) {
+        match loan {
             Ok(mut loan) => {
                 let (world, output) = (&self.world, &self.output);
                 self.pool
@@ -350,19 +408,45 @@ impl Server<'_> {
         Ok(())
     }
 
+    /// Memory for the next frame: at once, or as soon as readers give some back when nothing may be lost. Clients are
+    /// answered meanwhile.
+    fn loan(&mut self) -> Result<FrameLoan, LoanRefused> {
+        let mut told = None;
+        loop {
+            let loan = self.ports.loan_frame(self.summary.gaussians);
+            if !self.options.lossless || !matches!(loan, Err(LoanRefused::PoolInUse { .. })) {
+                return loan;
+            }
+            if self.told_to_stop() {
+                let since: &mut Instant = told.get_or_insert_with(Instant::now);
+                if since.elapsed() >= LAST_WAIT {
+                    return loan;
+                }
+            }
+            self.allowance.grant(LOSSLESS_WAIT.as_secs_f64());
+            self.ports.wait(LOSSLESS_WAIT);
+            self.answer();
+            self.ports.maintain();
+        }
+    }
+
     fn update_status(&mut self) -> Result<(), ServeError> {
         let status = self.output.status(self.world.report(), &self.summary);
         Ok(self.ports.update_status(&status)?)
     }
 
-    /// Sleeps until the next frame is due; requests are answered meanwhile.
+    /// Sleeps until the next frame is due; requests are answered meanwhile, as far as there is time for them.
     fn wait_until_due(&mut self) {
         loop {
             let left = self.pacer.left(Instant::now());
-            if left.is_zero() || self.stop.load(Ordering::Relaxed) || self.ingest.paused {
+            let steering = self.ingest.steering.permission();
+            let stop = self.stop.load(Ordering::Relaxed);
+            if left.is_zero() || stop || steering != Permission::Step {
                 return;
             }
-            if self.ports.wait(left) {
+            if !self.allowance.covers(0.0, 0) {
+                std::thread::sleep(left.min(IDLE));
+            } else if self.ports.wait(left) {
                 self.answer();
             }
         }
@@ -372,29 +456,12 @@ impl Server<'_> {
 /// Writes a file that is either complete or not there.
 fn write_checkpoint(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let unfinished = path.with_extension("unfinished");
-    fs::write(&unfinished, bytes)?;
-    fs::rename(&unfinished, path)
-}
-
-/// Memory for the next frame: at once, or as soon as readers give some back when nothing may be lost.
-fn loan(
-    ports: &ServerPorts,
-    count: usize,
-    options: &ServeOptions,
-    stop: &AtomicBool,
-) -> Result<cosplat_ipc::server::FrameLoan, LoanRefused> {
-    loop {
-        let loan = if options.lossless {
-            ports.loan_frame_within(count, LOSSLESS_WAIT)
-        } else {
-            ports.loan_frame(count)
-        };
-        let again = options.lossless && !stop.load(Ordering::Relaxed);
-        match loan {
-            Err(LoanRefused::PoolInUse { .. }) if again => continue,
-            other => return other,
-        }
+    let written = fs::write(&unfinished, bytes).and_then(|()| fs::rename(&unfinished, path));
+    if written.is_err() {
+        // The disk may be full: what there is of it is of no use. The first error tells more than one from here.
+        let _ = fs::remove_file(&unfinished);
     }
+    written
 }
 
 fn frame_header(report: &StepReport, flags: u32) -> FrameHeader {

@@ -1,6 +1,6 @@
 //! `--set KEY=VALUE`: a scene file with single values replaced, so that a sweep needs one file.
 
-use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
+use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
 /// Why a setting cannot be made.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -9,7 +9,9 @@ pub enum SettingError {
     #[error("--set {0}: expected KEY=VALUE, like dx=0.01 or objects.0.friction=0.2")]
     Form(String),
     /// An entry that the file does not have.
-    #[error("--set {setting}: '{list}' has {count} entries, counted from 0, and none is '{index}'")]
+    #[error(
+        "--set {setting}: '{list}' has {count} entries, counted from 0, and none is '{index}'; '{count}' adds one"
+    )]
     Entry {
         /// As given.
         setting: String,
@@ -33,8 +35,8 @@ pub enum SettingError {
 /// The text with each `KEY=VALUE` applied in order.
 ///
 /// A key is dotted, entries of lists are counted from 0: `objects.0.material.poisson_ratio`. A value is TOML; what is
-/// not is taken as a text, so `contact=multi_field` needs no quotes. Keys that the file lacks are added. A text that
-/// is not TOML is returned as it is: reading it reports why.
+/// not is taken as a text, so `contact=multi_field` needs no quotes. Keys that the file lacks are added, and a list
+/// grows by the entry whose number is its length. A text that is not TOML is returned as it is: reading it reports why.
 ///
 /// # Errors
 /// When a setting has another form or names a place that the file does not have.
@@ -74,23 +76,36 @@ impl Place<'_> {
             table.insert(key, Item::Value(value));
             return Ok(());
         }
-        let item = table
-            .entry(key)
-            .or_insert_with(|| Item::Value(InlineTable::new().into()));
+        let index = self.index(depth);
+        let item = table.entry(key).or_insert_with(|| match index {
+            Some(_) => Item::Value(Array::new().into()),
+            None => Item::Value(InlineTable::new().into()),
+        });
+        let is_last = depth + 2 == self.path.len();
         if let Some(tables) = item.as_array_of_tables_mut() {
+            if index == Some(tables.len()) {
+                tables.push(Table::new());
+            }
             let count = tables.len();
-            let table = self.index(depth).and_then(|i| tables.get_mut(i));
+            let table = index.and_then(|i| tables.get_mut(i));
             let table = table.ok_or_else(|| self.no_entry(depth, count))?;
-            if depth + 2 < self.path.len() {
+            if !is_last {
                 return self.put(table, depth + 2, value);
             }
-            return Err(SettingError::Form(self.setting.to_owned()));
+            let Value::InlineTable(whole) = value else {
+                return Err(SettingError::Form(self.setting.to_owned()));
+            };
+            *table = whole.into_table();
+            return Ok(());
         }
         if let Some(values) = item.as_array_mut() {
+            if index == Some(values.len()) {
+                values.push(InlineTable::new());
+            }
             let count = values.len();
-            let entry = self.index(depth).and_then(|i| values.get_mut(i));
+            let entry = index.and_then(|i| values.get_mut(i));
             let entry = entry.ok_or_else(|| self.no_entry(depth, count))?;
-            if depth + 2 == self.path.len() {
+            if is_last {
                 *entry = value;
                 return Ok(());
             }
@@ -127,6 +142,8 @@ impl Place<'_> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
 
     const TEXT: &str = "\
@@ -204,13 +221,42 @@ preset = \"jelly\"
     }
 
     #[test]
+    fn the_entry_behind_the_last_is_added() {
+        let whole = "objects.1={name=\"b\", translation=[0, 2, 0]}";
+        let by_key = ["objects.1.name=b", "objects.1.translation=[0, 2, 0]"];
+        for settings in [&[whole][..], &by_key] {
+            assert_eq!(value(settings, &["objects", "1", "name"]), "b".into());
+            let place = ["objects", "1", "translation", "1"];
+            assert_eq!(value(settings, &place), 2.into());
+            assert_eq!(value(settings, &["objects", "0", "name"]), "a".into());
+        }
+        // Of a list that the file lacks, and of one that is written in place.
+        let wall = "colliders.0={name=\"wall\", normal=[0, 1, 0]}";
+        assert_eq!(value(&[wall], &["colliders", "0", "normal", "1"]), 1.into());
+        let both = [wall, "colliders.1.name=floor"];
+        assert_eq!(value(&both, &["colliders", "1", "name"]), "floor".into());
+        assert_eq!(
+            value(
+                &["objects.0.translation.3=7"],
+                &["objects", "0", "translation", "3"]
+            ),
+            7.into()
+        );
+        let replaced = value(&["objects.0={name=\"c\"}"], &["objects"]);
+        assert_eq!(
+            replaced,
+            toml::Value::try_from([BTreeMap::from([("name", "c")])]).expect("TOML")
+        );
+    }
+
+    #[test]
     fn what_cannot_be_set_is_said() {
         for (setting, words) in [
             ("dx", "expected KEY=VALUE"),
             ("=3", "expected KEY=VALUE"),
             (
-                "objects.1.name=b",
-                "'objects' has 1 entries, counted from 0, and none is '1'",
+                "objects.2.name=b",
+                "'objects' has 1 entries, counted from 0, and none is '2'; '1' adds one",
             ),
             ("objects.0=b", "expected KEY=VALUE"),
             ("dx.fine=1", "'dx' is a plain value"),

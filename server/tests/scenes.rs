@@ -153,7 +153,7 @@ fn check_invariants(scene: &Scene, path: &Path) {
             match object.fidelity {
                 Fidelity::Static => assert_eq!(sum, 0.0),
                 // Eight single-precision weights.
-                Fidelity::Mpm | Fidelity::Affine | Fidelity::Auto | Fidelity::Rigid => {
+                Fidelity::Mpm | Fidelity::Auto | Fidelity::Rigid => {
                     assert!((sum - 1.0).abs() < 1e-5);
                     let ids = &scene.binding.particle[i];
                     let own = |p: &u32| object.particles.contains(&(*p as usize));

@@ -17,7 +17,7 @@ use crate::{
 };
 
 /// `D_p` of quadratic splines [cells^2].
-pub(crate) const D_P: f64 = 0.25;
+const D_P: f64 = 0.25;
 
 /// Sums over particles; positions relative to a fixed point [cells], velocities relative to the carrier [cells/s].
 #[derive(Clone, Copy, Debug, Default)]
@@ -116,26 +116,6 @@ impl Mode {
             center,
             velocity,
             gradient,
-        })
-    }
-
-    /// The spin about the centre of mass with this angular momentum; none for no mass.
-    pub fn spin_of(sums: &Sums, angular: [f64; 3]) -> Option<Self> {
-        let mass = sums.mass;
-        if mass <= 0.0 {
-            return None;
-        }
-        let center = sums.first.map(|s| s / mass);
-        let mut second = sums.second;
-        for a in 0..3 {
-            for b in 0..3 {
-                second[a][b] -= mass * center[a] * center[b];
-            }
-        }
-        Some(Self {
-            center,
-            velocity: [0.0; 3],
-            gradient: spin(&second, angular, mass),
         })
     }
 

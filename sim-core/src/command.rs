@@ -116,11 +116,22 @@ pub enum CommandError {
         /// Colliders in the scene.
         count: usize,
     },
-    /// The object has no particles.
+    /// The object is only shown.
     #[error("object {object} is static and cannot be moved or changed")]
     StaticObject {
         /// The id sent.
         object: usize,
+    },
+    /// All particles of the object were taken out.
+    #[error(
+        "nothing is left of object {object} that could be moved or changed: its {particles} particles left the domain or \
+         were frozen"
+    )]
+    NothingLeft {
+        /// The id sent.
+        object: usize,
+        /// Particles that it had.
+        particles: usize,
     },
     /// Contact between spheres moves particles, which a rigid object does not have.
     #[error(

@@ -43,8 +43,9 @@ pub fn diagram(scene: &Scene) -> Gaussians {
         }
     }
     for region in &scene.pinned_regions {
-        pen.frame(&region.bounds, PINNED);
-        everything.extend([region.bounds.min, region.bounds.max]);
+        let (pose, around) = (region.bounds.pose(), region.bounds.around());
+        pen.frame_at(&pose, &region.bounds.bounds, PINNED);
+        everything.extend([around.min, around.max]);
     }
     pen.frame(&scene.domain, DOMAIN);
     let Some(seen) = bounds_of(everything.into_iter()) else {

@@ -20,6 +20,7 @@ pub mod kinematics;
 pub mod mat3;
 pub mod materials;
 pub mod moments;
+pub mod notices;
 pub mod num;
 mod particles;
 pub mod pose;

@@ -48,10 +48,11 @@ pub struct Body<'a> {
     pub material: &'a Material,
 }
 
-/// The parts of an object with their current materials.
+/// The parts of an object with their current materials; `parts` are those of a scene, object after object.
 pub fn bodies_of<'a>(object: usize, parts: &[Part], materials: &'a [Material]) -> Vec<Body<'a>> {
-    let all = parts.iter().zip(materials);
-    all.filter(|(part, _)| part.object == object)
+    let first = parts.partition_point(|part| part.object < object);
+    let from = parts[first..].iter().zip(&materials[first..]);
+    from.take_while(|(part, _)| part.object == object)
         .map(|(part, material)| Body {
             particles: part.particles.clone(),
             density: part.material.density,
@@ -106,6 +107,41 @@ pub fn total_momentum(objects: &[ObjectState]) -> ([f64; 3], [f64; 3]) {
         }
     }
     (linear, angular)
+}
+
+/// What there is of an object at present.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Matter {
+    /// Particles, without those that left the domain or were quarantined.
+    pub particles: usize,
+    /// Their volume as it is deformed [m^3].
+    pub volume: f64,
+}
+
+/// What there is of each of `objects` objects with these parts; nothing of those that are only shown.
+pub fn matter<T: Copy + Into<f64>>(
+    particles: &ParticleArrays<'_, T>,
+    parts: &[Part],
+    objects: usize,
+) -> Vec<Matter> {
+    let mut all = vec![Matter::default(); objects];
+    for part in parts {
+        let sum = &mut all[part.object];
+        for p in part
+            .particles
+            .clone()
+            .filter(|&p| particles.volume[p] > 0.0)
+        {
+            // The shape of a fluid is only shown: its volume is the memory of its law.
+            let growth = match part.material.law.is_fluid() {
+                true => 1.0 + particles.memory[p].into(),
+                false => Mat3(particles.deformation[p].map(to_f64)).det(),
+            };
+            sum.particles += 1;
+            sum.volume += particles.volume[p] * growth;
+        }
+    }
+    all
 }
 
 fn to_f64<T: Copy + Into<f64>>(v: [T; 3]) -> [f64; 3] {

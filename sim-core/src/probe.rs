@@ -69,7 +69,8 @@ struct Ready {
 
 #[derive(Clone, Debug)]
 enum What {
-    Extent(std::ops::Range<usize>),
+    /// With the part of the volume that is not beyond a face.
+    Extent(std::ops::Range<usize>, f64),
     Point([f64; 3]),
     Particle(Option<(usize, Box<Material>)>),
     Deviation {
@@ -85,7 +86,9 @@ impl Probes {
         let probes = scene.probes.iter().map(|probe| Ready {
             name: probe.name.clone(),
             what: match probe.kind {
-                ProbeKind::Extent { object } => What::Extent(particles_of(scene, object)),
+                ProbeKind::Extent { object, share } => {
+                    What::Extent(particles_of(scene, object), share)
+                }
                 ProbeKind::Point { position } => What::Point(position),
                 ProbeKind::MaterialPoint { object, position } => {
                     let distance =
@@ -134,7 +137,7 @@ impl Probes {
     ) -> Vec<(&str, Option<Measured>)> {
         let measured = self.probes.iter().map(|probe| {
             let value = match &probe.what {
-                What::Extent(range) => extent(particles, range.clone()),
+                What::Extent(range, share) => extent(particles, range.clone(), *share),
                 What::Point(position) => self.around(particles, *position),
                 What::Particle(found) => found
                     .as_ref()
@@ -244,17 +247,39 @@ fn deviation<T: Copy + Into<f64>>(
 fn extent<T: Copy + Into<f64>>(
     particles: &ParticleArrays<'_, T>,
     range: std::ops::Range<usize>,
+    share: f64,
 ) -> Option<Measured> {
     let present = range.filter(|&p| particles.volume[p] > 0.0);
-    let corners = present.fold(None, |found: Option<([f64; 3], [f64; 3])>, p| {
-        let p = wide(particles.position[p]);
-        let (min, max) = found.unwrap_or((p, p));
-        Some((
-            std::array::from_fn(|a| min[a].min(p[a])),
-            std::array::from_fn(|a| max[a].max(p[a])),
-        ))
-    });
-    corners.map(|(min, max)| Measured::Extent { min, max })
+    let mut places: Vec<([f64; 3], f64)> = present
+        .map(|p| (wide(particles.position[p]), particles.volume[p]))
+        .collect();
+    let beyond = (1.0 - share) * places.iter().map(|p| p.1).sum::<f64>();
+    let (mut min, mut max) = (places.first()?.0, places.first()?.0);
+    for a in 0..3 {
+        if beyond > 0.0 {
+            places.sort_unstable_by(|p, q| p.0[a].total_cmp(&q.0[a]).then(p.1.total_cmp(&q.1)));
+            min[a] = first_within(places.iter(), beyond, a)?;
+            max[a] = first_within(places.iter().rev(), beyond, a)?;
+            continue;
+        }
+        for (x, _) in &places {
+            (min[a], max[a]) = (min[a].min(x[a]), max[a].max(x[a]));
+        }
+    }
+    Some(Measured::Extent { min, max })
+}
+
+/// Coordinate of the first of places in their order that more than a volume `beyond` lies up to.
+fn first_within<'a>(
+    mut places: impl Iterator<Item = &'a ([f64; 3], f64)>,
+    mut beyond: f64,
+    axis: usize,
+) -> Option<f64> {
+    let within = |(_, volume): &&([f64; 3], f64)| {
+        beyond -= volume;
+        beyond < 0.0
+    };
+    places.find(within).map(|(x, _)| x[axis])
 }
 
 #[cfg(test)]
@@ -272,6 +297,11 @@ material = { law = "neo_hookean", youngs_modulus_pa = 1e5, poisson_ratio = 0.3, 
 name = "size"
 kind = "extent"
 object = "box"
+[[probes]]
+name = "most"
+kind = "extent"
+object = "box"
+share = 0.8
 [[probes]]
 name = "inside"
 kind = "point"
@@ -317,7 +347,9 @@ position = ["X", "Y", "Z"]
         let names: Vec<&str> = values.iter().map(|v| v.0).collect();
         assert_eq!(
             names,
-            ["size", "inside", "nowhere", "corner", "moved", "half"]
+            [
+                "size", "most", "inside", "nowhere", "corner", "moved", "half"
+            ]
         );
         // Particles sit half a spacing (0.025 m) inside the faces, give or take a tenth of the spacing.
         let Some(Measured::Extent { min, max }) = values[0].1 else {
@@ -326,22 +358,29 @@ position = ["X", "Y", "Z"]
         for a in 0..3 {
             assert!((min[a] + 0.175).abs() <= 0.0051 && (max[a] - 0.175).abs() <= 0.0051);
         }
+        // A fifth is beyond each face: one of the eight layers and a part of the next.
+        let Some(Measured::Extent { min, max }) = values[1].1 else {
+            panic!("{values:?}")
+        };
+        for a in 0..3 {
+            assert!((min[a] + 0.125).abs() <= 0.0051 && (max[a] - 0.125).abs() <= 0.0051);
+        }
         let Some(Measured::Point {
             velocity, density, ..
-        }) = values[1].1
+        }) = values[2].1
         else {
             panic!("{values:?}")
         };
         // The mean of equal values, and the density up to the surface error of a ball of some 33 particles.
         assert!((velocity[2] - 3.0).abs() < 1e-12);
         assert!((density / 500.0 - 1.0).abs() < 0.2, "{density}");
-        assert_eq!(values[2].1, None);
+        assert_eq!(values[3].1, None);
         let Some(Measured::MaterialPoint {
             position,
             deformation,
             stress,
             ..
-        }) = values[3].1
+        }) = values[4].1
         else {
             panic!("{values:?}")
         };
@@ -353,7 +392,7 @@ position = ["X", "Y", "Z"]
         // The elastic part is undeformed.
         assert_eq!(stress, [[0.0; 3]; 3]);
         // After 2 s 0.06 m and 0.08 m aside.
-        let Some(Measured::Deviation { rms, largest, .. }) = values[4].1 else {
+        let Some(Measured::Deviation { rms, largest, .. }) = values[5].1 else {
             panic!("{values:?}")
         };
         assert!((rms - 0.1).abs() < 1e-12 && (largest - 0.1).abs() < 1e-12);
@@ -362,6 +401,6 @@ position = ["X", "Y", "Z"]
             largest: 0.0,
             particles: count / 2,
         };
-        assert_eq!(values[5].1, Some(expected));
+        assert_eq!(values[6].1, Some(expected));
     }
 }

@@ -23,8 +23,7 @@ pub struct StepReport {
     pub particle_updates: u64,
     /// Particle-substeps of modelling every particle with MPM; the substeps of those at rest where none was taken.
     pub particle_updates_full: u64,
-    /// Energy that objects lost in this frame because they are modelled with less, kinetic but for what affine ones make of
-    /// it when their matter comes back [J].
+    /// Kinetic energy that objects lost in this frame because they are modelled with less [J].
     pub fidelity_loss: f64,
     /// Particles that left the domain in this frame (indices into the scene's particles).
     pub left_domain: Vec<u32>,
@@ -46,6 +45,8 @@ pub struct StepReport {
     pub objects: Vec<ObjectState>,
     /// Contacts between deformable objects that ended in this frame, or turned out to last, in the order it happened.
     pub contacts: Vec<ContactEpisode>,
+    /// Elastic objects that are in more pieces than at rest, in the order of their numbers.
+    pub torn: Vec<Torn>,
     /// Operations by kind.
     pub work: Work,
     /// Wall time per phase.
@@ -89,7 +90,7 @@ impl std::ops::AddAssign for Work {
 }
 
 /// Wall seconds per phase of one frame.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize)]
 pub struct Timings {
     /// Applying commands.
     pub commands: f64,
@@ -101,10 +102,25 @@ pub struct Timings {
     pub grid: f64,
     /// Contact between objects on the grid.
     pub contact: f64,
+    /// Rigid bodies: among each other, at colliders and in matter.
+    pub bodies: f64,
     /// Moments, energies, hash.
     pub moments: f64,
     /// Whole frame.
     pub total: f64,
+}
+
+impl std::ops::AddAssign for Timings {
+    fn add_assign(&mut self, other: Self) {
+        self.commands += other.commands;
+        self.sort += other.sort;
+        self.particles += other.particles;
+        self.grid += other.grid;
+        self.contact += other.contact;
+        self.bodies += other.bodies;
+        self.moments += other.moments;
+        self.total += other.total;
+    }
 }
 
 /// What limited the time step.
@@ -137,8 +153,19 @@ pub enum Level {
     Asleep = 3,
     /// One body.
     Rigid = 4,
-    /// One body that stretches and shears.
-    Affine = 5,
+    /// Nothing is left of it: its particles left the domain or were frozen.
+    Gone = 6,
+}
+
+/// An object that fell apart although its law is elastic: stretched by more than its particles bridge.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Torn {
+    /// Object id.
+    pub object: usize,
+    /// Groups of its particles with an empty layer of cells around them.
+    pub pieces: usize,
+    /// Part of its volume at rest that is not in the largest piece, 0..1.
+    pub apart: f64,
 }
 
 /// Contact of two deformable objects from first touch to parting. Speeds are those of their rigid motions at the

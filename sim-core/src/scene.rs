@@ -3,12 +3,14 @@
 mod boundaries;
 mod coherence;
 mod contact;
+mod turned;
 
 use std::ops::Range;
 
 pub use boundaries::*;
 pub use coherence::*;
 pub use contact::*;
+pub use turned::*;
 
 use crate::{assets::Gaussians, expression::VectorField, materials::Material};
 
@@ -179,7 +181,7 @@ impl Object {
         self.fidelity == Fidelity::Rigid || materials.any(|material| material.law.is_rigid())
     }
 
-    /// The first of its materials that is not elastic without bound: then it cannot be [`Fidelity::Affine`].
+    /// The first of its materials that is not elastic without bound.
     pub(crate) fn yielding_matter(&self) -> Option<&Material> {
         let regions = self.regions.iter().map(|region| &region.material);
         let mut materials = std::iter::once(&self.material).chain(regions);
@@ -237,16 +239,13 @@ pub enum Fidelity {
     Rigid = 4,
     /// As little as [`Scene::tolerance`] allows.
     Auto = 3,
-    /// The same translation, spin, stretch and shear everywhere in it while nothing is near, material points else.
-    Affine = 5,
 }
 
 impl Fidelity {
     /// Names in scene files.
-    pub const NAMES: [(&'static str, Self); 5] = [
+    pub const NAMES: [(&'static str, Self); 4] = [
         ("static", Self::Static),
         ("mpm", Self::Mpm),
-        ("affine", Self::Affine),
         ("rigid", Self::Rigid),
         ("auto", Self::Auto),
     ];
@@ -288,10 +287,12 @@ pub struct Probe {
 /// What a probe measures.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProbeKind {
-    /// Smallest and largest particle position of an object [m].
+    /// Box around an object's particles [m].
     Extent {
         /// Object id.
         object: usize,
+        /// Part of its volume that is not beyond a face, 0.5 to 1.
+        share: f64,
     },
     /// Mean velocity and density of the particles within `dx` of a fixed point in space.
     Point {
@@ -305,7 +306,7 @@ pub enum ProbeKind {
         /// Where a particle should be [m], over its position at rest and time.
         position: VectorField,
         /// Only particles that are in this box at rest [m].
-        bounds: Option<Aabb>,
+        bounds: Option<TurnedBox>,
     },
     /// Position, velocity, deformation gradient and stress of the particle that is nearest to `position` at rest.
     MaterialPoint {

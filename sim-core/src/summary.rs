@@ -48,9 +48,9 @@ pub struct SceneSummary {
     pub frame_rate: f64,
     /// Fraction of the stability limit.
     pub cfl: f64,
-    /// Substep that the stiffest object at rest allows [s]; none without simulated objects.
+    /// Substep that the stiffest object at rest allows, at most a frame [s]; none without simulated objects.
     pub dt: Option<f64>,
-    /// That object's name.
+    /// That object's name; none where the frame is what limits the substep.
     pub dt_object: Option<String>,
     /// Substeps per frame at that `dt`.
     pub substeps_per_frame: u64,
@@ -128,7 +128,9 @@ impl SceneSummary {
             .filter_map(|o| Some((o.body.as_ref()?.dt, &o.name)))
             .min_by(|a, b| a.0.total_cmp(&b.0));
         let frame = 1.0 / scene.frame_rate;
-        let substeps = slowest.map_or(0.0, |(dt, _)| (frame / dt).ceil());
+        let substeps = slowest.map_or(0.0, |(dt, _)| (frame / dt).ceil().max(1.0));
+        // Rigid matter has no limit, and its particles take no steps.
+        let stepped = slowest.is_some_and(|(dt, _)| dt.is_finite());
         let particles = scene.particles.position.len();
         let g = &scene.gaussians;
         let per_gaussian = BYTES_PER_GAUSSIAN + 4 * (g.sh_stride() + g.feature_dim as usize);
@@ -138,10 +140,13 @@ impl SceneSummary {
             dx: scene.dx,
             frame_rate: scene.frame_rate,
             cfl: scene.cfl,
-            dt: slowest.map(|s| s.0),
-            dt_object: slowest.map(|s| s.1.clone()),
+            dt: slowest.map(|s| s.0.min(frame)),
+            dt_object: slowest.filter(|s| s.0 < frame).map(|s| s.1.clone()),
             substeps_per_frame: substeps as u64,
-            particle_updates_per_second: substeps * scene.frame_rate * particles as f64,
+            particle_updates_per_second: match stepped {
+                true => substeps * scene.frame_rate * particles as f64,
+                false => 0.0,
+            },
             particles,
             gaussians: g.len(),
             memory_bytes: particles * BYTES_PER_PARTICLE + g.len() * per_gaussian,
@@ -168,7 +173,11 @@ fn body_summary(scene: &Scene, object: &Object) -> Option<BodySummary> {
     let volumes = &scene.particles.volume[object.particles.clone()];
     let particle_box: Extent = bounds_of(position.iter().copied())?.into();
     let volume: f64 = volumes.iter().sum();
-    let moment = |a: usize| -> f64 { position.iter().zip(volumes).map(|(p, v)| p[a] * v).sum() };
+    let masses: Vec<f64> = (object.particles.clone().zip(volumes))
+        .map(|(p, v)| v * object.density_of(p))
+        .collect();
+    let mass: f64 = masses.iter().sum();
+    let moment = |a: usize| -> f64 { position.iter().zip(&masses).map(|(p, m)| p[a] * m).sum() };
     let m = &object.material;
     let (lambda, mu) = (m.lambda(), m.mu());
     let rest = &DeformationBounds::REST;
@@ -177,8 +186,8 @@ fn body_summary(scene: &Scene, object: &Object) -> Option<BodySummary> {
         particle_box,
         cells: particle_box.size.map(|s| s / scene.dx),
         volume,
-        mass: volume * m.density,
-        com: [0, 1, 2].map(|a| moment(a) / volume),
+        mass,
+        com: [0, 1, 2].map(|a| moment(a) / mass),
         material: m.name.clone(),
         law: m.law.name(),
         youngs_modulus_pa: m.youngs_modulus,
@@ -231,5 +240,22 @@ fidelity = "static"
         assert_eq!(summary.substeps_per_frame, (1.0 / 60.0 / dt).ceil() as u64);
         assert!(summary.objects[2].body.is_none());
         assert!(summary.objects[2].gaussian_box.is_some());
+    }
+
+    #[test]
+    fn no_substep_is_longer_than_a_frame() {
+        for (material, updates) in [("jelly", true), ("rigid", false)] {
+            let text = format!(
+                "version = 1\ndx = 0.05\nframe_rate = 2000\n[[objects]]\nname = \"a\"\n\
+                 shape = {{ kind = \"box\", size = [0.2, 0.2, 0.2] }}\nmaterial = {material:?}\n"
+            );
+            let file = SceneFile::parse(&text).expect("valid");
+            let (scene, _) = build(&file, &mut |_| unreachable!("no files")).expect("builds");
+            let summary = SceneSummary::new(&scene);
+            assert!(summary.objects[0].body.as_ref().expect("simulated").dt > 5e-4);
+            assert_eq!((summary.dt, summary.dt_object), (Some(5e-4), None));
+            assert_eq!(summary.substeps_per_frame, 1);
+            assert_eq!(summary.particle_updates_per_second > 0.0, updates);
+        }
     }
 }

@@ -111,7 +111,7 @@ pub fn add_plane(
 ) {
     let shape = ColliderShape::HalfSpace { normal };
     scene.colliders.push(Collider {
-        friction,
+        friction: Some(friction),
         ..Collider::fixed("plane", shape, Pose::at(point), surface)
     });
 }

@@ -25,7 +25,7 @@ use self::{
     outcome::{Controlled, Outcome, Recorded, Served, Viewed},
     paper::PaperScene,
 };
-use crate::{progress, signals};
+use crate::{progress, say, seconds, signals};
 
 /// Simulate, record, render and push a scene, each in a process of its own.
 #[derive(clap::Args)]
@@ -62,7 +62,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR", default_value = "cosplat-demo")]
     out: PathBuf,
     /// Simulated seconds [default: 4, or what the --scene needs].
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = seconds::number)]
     duration: Option<f64>,
     /// Simulate as fast as possible instead of in real time.
     #[arg(long)]
@@ -102,8 +102,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let usual = known.map_or(DURATION, |scene| scene.duration);
     let duration = args.duration.unwrap_or(usual);
     anyhow::ensure!(
-        duration.is_finite() && duration > 0.0,
-        "--duration is {duration}, expected a finite number of seconds > 0"
+        duration > 0.0,
+        "--duration is 0, expected more: nothing would be seen"
     );
     let stop = signals::stop_flag()?;
     let files = Files::create(&args.out)?;
@@ -118,8 +118,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
         .run(&stop)?;
         match args.json {
-            true => println!("{}", serde_json::to_string(&compared)?),
-            false => println!("{}", compared.sentence()),
+            true => say!("{}", serde_json::to_string(&compared)?)?,
+            false => say!("{}", compared.sentence())?,
         }
         return Ok(());
     }
@@ -138,9 +138,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     .run()?;
     if args.json {
-        println!("{}", serde_json::to_string(&outcome)?);
+        say!("{}", serde_json::to_string(&outcome)?)?;
     } else {
-        println!("{}", outcome.sentence());
+        say!("{}", outcome.sentence())?;
     }
     Ok(())
 }
@@ -187,6 +187,7 @@ struct Demo<'a> {
 
 impl Demo<'_> {
     fn run(&self) -> anyhow::Result<Outcome> {
+        self.remove_former()?;
         let mut server = self.start_server()?;
         let client = self.attach(&mut server)?;
         let mut status = client.status()?;
@@ -323,7 +324,30 @@ impl Demo<'_> {
         }
     }
 
-    /// Waits until recorder and renderer read frames, so that neither misses the first.
+    /// Removes what tells how far recorder and renderer are, where an earlier demo left it.
+    fn remove_former(&self) -> anyhow::Result<()> {
+        let mut former = self.pictures();
+        former.extend(Some(self.files.recording.clone()).filter(|path| path.exists()));
+        for path in former {
+            std::fs::remove_file(&path)
+                .with_context(|| format!("cannot remove {}", path.display()))?;
+        }
+        Ok(())
+    }
+
+    /// Pictures that the renderer has left so far, the earliest step first.
+    fn pictures(&self) -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(&self.files.frames).into_iter().flatten();
+        let mut pictures: Vec<_> = entries
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .filter(|path| path.extension().is_some_and(|e| e == "png"))
+            .collect();
+        pictures.sort();
+        pictures
+    }
+
+    /// Waits until recorder and renderer read frames and have the scene, so that neither misses anything: both begin to write
+    /// only then.
     fn wait_for_readers(
         &self,
         status: &mut StatusReader,
@@ -334,11 +358,19 @@ impl Demo<'_> {
         loop {
             self.look(processes)?;
             let attached = status.next(LOOK)?.map_or(0, |s| s.frame_readers);
-            if attached >= readers {
+            let begun = self.files.recording.exists() && !self.pictures().is_empty();
+            if attached >= readers && begun {
                 return Ok(());
             }
             if Instant::now() > deadline {
-                bail!("{attached} of {readers} readers attached within {ATTACH_TIMEOUT:?}");
+                bail!(
+                    "{attached} of {readers} readers attached within {ATTACH_TIMEOUT:?}{}",
+                    if begun {
+                        ""
+                    } else {
+                        ", and not all have begun"
+                    }
+                );
             }
         }
     }
@@ -389,16 +421,11 @@ impl Demo<'_> {
 
     /// Keeps the picture from the middle of the run.
     fn choose_picture(&self) -> anyhow::Result<()> {
-        let frames = &self.files.frames;
-        let mut pictures: Vec<_> = std::fs::read_dir(frames)
-            .with_context(|| format!("cannot look into {}", frames.display()))?
-            .filter_map(|entry| Some(entry.ok()?.path()))
-            .filter(|path| path.extension().is_some_and(|e| e == "png"))
-            .collect();
-        pictures.sort();
-        let middle = pictures
-            .get(pictures.len() / 2)
-            .with_context(|| format!("the renderer left no picture in {}", frames.display()))?;
+        let pictures = self.pictures();
+        let middle = pictures.get(pictures.len() / 2).with_context(|| {
+            let frames = self.files.frames.display();
+            format!("the renderer left no picture in {frames}")
+        })?;
         std::fs::copy(middle, &self.files.picture)
             .with_context(|| format!("cannot write {}", self.files.picture.display()))?;
         Ok(())

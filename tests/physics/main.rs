@@ -6,6 +6,7 @@ mod determinism;
 mod free_fall;
 mod incline;
 mod physgaussian;
+mod sayable;
 
 use std::process::{Command, Output};
 
@@ -43,13 +44,19 @@ fn simulate(scene: &str, duration: f64, options: &[&str]) -> Run {
 
 /// Runs `cosplat simulate` on a scene file with this text, report to standard output.
 fn cosplat_simulate(scene: &str, duration: f64, options: &[&str]) -> Output {
+    let duration = duration.to_string();
+    let own = ["--duration", &duration, "--report", "-"];
+    cosplat("simulate", scene, &[&own, options].concat())
+}
+
+/// Runs a subcommand on a scene file with this text.
+fn cosplat(command: &str, scene: &str, options: &[&str]) -> Output {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("scene.toml");
     std::fs::write(&path, scene).expect("the scene is written");
     Command::new(env!("CARGO_BIN_EXE_cosplat"))
-        .arg("simulate")
+        .arg(command)
         .arg(&path)
-        .args(["--duration", &duration.to_string(), "--report", "-"])
         .args(options)
         .output()
         .expect("cosplat starts")

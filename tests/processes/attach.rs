@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::stage::{PATIENCE, Stage, next_frame, wait_for_status, watchdog};
+use crate::stage::{PATIENCE, Process, Stage, next_frame, wait_for_status, watchdog};
 use cosplat_ipc::schema::SERVER_PAUSED;
 
 #[test]
@@ -78,4 +78,105 @@ fn the_smallest_objects_reader_follows_every_step() {
     }
     assert_eq!(steps, (0..=50).collect::<Vec<_>>());
     server.result();
+}
+
+#[test]
+fn a_stopped_reader_of_a_lossless_server_locks_nobody_out() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let arguments = ["--lossless", "--pace", "free", "--frame-slots", "4"];
+    let mut server = stage.serve(&arguments);
+    let client = stage.client();
+    let _stopped = client.frames(64).expect("frames are readable");
+    let mut statuses = client.status().expect("status is readable");
+    let mut next = || {
+        let status = statuses.next(PATIENCE).expect("status is well-formed");
+        status.expect("the heart beats")
+    };
+    // The pool is full as soon as the heart beats without a step.
+    let mut last = next();
+    loop {
+        let status = next();
+        assert!(status.heartbeat_ns > last.heartbeat_ns);
+        if std::mem::replace(&mut last, status).step == status.step {
+            break;
+        }
+    }
+    for order in [&["push", "left", "0", "0.1", "0"][..], &["pause"]] {
+        let output = stage.ctl(order);
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{order:?}: {words}");
+    }
+    assert!(stage.ctl(&["stop"]).status.success());
+    assert_eq!(server.result()["frames_skipped"], 1, "it was waiting");
+}
+
+/// What a process gives up of its priority.
+fn niceness(pid: u32) -> i32 {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).expect("the process runs");
+    // The 19th field; the second, the name in brackets, may hold blanks.
+    let after_name = stat.rsplit(") ").next().expect("a name in brackets");
+    let nice = after_name.split(' ').nth(16).and_then(|n| n.parse().ok());
+    nice.expect("a number")
+}
+
+#[test]
+fn a_viewer_stands_aside_once_it_has_something_to_draw() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let arguments = [
+        "view",
+        "--png",
+        "pictures",
+        "--size",
+        "64x48",
+        "--timeout",
+        "60",
+    ];
+    let mut viewer = Process::start(stage.cosplat(&arguments));
+    let pause = || std::thread::sleep(Duration::from_millis(5));
+    while !stage.domain.root().exists() {
+        assert!(viewer.is_running(), "{}", viewer.words());
+        pause();
+    }
+    // It looks for a server, and must not be kept from that.
+    assert_eq!(niceness(viewer.id()), niceness(std::process::id()));
+    let _server = stage.serve(&["--paused"]);
+    let has_picture = || std::fs::read_dir(stage.path("pictures")).is_ok_and(|d| d.count() > 0);
+    while !has_picture() {
+        assert!(viewer.is_running(), "{}", viewer.words());
+        pause();
+    }
+    assert_eq!(niceness(viewer.id()), 19);
+}
+
+#[test]
+fn a_recorder_waits_on_when_a_server_goes_while_it_attaches() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let mut first = stage.serve(&["--paused"]);
+    // What a client finds of a server that is just going: its greeting is there, its status no more.
+    let services = stage.domain.root().join("services");
+    let mut found = false;
+    for file in std::fs::read_dir(services).expect("the services") {
+        let path = file.expect("an entry").path();
+        let text = std::fs::read(&path).expect("a service");
+        if text.windows(7).any(|part| part == b"/status") {
+            std::fs::remove_file(path).expect("removed");
+            found = true;
+        }
+    }
+    assert!(found, "a service of the status");
+    let mut recorder =
+        Process::start(stage.cosplat(&["record", "-o", "run.mcap", "--wait", "60", "--json"]));
+    // Long enough for some tries; if not, it finds the second server at the first.
+    std::thread::sleep(Duration::from_millis(500));
+    first.signal("TERM");
+    first.wait();
+    let mut second = stage.serve(&["--paused", "--duration", "0.2"]);
+    wait_for_status(&stage.client(), |s| s.frame_readers >= 1);
+    assert!(stage.ctl(&["resume"]).status.success());
+    second.result();
+    let summary = recorder.result();
+    assert_eq!(summary["frames_recorded"], 11, "{summary}");
 }

@@ -1,6 +1,6 @@
 //! A running simulation is written to a file and goes on from it in another process.
 
-use crate::stage::{PATIENCE, Stage, next_frame, wait_for_status, watchdog};
+use crate::stage::{PATIENCE, Process, Stage, next_frame, wait_for_status, watchdog};
 
 /// Hashes of the frames of a server that is resumed now, up to `last`, by step.
 fn hashes(stage: &Stage, last: u64) -> Vec<(u64, u64)> {
@@ -18,27 +18,28 @@ fn hashes(stage: &Stage, last: u64) -> Vec<(u64, u64)> {
     }
 }
 
+/// Orders a checkpoint of a paused server and waits until the order is taken; the answer may take longer.
+fn order_checkpoint(stage: &Stage, arguments: &[&str]) -> Process {
+    let client = stage.client();
+    let before = wait_for_status(&client, |_| true).commands_accepted;
+    let words = [&["ctl", "checkpoint", "--json"], arguments].concat();
+    let ordered = Process::start(stage.cosplat(&words));
+    wait_for_status(&client, |s| s.commands_accepted > before);
+    ordered
+}
+
 #[test]
 fn a_restored_server_goes_on_as_if_nothing_had_happened() {
     let _watchdog = watchdog();
     let stage = Stage::new();
     let mut server = stage.serve(&["--paused", "--lossless", "--duration", "0.6"]);
     // A checkpoint in the midst of the run, ordered before it begins.
-    let ordered = stage.ctl(&[
-        "checkpoint",
-        "--at-step",
-        "11",
-        "--json",
-        // It attaches within this time, and then waits as long for a file that comes only later.
-        "--timeout",
-        "2",
-    ]);
-    assert!(ordered.status.success(), "{ordered:?}");
-    let answer: serde_json::Value = serde_json::from_slice(&ordered.stdout).expect("JSON");
-    let file = answer["files"][0].as_str().expect("a path").to_owned();
-    assert!(file.ends_with("default-step-10.checkpoint"), "{file}");
+    let mut ordered = order_checkpoint(&stage, &["--at-step", "11", "--timeout", "60"]);
     let whole = hashes(&stage, 30);
     server.result();
+    let answer = ordered.result();
+    let file = answer["files"][0].as_str().expect("a path").to_owned();
+    assert!(file.ends_with("default-step-10.checkpoint"), "{file}");
 
     let mut server = stage.serve(&[
         "--paused",
@@ -99,4 +100,35 @@ fn checkpoints_of_another_scene_and_damaged_ones_are_refused_with_a_reason() {
     std::fs::write(&file, bytes).expect("written");
     let damaged = refuse();
     assert!(damaged.contains("damaged"), "{damaged}");
+}
+
+#[test]
+fn a_checkpoint_that_never_comes_is_no_success() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let folder = stage.path("states");
+    std::fs::create_dir(&folder).expect("a folder");
+    let folder = folder.to_str().expect("a plain path");
+    let mut server = stage.serve(&["--paused", "--checkpoints", folder]);
+    let refused = |order: &[&str]| {
+        let output = stage.ctl(order);
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success(), "{order:?}: {words}");
+        words
+    };
+    // Nobody resumes the server while this one waits.
+    let words = refused(&["--at-step", "50", "--timeout", "3", "checkpoint"]);
+    assert!(words.contains("no checkpoint was written"), "{words}");
+    // The folder goes while the server runs.
+    std::fs::remove_dir(folder).expect("an empty folder");
+    let words = refused(&["checkpoint"]);
+    let file = format!("cannot write {folder}/default-step-0.checkpoint");
+    assert!(words.contains(&file), "{words}");
+    // The server ends before the step comes.
+    let mut ordered = order_checkpoint(&stage, &["--at-step", "70", "--timeout", "60"]);
+    assert!(stage.ctl(&["stop"]).status.success());
+    assert!(!ordered.wait().success());
+    let words = ordered.words();
+    assert!(words.contains("ended before step 70"), "{words}");
+    server.result();
 }

@@ -1,8 +1,10 @@
 //! Orders from outside: obeyed when good, refused with a reason and without a trace when bad.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use cosplat_ipc::schema::{self as wire, ACK_ACCEPTED, ACK_REFUSED, str_from_padded};
 
-use crate::stage::{PATIENCE, Stage, next_frame, watchdog};
+use crate::stage::{PATIENCE, Stage, next_frame, wait_for_status, watchdog};
 
 /// Every way a command can be wrong, by name.
 fn malformed() -> Vec<(&'static str, wire::Command)> {
@@ -476,4 +478,93 @@ fn no_server_is_a_sentence() {
         words.contains("default") && words.contains("cosplat serve"),
         "{words}"
     );
+}
+
+#[test]
+fn pause_and_stop_act_at_their_step_and_frames_say_so() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let mut server = stage.serve(&["--pace", "free", "--paused"]);
+    let client = stage.client();
+    let mut frames = client.frames(64).expect("frames are readable");
+    for order in [["--at-step", "8", "pause"], ["--at-step", "15", "stop"]] {
+        assert!(stage.ctl(&order).status.success(), "{order:?}");
+    }
+    // Step and flags of the frames up to the first that is followed by nothing.
+    let mut run = || {
+        let mut seen = Vec::new();
+        loop {
+            let header = *next_frame(&mut frames).header();
+            seen.push((header.step, header.flags));
+            if header.flags != 0 {
+                return seen;
+            }
+        }
+    };
+    assert_eq!(run(), [(0, wire::FRAME_FLAG_PAUSED)]);
+    let refused = stage.ctl(&["--at-step", "9", "resume"]);
+    let words = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success(), "step 9 never comes");
+    assert!(
+        words.contains("step 9") && words.contains("step 1"),
+        "{words}"
+    );
+    let mut expected: Vec<_> = (1..=7).map(|step| (step, 0)).collect();
+    expected[6].1 = wire::FRAME_FLAG_PAUSED;
+    assert!(stage.ctl(&["resume"]).status.success());
+    assert_eq!(run(), expected);
+    let paused = wait_for_status(&client, |s| s.server_state == wire::SERVER_PAUSED);
+    assert_eq!(paused.step, 7);
+    let mut expected: Vec<_> = (8..=14).map(|step| (step, 0)).collect();
+    expected[6].1 = wire::FRAME_FLAG_LAST;
+    assert!(stage.ctl(&["--at-step", "8", "resume"]).status.success());
+    assert_eq!(run(), expected);
+    assert_eq!(server.result()["steps"], 14);
+}
+
+#[test]
+fn a_flood_of_orders_leaves_steps_and_others_alone() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let mut server = stage.serve(&[]);
+    let client = stage.client();
+    let mut frames = client.frames(64).expect("frames are readable");
+    let ends = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let mut floods = Vec::new();
+        for _ in 0..4 {
+            let mut sender = stage.sender();
+            let ends = &ends;
+            floods.push(scope.spawn(move || {
+                let push = wire::Command {
+                    kind: wire::COMMAND_IMPULSE,
+                    vector: [1e-9, 0.0, 0.0],
+                    ..Default::default()
+                };
+                let mut answered = 0;
+                while !ends.load(Ordering::Relaxed) {
+                    answered += sender.send(&[push; 32], PATIENCE).expect("answers").len();
+                }
+                answered
+            }));
+        }
+        let first = next_frame(&mut frames).header().step;
+        for step in first + 1..first + 60 {
+            assert_eq!(next_frame(&mut frames).header().step, step);
+            if step % 20 == 0 {
+                assert!(
+                    stage
+                        .ctl(&["push", "left", "0", "0.1", "0"])
+                        .status
+                        .success()
+                );
+            }
+        }
+        ends.store(true, Ordering::Relaxed);
+        for flood in floods {
+            assert!(flood.join().expect("a flood ends") > 0);
+        }
+    });
+    assert!(stage.ctl(&["stop"]).status.success());
+    server.result();
 }

@@ -1,11 +1,11 @@
 //! Stories across processes: real servers and clients, killed, restarted, starved and misled.
 
 mod attach;
-mod bench;
 mod checkpoint;
 mod commands;
 mod crashes;
 mod demo;
+mod output;
 mod recording;
 mod restart;
 mod shutdown;

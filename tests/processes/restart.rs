@@ -1,8 +1,36 @@
 //! The server dies and comes back under the same name; clients carry on by themselves.
 
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
 use cosplat_ipc::schema::FRAME_FLAG_LAST;
 
 use crate::stage::{PATIENCE, Process, SMALL_SCENE, Stage, has_bytes, next_frame, watchdog};
+
+/// What the renderer has drawn.
+fn pictures(stage: &Stage) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(stage.path("pictures"));
+    let paths = entries.into_iter().flatten().flatten().map(|e| e.path());
+    paths.collect()
+}
+
+/// Whether a picture is of step 0.
+fn is_first(picture: &Path) -> bool {
+    let name = picture.file_stem().unwrap_or_default().to_string_lossy();
+    let step = name.trim_start_matches(|c: char| !c.is_ascii_digit());
+    step.parse() == Ok(0)
+}
+
+/// Waits until the renderer has drawn the first frame of a run: on a busy machine that may take longer than the run.
+/// A later one may be of the run before, which it was still drawing.
+fn wait_for_picture(stage: &Stage, renderer: &mut Process) {
+    while !pictures(stage).iter().any(|path| is_first(path)) {
+        assert!(renderer.is_running(), "{}", renderer.words());
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
 
 #[test]
 fn clients_carry_on_after_the_server_was_killed_and_restarted() {
@@ -12,12 +40,17 @@ fn clients_carry_on_after_the_server_was_killed_and_restarted() {
     let client = stage.client();
     let mut frames = client.frames(64).expect("frames are readable");
     let mut recorder = Process::start(stage.cosplat(&["record", "-o", "run.mcap", "--json"]));
-    let mut renderer =
-        Process::start(stage.cosplat(&["view", "--mp4", "run.mp4", "--size", "160x120", "--json"]));
+    let mut renderer = Process::start(stage.cosplat(&[
+        "view", "--mp4", "run.mp4", "--png", "pictures", "--size", "160x120", "--json",
+    ]));
     crate::stage::wait_for_status(&client, |s| s.frame_readers >= 3);
+    wait_for_picture(&stage, &mut renderer);
     assert!(stage.ctl(&["resume"]).status.success());
     while next_frame(&mut frames).header().step < 10 {}
     first.kill();
+    for picture in pictures(&stage) {
+        std::fs::remove_file(picture).expect("removed");
+    }
 
     let mut second = stage.serve_scene(
         &SMALL_SCENE.replace("two blocks", "two blocks again"),
@@ -28,6 +61,7 @@ fn clients_carry_on_after_the_server_was_killed_and_restarted() {
     while !next_frame(&mut frames).is_new_run() {}
     let scene = client.scene(PATIENCE).expect("the new scene is readable");
     assert!(scene.source().contains("two blocks again"));
+    wait_for_picture(&stage, &mut renderer);
     assert!(stage.ctl(&["resume"]).status.success());
     while next_frame(&mut frames).header().flags & FRAME_FLAG_LAST == 0 {}
     assert_eq!(frames.runs(), 2);

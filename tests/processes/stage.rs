@@ -175,10 +175,15 @@ pub struct Process {
 
 impl Process {
     /// Starts a command with its output captured.
-    pub fn start(mut command: Command) -> Process {
+    pub fn start(command: Command) -> Process {
+        Process::start_with(command, Stdio::piped(), Stdio::piped())
+    }
+
+    /// Starts a command whose output goes elsewhere.
+    pub fn start_with(mut command: Command, output: Stdio, words: Stdio) -> Process {
         let child = command
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
+            .stdout(output)
+            .stderr(words)
             .spawn()
             .expect("the program can be started");
         Process { child }

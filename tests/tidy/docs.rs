@@ -14,7 +14,17 @@ fn names_a_path(token: &str) -> bool {
         return is_path && token.ends_with(".md");
     };
     let known = [
-        "src", "sim-core", "ipc", "server", "clients", "tests", "docs", "scenes", ".ci",
+        "src",
+        "sim-core",
+        "ipc",
+        "server",
+        "clients",
+        "bench",
+        "importers",
+        "tests",
+        "docs",
+        "scenes",
+        ".ci",
     ];
     is_path && !rest.is_empty() && known.contains(&first)
 }

@@ -76,6 +76,71 @@ fn is_commented_code(line: &str) -> bool {
 }
 
 #[test]
+fn commands_print_through_one_place() {
+    let macros = ["println!(", "print!(", "eprint!("];
+    let findings: Vec<_> = lines_where(|line| macros.iter().any(|m| line.contains(m)))
+        .into_iter()
+        .filter(|found| found.starts_with("src/") && !found.starts_with("src/bench"))
+        .collect();
+    assert_clean("panics when nobody reads, see src/output.rs", &findings);
+}
+
+/// Lines of our own error types by which a cause is said twice: in the sentence of the error and in the chain behind it.
+///
+/// Errors say their cause themselves, in its place in the sentence, and keep it in a field of another name than `source`.
+fn doubled_causes(text: &str) -> Vec<usize> {
+    let mut findings = Vec::new();
+    let (mut in_errors, mut is_transparent) = (false, false);
+    for (number, line) in (1..).zip(text.lines()) {
+        let code = line.trim_start().trim_start_matches("pub ");
+        if code.starts_with("#[derive(") {
+            in_errors = code.contains("thiserror::Error") || code.contains(" Error)");
+        } else if code.starts_with("#[error(") {
+            is_transparent = code.contains("transparent");
+        }
+        let names_it = code.starts_with("source:") || code.contains(" source: ");
+        let passes_it_on = code.contains("#[from]") && !is_transparent;
+        if in_errors && (names_it || passes_it_on || code.contains("#[source]")) {
+            findings.push(number);
+        }
+        in_errors &= line != "}";
+    }
+    findings
+}
+
+#[test]
+fn no_error_says_its_cause_twice() {
+    let mut findings = Vec::new();
+    for (name, text) in sources() {
+        let lines = doubled_causes(&text);
+        findings.extend(lines.iter().map(|line| format!("{name}:{line}")));
+    }
+    assert_clean("the cause is in the sentence and behind it", &findings);
+}
+
+#[test]
+fn the_rule_against_doubled_causes_finds_them() {
+    let error =
+        |inner: &str| format!("#[derive(Debug, thiserror::Error)]\npub enum E {{\n{inner}\n}}\n");
+    for bad in [
+        "#[error(\"a: {source}\")]\nA { path: P, source: B },",
+        "#[error(\"a: {source}\")]\nA {\n    source: B,\n},",
+        "#[error(\"a: {0}\")]\nA(#[from] B),",
+        "#[error(\"a: {0}\")]\nA(#[source] B),",
+    ] {
+        assert_eq!(doubled_causes(&error(bad)).len(), 1, "{bad}");
+    }
+    for good in [
+        "#[error(transparent)]\nA(#[from] B),",
+        "#[error(\"a: {cause}\")]\nA { cause: B },",
+        "#[error(\"a: {0}\")]\nA(B),",
+    ] {
+        assert!(doubled_causes(&error(good)).is_empty(), "{good}");
+    }
+    assert!(doubled_causes("#[derive(Debug)]\nstruct A {\n    source: B,\n}\n").is_empty());
+}
+
+#[test]
 fn no_work_is_left_for_later() {
     // Spelled in two halves so that this file does not find itself.
     let words = [

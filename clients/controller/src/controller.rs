@@ -26,6 +26,14 @@ pub enum ControlError {
     /// No answer.
     #[error(transparent)]
     Send(#[from] SendError),
+    /// A checkpoint is not there yet.
+    #[error(
+        "no checkpoint was written within {seconds:.1} s, and none was refused: the server writes it when its step comes; wait longer with a larger timeout"
+    )]
+    Unwritten {
+        /// How long [s].
+        seconds: f64,
+    },
 }
 
 /// The answer to one order.
@@ -35,7 +43,7 @@ pub struct Answer {
     pub applied_at_step: u64,
     /// Why it was refused, if it was.
     pub refused: Option<String>,
-    /// File that the server makes when it takes effect, for checkpoints.
+    /// File that the server has written, for checkpoints.
     pub file: Option<String>,
 }
 
@@ -82,7 +90,8 @@ impl Controller {
         &self.objects
     }
 
-    /// Sends orders, each to take effect at its step (0 = the next one), and waits for the answers.
+    /// Sends orders, each to take effect at its step (0 = the next one), and waits for the answers; for checkpoints
+    /// until they are written.
     ///
     /// # Errors
     /// When a name is unknown (then nothing is sent) or no answer comes. A refusal is an answer.
@@ -106,11 +115,30 @@ impl Controller {
                 })
             })
             .collect::<Result<Vec<_>, OrderError>>()?;
-        let mut answers = Vec::with_capacity(commands.len());
-        for chunk in commands.chunks(MAX_COMMANDS) {
-            answers.extend(self.sender.send(chunk, self.timeout)?.iter().map(answer));
+        // Answers to checkpoints take as long as their steps: they are ordered first and waited for last, so that
+        // nothing else waits for them.
+        let (late, prompt): (Vec<_>, Vec<_>) =
+            (0..commands.len()).partition(|&i| commands[i].kind == wire::COMMAND_CHECKPOINT);
+        let chunk = |indices: &[usize]| indices.iter().map(|&i| commands[i]).collect::<Vec<_>>();
+        let mut answers = vec![None; commands.len()];
+        let mut unwritten = Vec::new();
+        for indices in late.chunks(MAX_COMMANDS) {
+            let sent = self.sender.submit(&chunk(indices), self.timeout)?;
+            unwritten.push((indices, sent));
         }
-        Ok(answers)
+        for indices in prompt.chunks(MAX_COMMANDS) {
+            let acks = self.sender.send(&chunk(indices), self.timeout)?;
+            fill(&mut answers, indices, &acks);
+        }
+        for (indices, sent) in unwritten {
+            let acks = self.sender.answers(sent, self.timeout);
+            let acks = acks.map_err(|error| match error {
+                SendError::Timeout { seconds } => ControlError::Unwritten { seconds },
+                other => other.into(),
+            })?;
+            fill(&mut answers, indices, &acks);
+        }
+        Ok(answers.into_iter().flatten().collect())
     }
 
     /// Sends a whole script at once: the server keeps each order until its step.
@@ -150,6 +178,13 @@ fn collider_names(source: &str) -> Vec<String> {
     }
     let names: Names = toml::from_str(source).unwrap_or_default();
     names.colliders.into_iter().map(|c| c.name).collect()
+}
+
+/// Puts the answers to the orders at `indices` in their places.
+fn fill(answers: &mut [Option<Answer>], indices: &[usize], acks: &[wire::Ack]) {
+    for (&index, ack) in indices.iter().zip(acks) {
+        answers[index] = Some(answer(ack));
+    }
 }
 
 fn answer(ack: &wire::Ack) -> Answer {

@@ -29,7 +29,7 @@ pub struct TimedOrder {
 pub enum ScriptError {
     /// Not TOML, or an unknown key, action or type; the message has line and column.
     #[error("{0}")]
-    Syntax(#[from] toml::de::Error),
+    Syntax(toml::de::Error),
     /// A time is negative or not finite.
     #[error("order {number}: time is {time}, expected a finite number of seconds >= 0")]
     Time {
@@ -46,7 +46,7 @@ impl Script {
     /// # Errors
     /// When the text is not a valid script.
     pub fn parse(text: &str) -> Result<Script, ScriptError> {
-        let script: Script = toml::from_str(text)?;
+        let script: Script = toml::from_str(text).map_err(ScriptError::Syntax)?;
         for (index, timed) in script.order.iter().enumerate() {
             if !timed.time.is_finite() || timed.time < 0.0 {
                 return Err(ScriptError::Time {

@@ -5,11 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use cosplat_ipc::client::{
-    ConnectError, Frame, FrameReader, JournalReader, Message, ObjectsReader, ReadError, SceneView,
-    StatusReader, heartbeat_age,
+    ConnectError, Frame, FrameReader, JournalReader, Message, ObjectsReader, ReadError,
+    SceneReader, SceneView, StatusReader, heartbeat_age,
 };
 use cosplat_ipc::schema::{
-    AppliedCommand, FRAME_FLAG_LAST, JournalHeader, ObjectState, ObjectsHeader, SERVER_STOPPING,
+    AppliedCommand, FRAME_FLAG_LAST, JournalHeader, ObjectState, ObjectsHeader,
 };
 use cosplat_ipc::{Client, Domain, monotonic_ns};
 use serde::Serialize;
@@ -24,8 +24,6 @@ use crate::writer::{RecordingWriter, WriterOptions};
 const QUEUE_DEPTH: usize = 64;
 /// How often the loop looks at its stop flag.
 const TICK: Duration = Duration::from_millis(100);
-/// Longest that one try to read its scene becomes.
-const LONGEST: Duration = Duration::from_secs(2);
 /// How long the scene of a restarted server may take.
 const SCENE_TIMEOUT: Duration = Duration::from_secs(10);
 /// A server without a heartbeat for this long is gone; it sends ten per second.
@@ -42,7 +40,7 @@ pub struct RecordOptions {
     pub output: PathBuf,
     /// How it is written.
     pub writer: WriterOptions,
-    /// How long to wait for a server at the start.
+    /// How long to wait for a server at the start, and as long for its scene.
     pub wait: Duration,
     /// Stop after this time (wall clock, from the attachment on); `None` for the end of the session.
     pub duration: Option<Duration>,
@@ -113,9 +111,8 @@ pub fn record(
         let path = options.output.clone();
         return Err(RecordingError::Exists { path }.into());
     }
-    let client = connect(options, stop)?;
-    let mut streams = Streams::open(&client)?;
-    let scene = client.scene(options.wait)?;
+    let (client, mut streams) = attach(options, stop)?;
+    let scene = first_scene(&client, options.wait, stop)?;
     let writer = RecordingWriter::create(&options.output, &options.writer)?;
     let mut recorder = Recorder {
         epoch: scene.header().epoch,
@@ -141,23 +138,35 @@ pub fn record(
     Ok(summary)
 }
 
-/// Attaches in short attempts, so that `stop` is heard.
-fn connect(options: &RecordOptions, stop: &AtomicBool) -> Result<Client, ConnectError> {
+/// Attaches in short attempts, so that `stop` is heard. A server that goes before all its streams are open counts like none.
+fn attach(options: &RecordOptions, stop: &AtomicBool) -> Result<(Client, Streams), ConnectError> {
     let deadline = Instant::now() + options.wait;
     loop {
         let left = deadline.saturating_duration_since(Instant::now());
-        let attempt = Client::connect(
-            &options.domain,
-            &options.session,
-            "recorder",
-            left.min(TICK),
-        );
-        let may_come = matches!(
-            attempt,
-            Err(ConnectError::NoServer { .. } | ConnectError::Timeout { .. })
-        );
-        if !may_come || left.is_zero() || stop.load(Ordering::Relaxed) {
-            return attempt;
+        let (domain, session) = (&options.domain, &options.session);
+        let attempt = Client::connect(domain, session, "recorder", left.min(TICK))
+            .and_then(|client| Streams::open(&client).map(|streams| (client, streams)));
+        match attempt {
+            Err(error) if error.may_pass() && !left.is_zero() && !stop.load(Ordering::Relaxed) => {
+                std::thread::sleep(TICK / 10);
+            }
+            settled => return settled,
+        }
+    }
+}
+
+/// The scene that is there when recording begins.
+fn first_scene(
+    client: &Client,
+    patience: Duration,
+    stop: &AtomicBool,
+) -> Result<SceneView, ConnectError> {
+    let mut scenes = SceneReader::default();
+    loop {
+        match scenes.any(client, patience.min(TICK)) {
+            Err(ConnectError::Timeout { seconds, .. })
+                if seconds < patience.as_secs_f64() && !stop.load(Ordering::Relaxed) => {}
+            settled => return settled,
         }
     }
 }
@@ -281,7 +290,7 @@ impl Recorder {
             self.is_server_silent = false;
             return Ok(Silence::Pause);
         };
-        if status.server_state != SERVER_STOPPING || status.epoch != self.epoch {
+        if !streams.status.has_ended(self.epoch).unwrap_or_default() {
             if !self.is_server_silent {
                 tracing::warn!("the server gives no sign of life; waiting for it to come back");
             }
@@ -348,16 +357,16 @@ impl Recorder {
 
     /// The scene of `epoch`, once it is published.
     fn scene_of(&self, epoch: u64, stop: &AtomicBool) -> Option<SceneView> {
-        let deadline = Instant::now() + SCENE_TIMEOUT;
-        // Every try begins anew: where there is little time for this process, a tick is too short.
-        let mut patience = TICK;
-        while Instant::now() < deadline && !stop.load(Ordering::Relaxed) {
-            let tried = self.client.scene(patience);
-            patience = (2 * patience).min(LONGEST);
-            match tried {
-                Ok(scene) if scene.header().epoch == epoch => return Some(scene),
-                Ok(_) => std::thread::sleep(TICK / 10),
-                Err(error) => tracing::debug!("{error}"),
+        let mut scenes = SceneReader::default();
+        while !stop.load(Ordering::Relaxed) {
+            match scenes.of(&self.client, epoch, TICK) {
+                Ok(scene) => return scene,
+                Err(ConnectError::Timeout { seconds, .. })
+                    if seconds < SCENE_TIMEOUT.as_secs_f64() => {}
+                Err(error) => {
+                    tracing::warn!("{error}");
+                    break;
+                }
             }
         }
         None

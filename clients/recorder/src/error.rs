@@ -12,34 +12,34 @@ pub enum RecordingError {
         path: PathBuf,
     },
     /// A file could not be opened or created.
-    #[error("cannot open {path}: {source}")]
+    #[error("cannot open {path}: {cause}")]
     Open {
         /// The file.
         path: PathBuf,
         /// The operating system's answer.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// Writing failed, most often for a full disk. What was written before is kept and can be recovered.
     #[error(
         "cannot write to {path}: {}; the file ends here, `cosplat recover` makes it readable",
-        sentence(source)
+        sentence(cause)
     )]
     Write {
         /// The file.
         path: PathBuf,
         /// The writer's answer.
-        source: mcap::McapError,
+        cause: mcap::McapError,
     },
     /// The file is not a complete, undamaged MCAP file.
     #[error(
         "{path} is damaged or unfinished: {}; `cosplat recover` saves what is readable",
-        sentence(source)
+        sentence(cause)
     )]
     Damaged {
         /// The file.
         path: PathBuf,
         /// The reader's answer.
-        source: mcap::McapError,
+        cause: mcap::McapError,
     },
     /// The file is no MCAP file at all.
     #[error(
@@ -75,36 +75,37 @@ pub enum RecordingError {
 
 impl RecordingError {
     /// For failures of [`std::fs`] calls on `path`.
-    pub(crate) fn open(path: &Path, source: std::io::Error) -> Self {
-        if source.kind() == std::io::ErrorKind::AlreadyExists {
+    pub(crate) fn open(path: &Path, cause: std::io::Error) -> Self {
+        if cause.kind() == std::io::ErrorKind::AlreadyExists {
             Self::Exists { path: path.into() }
         } else {
             Self::Open {
                 path: path.into(),
-                source,
+                cause,
             }
         }
     }
 
-    pub(crate) fn write(path: &Path, source: impl Into<mcap::McapError>) -> Self {
+    pub(crate) fn write(path: &Path, cause: impl Into<mcap::McapError>) -> Self {
         Self::Write {
             path: path.into(),
-            source: source.into(),
+            cause: cause.into(),
         }
     }
 
-    pub(crate) fn damaged(path: &Path, source: impl Into<mcap::McapError>) -> Self {
+    pub(crate) fn damaged(path: &Path, cause: impl Into<mcap::McapError>) -> Self {
         Self::Damaged {
             path: path.into(),
-            source: source.into(),
+            cause: cause.into(),
         }
     }
 }
 
-/// The cause in words: the library's text for an input or output error does not name the system's answer.
+/// The cause in words: the first one, for what the library says of an error of the system does not name the system's answer.
 fn sentence(error: &mcap::McapError) -> String {
-    match error {
-        mcap::McapError::Io(cause) => cause.to_string(),
-        other => other.to_string(),
+    let mut cause: &dyn std::error::Error = error;
+    while let Some(inner) = cause.source() {
+        cause = inner;
     }
+    cause.to_string()
 }

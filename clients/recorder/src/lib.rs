@@ -12,6 +12,7 @@ mod pipeline;
 pub mod ply;
 pub mod point_cloud;
 pub mod reader;
+mod records;
 pub mod recover;
 mod segments;
 mod time_line;

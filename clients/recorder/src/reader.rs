@@ -6,13 +6,14 @@ use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
 
 use cosplat_ipc::schema::{AppliedCommand, FrameHeader, GaussianState, ObjectState, ObjectsHeader};
-use mcap::records::{MessageHeader, Record};
+use mcap::records::{MessageHeader, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use serde::de::DeserializeOwned;
 
 use crate::RecordingError;
 use crate::messages::{BoardRecord, GapRecord, JournalRecord, ObjectsRecord, StatusRecord};
 use crate::point_cloud;
+use crate::records;
 use crate::topics::*;
 
 /// Largest record or chunk read [bytes]: a damaged length must not fill the memory.
@@ -20,6 +21,9 @@ pub(crate) const LENGTH_LIMIT: usize = 4 << 30;
 
 /// Most bytes read at once: a damaged length must not reserve more than the file has.
 pub(crate) const READ_LIMIT: usize = 16 << 20;
+
+/// Records that make [`Event`]s.
+const DECODED: [u8; 4] = [op::CHANNEL, op::MESSAGE, op::METADATA, op::ATTACHMENT];
 
 /// One frame of a recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,7 +105,11 @@ impl Recording {
                     self.reader.notify_read(read);
                 }
                 LinearReadEvent::Record { data, opcode } => {
-                    let record = mcap::parse_record(opcode, data).map_err(damaged)?;
+                    // What else there is indexes and sums up these.
+                    if !DECODED.contains(&opcode) {
+                        continue;
+                    }
+                    let record = records::parse(opcode, data).map_err(damaged)?;
                     if let Some(event) =
                         self.decoder.decode(record).map_err(|m| m.at(&self.path))?
                     {

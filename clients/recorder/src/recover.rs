@@ -16,6 +16,7 @@ use crate::RecordingError;
 use crate::messages::{GapReason, GapRecord, StatusRecord};
 use crate::point_cloud;
 use crate::reader::{LENGTH_LIMIT, READ_LIMIT, open_mcap};
+use crate::records;
 use crate::segments::{Segment, segments};
 use crate::topics::*;
 use crate::write_behind::WriteBehind;
@@ -76,7 +77,7 @@ pub fn recover(
         &mut file,
         map.records.iter().find(|s| s.opcode == op::HEADER),
     ) {
-        Some(body) => match mcap::parse_record(op::HEADER, &body) {
+        Some(body) => match records::parse(op::HEADER, &body) {
             Ok(Record::Header(header)) => header.profile,
             _ => String::new(),
         },
@@ -262,12 +263,7 @@ impl Recovery {
 
     /// Copies one record. False when it is malformed; errors are those of the output.
     fn record(&mut self, opcode: u8, body: &[u8], is_verified: bool) -> mcap::McapResult<bool> {
-        if opcode == op::ATTACHMENT && !attachment_is_long_enough(body) {
-            self.report.attachments_damaged += 1;
-            self.was_lost = true;
-            return Ok(false);
-        }
-        let Ok(record) = mcap::parse_record(opcode, body) else {
+        let Ok(record) = records::parse(opcode, body) else {
             self.was_lost = true;
             self.report.lost_bytes += body.len() as u64;
             self.report.attachments_damaged += u64::from(opcode == op::ATTACHMENT);
@@ -397,17 +393,4 @@ fn accept(result: mcap::McapResult<u16>) -> mcap::McapResult<bool> {
         Err(e @ mcap::McapError::Io(_)) => Err(e),
         Err(_) => Ok(false),
     }
-}
-
-/// Whether the lengths within an attachment fit its record; the parser takes that for granted.
-fn attachment_is_long_enough(body: &[u8]) -> bool {
-    let mut at = 16_usize;
-    for _ in 0..2 {
-        let Some(length) = body.get(at..at + 4).and_then(|b| b.try_into().ok()) else {
-            return false;
-        };
-        let length = u32::from_le_bytes(length) as usize;
-        at = at.saturating_add(4).saturating_add(length);
-    }
-    body.len().saturating_sub(at) >= 8 + 4
 }

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use cosplat_ipc::client::{ConnectError, Frame, FrameReader, ReadError, SceneView};
+use cosplat_ipc::Domain;
+use cosplat_ipc::client::{ConnectError, Frame, ReadError, SceneView};
 use cosplat_ipc::schema::{FRAME_FLAG_LAST, SceneHeader};
-use cosplat_ipc::{Client, Domain};
 use glam::Vec3;
 use serde::Serialize;
 
@@ -15,16 +15,11 @@ use crate::courtesy::Courtesy;
 use crate::mp4::Mp4Error;
 use crate::output::{Outputs, Written};
 use crate::png::PngError;
+use crate::source::Source;
 use crate::{Harmonics, Projected};
 
 /// Colour behind the splats, sRGB: light enough to show dark ones, dark enough to show white ones.
 pub const BACKGROUND: [f32; 3] = [0.93; 3];
-/// How long one wait lasts before the stop flag is looked at [s].
-const GLANCE: Duration = Duration::from_millis(100);
-/// Longest that one wait becomes.
-const LONGEST: Duration = Duration::from_secs(2);
-/// A server that publishes frames has published its scene; this long a delay means that it died in between.
-const SCENE_PATIENCE: Duration = Duration::from_secs(10);
 
 /// What to render, and where to.
 #[derive(Clone, Debug)]
@@ -33,7 +28,7 @@ pub struct Options {
     pub domain: Domain,
     /// Name of the session.
     pub session: String,
-    /// How long to wait for the server to appear.
+    /// How long to wait for the server to appear, and as long for its first frame and the scene of each of its runs.
     pub patience: Duration,
     /// Pixels per row, 1..=16384 (a video: 16..=3840).
     pub width: u32,
@@ -99,6 +94,14 @@ pub enum RenderError {
     /// No server, or none that we understand.
     #[error(transparent)]
     Connect(#[from] ConnectError),
+    /// The server went before its frames could be drawn.
+    #[error("session {session:?} ended before a picture of it could be drawn: {reason}")]
+    Ended {
+        /// Name of the session.
+        session: String,
+        /// What was missing.
+        reason: String,
+    },
     /// The frames cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
@@ -109,32 +112,42 @@ pub enum RenderError {
     #[error(transparent)]
     Mp4(#[from] Mp4Error),
     /// A folder cannot be made.
-    #[error("cannot make the folder {path}: {source}")]
+    #[error("cannot make the folder {path}: {cause}")]
     Folder {
         /// The folder.
         path: PathBuf,
         /// The system's reason.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
 }
 
 /// Renders the session of `options` until its last frame, `options.frames`, or `stop`; files are complete whichever it
-/// was, and also after an error. `on_frame` hears of every frame that was rendered.
+/// was, and also after an error. `on_scene` is called once, with all there is to draw and nothing drawn yet: from then on
+/// the work may be given a lower priority. `on_frame` hears of every frame that was rendered.
 ///
 /// It always takes the newest frame, so that a slow renderer skips frames and the server never waits; it stays when the
 /// server goes, and carries on with the next one of that name. While the simulation is slower than the clock it waits up to
 /// four times as long as a picture took before the next one.
 ///
 /// # Errors
-/// When there is no server within `options.patience`, or a file cannot be written.
+/// When there is no server, frame or scene within `options.patience`, the session ends before a scene could be read, or a
+/// file cannot be written.
 pub fn run(
     options: &Options,
     stop: &AtomicBool,
-    mut on_frame: impl FnMut(&Progress),
+    on_scene: impl FnOnce(),
+    on_frame: impl FnMut(&Progress),
 ) -> Result<Summary, RenderError> {
     let mut outputs = Outputs::open(options)?;
     let mut summary = Summary::default();
-    let watched = watch(options, stop, &mut outputs, &mut summary, &mut on_frame);
+    let watched = watch(
+        options,
+        stop,
+        &mut outputs,
+        &mut summary,
+        on_scene,
+        on_frame,
+    );
     let Written {
         pictures,
         last_picture,
@@ -160,50 +173,46 @@ fn watch(
     stop: &AtomicBool,
     outputs: &mut Outputs,
     summary: &mut Summary,
-    on_frame: &mut impl FnMut(&Progress),
+    on_scene: impl FnOnce(),
+    mut on_frame: impl FnMut(&Progress),
 ) -> Result<(), RenderError> {
-    let Some((client, mut reader)) = attach(options, stop)? else {
+    let Some(mut source) = Source::attach(options, stop)? else {
         return Ok(());
     };
-    let mut scene: Option<SceneView> = None;
+    let mut on_scene = Some(on_scene);
     let mut courtesy = Courtesy::default();
     let goal = options.frames.unwrap_or(u64::MAX);
     while summary.frames_rendered < goal && !stop.load(Ordering::Relaxed) {
-        let frame = match reader.next(GLANCE) {
-            Ok(Some(frame)) => frame,
-            Ok(None) => continue,
-            Err(error @ ReadError::Malformed { .. }) => {
-                tracing::warn!(%error, "frame left out");
-                continue;
+        let Some(next) = source.next()? else {
+            if source.is_over()? {
+                break;
             }
-            Err(error) => return Err(error.into()),
-        };
-        let start = Instant::now();
-        let header = *frame.header();
-        courtesy.note(header.sim_time, header.publish_ns);
-        if scene.as_ref().map(|scene| scene.header().epoch) != Some(header.epoch) {
-            // Not two at a time: the server keeps room for few.
-            drop(scene.take());
-            scene = read_scene(&client, header.epoch, stop);
-        }
-        let Some(scene) = &scene else {
             continue;
         };
+        let start = Instant::now();
+        let header = *next.frame.header();
+        courtesy.note(header.sim_time, header.publish_ns);
+        let Some((next, scene)) = source.with_scene(next)? else {
+            continue;
+        };
+        if let Some(on_scene) = on_scene.take() {
+            on_scene();
+        }
         let is_last = header.flags & FRAME_FLAG_LAST != 0;
-        let wanted = outputs.wants(header.step, header.sim_time, frame.is_new_run(), is_last);
+        let wanted = outputs.wants(header.step, header.sim_time, next.is_new_run, is_last);
         if wanted.anything() {
             let camera = camera(options, scene.header());
             let drawing = Instant::now();
-            let projected = project(frame, scene, &camera);
+            let projected = project(next.frame, scene, &camera);
             let image = projected.draw(BACKGROUND);
             summary.render_ms += drawing.elapsed().as_secs_f64() * 1e3;
             outputs.write(wanted, header.step, image)?;
             summary.frames_rendered += 1;
         } else {
-            drop(frame);
+            drop(next);
         }
-        summary.frames_missed = reader.missed();
-        summary.runs = reader.runs();
+        summary.frames_missed = source.missed();
+        summary.runs = source.frames.runs();
         summary.last_step = header.step;
         summary.sim_time = header.sim_time;
         if wanted.anything() {
@@ -247,51 +256,4 @@ pub fn camera(options: &Options, scene: &SceneHeader) -> Camera {
         options.width,
         options.height,
     )
-}
-
-/// Waits for the server; `None` when stopped before it came.
-fn attach(
-    options: &Options,
-    stop: &AtomicBool,
-) -> Result<Option<(Client, FrameReader)>, RenderError> {
-    let deadline = Instant::now() + options.patience;
-    loop {
-        let error = match Client::connect(&options.domain, &options.session, "view", GLANCE) {
-            // One frame deep: the newest.
-            Ok(client) => {
-                let reader = client.frames(1)?;
-                return Ok(Some((client, reader)));
-            }
-            Err(error @ (ConnectError::NoServer { .. } | ConnectError::Timeout { .. })) => error,
-            Err(error) => return Err(error.into()),
-        };
-        if stop.load(Ordering::Relaxed) {
-            return Ok(None);
-        }
-        if Instant::now() >= deadline {
-            return Err(error.into());
-        }
-    }
-}
-
-/// The scene that frames of `epoch` belong to; `None` when the server is gone before it could be read, or when stopped.
-fn read_scene(client: &Client, epoch: u64, stop: &AtomicBool) -> Option<SceneView> {
-    let deadline = Instant::now() + SCENE_PATIENCE;
-    // Every try begins anew: where there is little time for this process, a glance is too short.
-    let mut patience = GLANCE;
-    while !stop.load(Ordering::Relaxed) {
-        let reason = match client.scene(patience) {
-            Ok(scene) if scene.header().epoch == epoch => return Some(scene),
-            // The frame is a leftover of a server that was replaced.
-            Ok(scene) if scene.header().epoch > epoch => return None,
-            Ok(_) => "only the scene of an older run is there".to_owned(),
-            Err(error) => error.to_string(),
-        };
-        patience = (2 * patience).min(LONGEST);
-        if Instant::now() >= deadline {
-            tracing::warn!(reason, "no scene: frames left out");
-            return None;
-        }
-    }
-    None
 }

@@ -14,6 +14,7 @@ pub mod png;
 pub mod project;
 pub mod raster;
 pub mod sh;
+mod source;
 mod tile;
 
 pub use camera::Camera;

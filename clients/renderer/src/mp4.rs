@@ -42,28 +42,28 @@ pub enum Mp4Error {
         actual: (u32, u32),
     },
     /// The operating system refused.
-    #[error("cannot write {path}: {source}")]
+    #[error("cannot write {path}: {cause}")]
     Write {
         /// File in question.
         path: PathBuf,
         /// The system's reason.
-        source: io::Error,
+        cause: io::Error,
     },
     /// The encoder failed.
-    #[error("cannot encode {path}: {source}")]
+    #[error("cannot encode {path}: {cause}")]
     Encode {
         /// File in question.
         path: PathBuf,
         /// The encoder's reason.
-        source: openh264::Error,
+        cause: openh264::Error,
     },
     /// The container cannot hold the video.
-    #[error("cannot pack {path}: {source}")]
+    #[error("cannot pack {path}: {cause}")]
     Pack {
         /// File in question.
         path: PathBuf,
         /// The muxer's reason.
-        source: MuxerError,
+        cause: MuxerError,
     },
 }
 
@@ -114,23 +114,23 @@ impl Mp4Writer {
             .num_threads(1)
             .vui(color);
         let encoder =
-            Encoder::with_api_config(OpenH264API::from_source(), config).map_err(|source| {
+            Encoder::with_api_config(OpenH264API::from_source(), config).map_err(|cause| {
                 Mp4Error::Encode {
                     path: path.to_owned(),
-                    source,
+                    cause,
                 }
             })?;
         let partial = path.with_extension("mp4.partial");
-        let file = File::create(&partial).map_err(|source| Mp4Error::Write {
+        let file = File::create(&partial).map_err(|cause| Mp4Error::Write {
             path: path.to_owned(),
-            source,
+            cause,
         })?;
         let muxer = MuxerBuilder::new(file)
             .video(VideoCodec::H264, size.0, size.1, fps)
             .build()
-            .map_err(|source| Mp4Error::Pack {
+            .map_err(|cause| Mp4Error::Pack {
                 path: path.to_owned(),
-                source,
+                cause,
             })?;
         Ok(Self {
             path: path.to_owned(),
@@ -184,9 +184,9 @@ impl Mp4Writer {
             return Ok(());
         };
         let seconds = self.frames as f64 / self.fps;
-        let encode = |source| Mp4Error::Encode {
+        let encode = |cause| Mp4Error::Encode {
             path: self.path.clone(),
-            source,
+            cause,
         };
         let time = Timestamp::from_millis((seconds * 1e3) as u64);
         let stream = self.encoder.encode_at(picture, time).map_err(encode)?;
@@ -195,9 +195,9 @@ impl Mp4Writer {
         stream.write_vec(&mut self.coded);
         self.muxer
             .write_video(seconds, &self.coded, is_key)
-            .map_err(|source| Mp4Error::Pack {
+            .map_err(|cause| Mp4Error::Pack {
                 path: self.path.clone(),
-                source,
+                cause,
             })?;
         self.frames += 1;
         Ok(())
@@ -213,13 +213,13 @@ impl Mp4Writer {
         }
         self.muxer
             .finish_in_place()
-            .map_err(|source| Mp4Error::Pack {
+            .map_err(|cause| Mp4Error::Pack {
                 path: self.path.clone(),
-                source,
+                cause,
             })?;
-        std::fs::rename(&self.partial, &self.path).map_err(|source| Mp4Error::Write {
+        std::fs::rename(&self.partial, &self.path).map_err(|cause| Mp4Error::Write {
             path: self.path.clone(),
-            source,
+            cause,
         })?;
         Ok(self.frames)
     }

@@ -107,7 +107,7 @@ impl Outputs {
     pub(crate) fn open(options: &Options) -> Result<Self, RenderError> {
         let folder = |path: PathBuf| match std::fs::create_dir_all(&path) {
             Ok(()) => Ok(path),
-            Err(source) => Err(RenderError::Folder { path, source }),
+            Err(cause) => Err(RenderError::Folder { path, cause }),
         };
         let sequence = match &options.png {
             Some(path) => Some(Sequence {

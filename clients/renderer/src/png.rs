@@ -10,15 +10,15 @@ use crate::Image;
 #[derive(Debug, thiserror::Error)]
 pub enum PngError {
     /// The operating system refused.
-    #[error("cannot write {path}: {source}")]
+    #[error("cannot write {path}: {cause}")]
     Write {
         /// File in question.
         path: PathBuf,
         /// The system's reason.
-        source: io::Error,
+        cause: io::Error,
     },
     /// The picture cannot be stored as PNG.
-    #[error("cannot encode {path} ({width} x {height} pixels): {source}")]
+    #[error("cannot encode {path} ({width} x {height} pixels): {cause}")]
     Encode {
         /// File in question.
         path: PathBuf,
@@ -27,7 +27,7 @@ pub enum PngError {
         /// Rows.
         height: u32,
         /// The encoder's reason.
-        source: png::EncodingError,
+        cause: png::EncodingError,
     },
 }
 
@@ -36,15 +36,15 @@ pub enum PngError {
 /// # Errors
 /// When the file cannot be created, or the picture has no pixels.
 pub fn write_png(path: &Path, image: &Image) -> Result<(), PngError> {
-    let write = |source| PngError::Write {
+    let write = |cause| PngError::Write {
         path: path.to_owned(),
-        source,
+        cause,
     };
-    let encode = |source| PngError::Encode {
+    let encode = |cause| PngError::Encode {
         path: path.to_owned(),
         width: image.width,
         height: image.height,
-        source,
+        cause,
     };
     let partial = path.with_extension("png.partial");
     let mut file = BufWriter::new(File::create(&partial).map_err(write)?);

@@ -66,23 +66,39 @@ fn coefficients(sh_degree: u32, tint: f32) -> Vec<f32> {
 }
 
 fn serve(domain: &Domain, sh_degree: u32, tint: f32) -> ServerPorts {
+    let mut ports = serve_without_scene(domain, sh_degree, tint);
+    publish_scene(&mut ports, sh_degree, tint);
+    ports
+}
+
+/// Makes the scene, which the ports are planned for, and hands it on.
+fn with_scene<T>(sh_degree: u32, tint: f32, act: impl FnOnce(&SceneBlocks) -> T) -> T {
     let gaussians = vec![GaussianRest::default(); COUNT];
     let object = ObjectInfo {
         gaussian_count: COUNT as u32,
         ..bytemuck::Zeroable::zeroed()
     };
     let sh = coefficients(sh_degree, tint);
-    let blocks = SceneBlocks {
+    act(&SceneBlocks {
         header: header(sh_degree),
         gaussians: &gaussians,
         sh: &sh,
         objects: &[object],
         features: &[],
         source: "",
-    };
-    let mut ports = ServerPorts::create(domain, "test", &PoolPlan::new(&blocks)).unwrap();
-    ports.publish_scene(&blocks).unwrap();
-    ports
+    })
+}
+
+fn serve_without_scene(domain: &Domain, sh_degree: u32, tint: f32) -> ServerPorts {
+    with_scene(sh_degree, tint, |blocks| {
+        ServerPorts::create(domain, "test", &PoolPlan::new(blocks)).unwrap()
+    })
+}
+
+fn publish_scene(ports: &mut ServerPorts, sh_degree: u32, tint: f32) {
+    with_scene(sh_degree, tint, |blocks| {
+        ports.publish_scene(blocks).unwrap()
+    });
 }
 
 /// A ring of splats, turned by `step`.
@@ -176,9 +192,12 @@ fn beside(
         // A failed assertion must end the renderer, or the scope waits for it for ever.
         let _stop = StopOnPanic(&stop);
         let renderer = scope.spawn(|| {
-            run(options, &stop, move |progress| {
-                tell.send(*progress).unwrap()
-            })
+            run(
+                options,
+                &stop,
+                || {},
+                move |progress| tell.send(*progress).unwrap(),
+            )
         });
         server(
             &|| hear.recv_timeout(PATIENCE).expect("a rendered frame"),
@@ -238,7 +257,7 @@ fn a_late_joiner_on_an_idle_server_gets_one_picture() {
         mp4: None,
         ..options(&domain.0, folder.path())
     };
-    let summary = run(&options, &AtomicBool::new(false), |_| {}).unwrap();
+    let summary = run(&options, &AtomicBool::new(false), || {}, |_| {}).unwrap();
     assert_eq!((summary.last_step, summary.pictures), (5, 1));
     assert!(summary.video.is_none());
     // Degree 0: the colours are those of the frame.
@@ -322,12 +341,17 @@ fn a_slow_renderer_skips_frames_and_its_video_keeps_the_time() {
         let stop = &stop;
         let _stop = StopOnPanic(stop);
         let renderer = scope.spawn(move || {
-            run(options, stop, |progress| {
-                if progress.frames_rendered == 1 {
-                    begin.send(()).unwrap();
-                    may_go_on.recv().unwrap();
-                }
-            })
+            run(
+                options,
+                stop,
+                || {},
+                |progress| {
+                    if progress.frames_rendered == 1 {
+                        begin.send(()).unwrap();
+                        may_go_on.recv().unwrap();
+                    }
+                },
+            )
         });
         send(&ports, 0, 0);
         begun.recv_timeout(PATIENCE).unwrap();
@@ -351,7 +375,7 @@ fn a_missing_server_and_a_bad_folder_are_said_in_a_sentence() {
         patience: Duration::from_millis(10),
         ..options(&domain.0, folder.path())
     };
-    let error = run(&options, &AtomicBool::new(false), |_| {}).unwrap_err();
+    let error = run(&options, &AtomicBool::new(false), || {}, |_| {}).unwrap_err();
     assert!(
         error.to_string().contains("no server for session \"test\""),
         "{error}"
@@ -363,7 +387,7 @@ fn a_missing_server_and_a_bad_folder_are_said_in_a_sentence() {
         png: Some(blocked.join("pictures")),
         ..options
     };
-    let error = run(&options, &AtomicBool::new(false), |_| {}).unwrap_err();
+    let error = run(&options, &AtomicBool::new(false), || {}, |_| {}).unwrap_err();
     assert!(error.to_string().contains("file/pictures"), "{error}");
     // A stop before the server came is no error.
     let options = Options {
@@ -371,6 +395,58 @@ fn a_missing_server_and_a_bad_folder_are_said_in_a_sentence() {
         patience: PATIENCE,
         ..options
     };
-    let summary = run(&options, &AtomicBool::new(true), |_| {}).unwrap();
+    let summary = run(&options, &AtomicBool::new(true), || {}, |_| {}).unwrap();
     assert_eq!(summary.frames_rendered, 0);
+}
+
+#[test]
+fn frames_without_a_scene_end_in_a_sentence() {
+    let domain = TestDomain::new("bare");
+    let folder = tempfile::tempdir().unwrap();
+    let options = Options {
+        patience: Duration::from_millis(300),
+        ..options(&domain.0, folder.path())
+    };
+    let ports = serve_without_scene(&domain.0, 0, 0.0);
+    // One frame, as of a paused server, is enough to know that a scene is missing.
+    send(&ports, 7, 0);
+    let error = run(&options, &AtomicBool::new(false), || {}, |_| {}).unwrap_err();
+    let words = error.to_string();
+    assert!(words.contains("its scene did not come within"), "{words}");
+    // Without a scene the end is heard, too.
+    send(&ports, 8, FRAME_FLAG_LAST);
+    let patient = Options {
+        patience: PATIENCE,
+        ..options
+    };
+    let error = run(&patient, &AtomicBool::new(false), || {}, |_| {}).unwrap_err();
+    assert!(matches!(error, RenderError::Ended { .. }), "{error}");
+    assert!(error.to_string().contains("before a picture"), "{error}");
+}
+
+#[test]
+fn a_frame_is_kept_until_its_scene_comes() {
+    let domain = TestDomain::new("kept");
+    let folder = tempfile::tempdir().unwrap();
+    let options = Options {
+        mp4: None,
+        frames: Some(1),
+        ..options(&domain.0, folder.path())
+    };
+    let mut ports = serve_without_scene(&domain.0, 1, 0.2);
+    send(&ports, 7, 0);
+    let heard = AtomicBool::new(false);
+    let hear = || heard.store(true, Ordering::Relaxed);
+    std::thread::scope(|scope| {
+        let options = &options;
+        let renderer = scope.spawn(move || run(options, &AtomicBool::new(false), hear, |_| {}));
+        // Several tries; a renderer that is slower to start meets an easier case.
+        std::thread::sleep(Duration::from_millis(350));
+        assert!(!heard.load(Ordering::Relaxed), "nothing to draw yet");
+        publish_scene(&mut ports, 1, 0.2);
+        let summary = renderer.join().unwrap().unwrap();
+        assert_eq!((summary.last_step, summary.pictures), (7, 1));
+        assert!(read(&summary.last_picture.unwrap()) == expected(options, 7, 1, 0.2));
+    });
+    assert!(heard.load(Ordering::Relaxed));
 }

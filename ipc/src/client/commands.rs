@@ -37,9 +37,8 @@ pub struct CommandSender {
 impl CommandSender {
     pub(super) fn open(node: &Node<Service>, session: &SessionName) -> Result<Self, ConnectError> {
         let open = |error| ConnectError::open(session.as_str(), error);
-        let failed = |reason: String| ConnectError::Transport {
-            session: session.as_str().into(),
-            reason: format!("command: {reason}"),
+        let failed = |reason: String| {
+            ConnectError::transport(session.as_str(), format!("command: {reason}"))
         };
         let event = session::event(node, session, "command", false).map_err(open)?;
         let service = session::commands(node, session, false).map_err(open)?;
@@ -79,6 +78,18 @@ impl CommandSender {
         if commands.is_empty() {
             return Ok(Vec::new());
         }
+        let start = Instant::now();
+        let sent = self.submit(commands, timeout)?;
+        self.answers(sent, timeout.saturating_sub(start.elapsed()))
+    }
+
+    /// Sends commands as [`send`](Self::send) does, waiting up to `timeout` for a place in the server's queue; the
+    /// answers are fetched by [`answers`](Self::answers). A sender has at most 16 requests without an answer.
+    pub fn submit(
+        &mut self,
+        commands: &[Command],
+        timeout: Duration,
+    ) -> Result<Unanswered, SendError> {
         if commands.len() > MAX_COMMANDS {
             return Err(SendError::TooMany {
                 count: commands.len(),
@@ -94,29 +105,29 @@ impl CommandSender {
                 ..*command
             })
             .collect();
-        let deadline = Instant::now() + timeout;
-        let pending = self.submit(&numbered, deadline, timeout)?;
-        let acks = self.await_answer(&pending, deadline, timeout)?;
-        let matches = acks.len() == numbered.len()
-            && acks
-                .iter()
-                .zip(&numbered)
-                .all(|(a, c)| a.sequence == c.sequence);
-        if !matches {
+        Ok(Unanswered {
+            pending: self.deliver(&numbered, timeout)?,
+            first,
+            count: commands.len(),
+            sent: Instant::now(),
+        })
+    }
+
+    /// Waits up to `timeout` for the answers to what was sent, one per command.
+    pub fn answers(&self, sent: Unanswered, timeout: Duration) -> Result<Vec<Ack>, SendError> {
+        let acks = self.await_answer(&sent, super::deadline(timeout))?;
+        let sequences = sent.first..sent.first + sent.count as u64;
+        if acks.iter().map(|ack| ack.sequence).ne(sequences) {
             return Err(SendError::BadAnswer {
-                count: numbered.len(),
+                count: sent.count,
                 answers: acks.len(),
             });
         }
         Ok(acks)
     }
 
-    fn submit(
-        &self,
-        commands: &[Command],
-        deadline: Instant,
-        timeout: Duration,
-    ) -> Result<Pending, SendError> {
+    fn deliver(&self, commands: &[Command], timeout: Duration) -> Result<Pending, SendError> {
+        let deadline = super::deadline(timeout);
         loop {
             let mut request = self
                 .port
@@ -151,27 +162,39 @@ impl CommandSender {
         }
     }
 
-    fn await_answer(
-        &self,
-        pending: &Pending,
-        deadline: Instant,
-        timeout: Duration,
-    ) -> Result<Vec<Ack>, SendError> {
+    fn await_answer(&self, sent: &Unanswered, deadline: Instant) -> Result<Vec<Ack>, SendError> {
+        let pending = &sent.pending;
         loop {
+            // Asked first: what the server sends before it lets go of the request is there when it has.
+            let is_open = pending.is_connected();
             let response = pending
                 .receive()
                 .map_err(|error| SendError::Transport(error.to_string()))?;
             if let Some(response) = response {
                 return Ok(response.payload().to_vec());
             }
-            let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() || !pending.is_connected() {
-                return Err(SendError::Timeout {
-                    seconds: timeout.as_secs_f64(),
+            let seconds = sent.sent.elapsed().as_secs_f64();
+            if !is_open {
+                return Err(match self.service.dynamic_config().number_of_servers() {
+                    0 => SendError::ServerEnded { seconds },
+                    _ => SendError::AnswerLost { seconds },
                 });
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(SendError::Timeout { seconds });
             }
             // Errors are interrupts: the answer is still worth its time.
             let _ = session::listen(&self.listener, left.min(Duration::from_millis(50)), |_| {});
         }
     }
+}
+
+/// Commands on their way, and the place where their answers will be. Dropped before the server looked at them,
+/// they are dropped unseen.
+pub struct Unanswered {
+    pending: Pending,
+    first: u64,
+    count: usize,
+    sent: Instant,
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::{
-    BadSessionName, DomainError, ICEORYX2_VERSION, SessionInfo, schema::WIRE_VERSION,
+    BadSessionName, DomainError, ICEORYX2_VERSION, LimitReached, SessionInfo, schema::WIRE_VERSION,
     session::OpenError,
 };
 
@@ -91,6 +91,22 @@ pub enum ConnectError {
         /// How long [s].
         seconds: f64,
     },
+    /// The process or the session has reached a limit.
+    #[error("cannot attach to session {session:?}: {limit}")]
+    Limit {
+        /// Name of the session.
+        session: String,
+        /// The limit.
+        limit: LimitReached,
+    },
+    /// A service cannot be opened, as happens while a server comes or goes.
+    #[error("session {session:?} is coming or going: {what}")]
+    Unsettled {
+        /// Name of the session.
+        session: String,
+        /// What was found.
+        what: &'static str,
+    },
     /// iceoryx2 failed.
     #[error("cannot attach to session {session:?}: {reason}")]
     Transport {
@@ -119,18 +135,40 @@ fn no_server(session: &str, root: &std::path::Path, others: &[SessionInfo]) -> S
 }
 
 impl ConnectError {
+    /// Whether it may pass by itself, so that those who wait for a server try again: none is there, or one is just coming or
+    /// going.
+    pub fn may_pass(&self) -> bool {
+        matches!(
+            self,
+            Self::NoServer { .. }
+                | Self::Timeout { .. }
+                | Self::Unsettled { .. }
+                | Self::OtherTransport { .. }
+        )
+    }
+
     pub(super) fn open(session: &str, error: OpenError) -> Self {
+        let unsettled = |what| Self::Unsettled {
+            session: session.into(),
+            what,
+        };
         let reason = match error {
-            OpenError::Absent => "a service does not exist".into(),
-            OpenError::Corrupted => "a service is damaged".into(),
+            OpenError::Absent => return unsettled("a service does not exist"),
+            OpenError::Corrupted => return unsettled("a service is damaged"),
             OpenError::Incompatible(reason) => format!(
                 "a service has other types or limits than wire version {WIRE_VERSION} says ({reason})"
             ),
             OpenError::Other(reason) => reason,
         };
-        Self::Transport {
-            session: session.into(),
-            reason,
+        Self::transport(session, reason)
+    }
+
+    /// A failure of iceoryx2, or the limit behind it.
+    pub(super) fn transport(session: &str, reason: String) -> Self {
+        let session = session.into();
+        match LimitReached::behind(&reason) {
+            Some(limit) => Self::Limit { session, limit },
+            None => Self::Transport { session, reason },
         }
     }
 }
@@ -156,6 +194,14 @@ pub enum ReadError {
         /// In the payload.
         actual: usize,
     },
+    /// The process or the session has reached a limit.
+    #[error("cannot read {stream:?}: {limit}")]
+    Limit {
+        /// The stream.
+        stream: &'static str,
+        /// The limit.
+        limit: LimitReached,
+    },
     /// iceoryx2 failed.
     #[error("cannot read {stream:?}: {reason}")]
     Transport {
@@ -164,6 +210,16 @@ pub enum ReadError {
         /// What iceoryx2 says.
         reason: String,
     },
+}
+
+impl ReadError {
+    /// A failure of iceoryx2, or the limit behind it.
+    pub(super) fn transport(stream: &'static str, reason: String) -> Self {
+        match LimitReached::behind(&reason) {
+            Some(limit) => Self::Limit { stream, limit },
+            None => Self::Transport { stream, reason },
+        }
+    }
 }
 
 /// Why commands were not answered.
@@ -181,12 +237,28 @@ pub enum SendError {
         /// How long [s].
         seconds: f64,
     },
-    /// The server took the commands, or may yet, and did not answer.
+    /// The server lives and has not answered.
     #[error(
-        "the server did not answer within {seconds:.1} s: whether the commands took effect is unknown"
+        "the server has not answered for {seconds:.1} s: the commands take effect if it has looked at them"
     )]
     Timeout {
-        /// How long [s].
+        /// Since they were sent [s].
+        seconds: f64,
+    },
+    /// The server is done with the commands, and there is no answer.
+    #[error(
+        "the answer was lost {seconds:.1} s after the commands were sent: they were looked at, and those that were accepted take effect; `journal` tells which"
+    )]
+    AnswerLost {
+        /// Since they were sent [s].
+        seconds: f64,
+    },
+    /// The server went while the commands waited.
+    #[error(
+        "the server ended {seconds:.1} s after the commands were sent: they took effect if it had looked at them before; `journal` tells which"
+    )]
+    ServerEnded {
+        /// Since they were sent [s].
         seconds: f64,
     },
     /// More commands than fit a request.

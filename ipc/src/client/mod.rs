@@ -2,33 +2,44 @@
 
 mod commands;
 mod error;
+mod origin;
 mod reader;
 mod scene;
 mod status;
 
-use std::time::{Duration, Instant};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use iceoryx2::{node::Node, prelude::PortFactory};
 
-pub use commands::CommandSender;
+pub use commands::{CommandSender, Unanswered};
 pub use error::{ConnectError, ReadError, SendError};
 pub use reader::{
     Frame, FrameReader, JournalReader, Message, ObjectsReader, StreamHeader, StreamReader,
 };
-pub use scene::SceneView;
+pub use scene::{SceneReader, SceneView};
 pub use status::{StatusReader, heartbeat_age};
 
 use crate::{
-    Domain, Service,
+    Domain, LimitReached, Service,
     domain::other_transports,
     list_sessions,
     schema::{Hello, WIRE_VERSION, schema_hash},
-    session::{self, OpenError, SessionName},
+    session::{self, HelloService, OpenError, SessionName},
     shm,
 };
 
 /// How often a client looks again for what is not there yet.
 const RETRY_PERIOD: Duration = Duration::from_millis(5);
+
+/// When a wait of `timeout` from now is over; one that no clock can tell is over after a century.
+fn deadline(timeout: Duration) -> Instant {
+    const CENTURY: Duration = Duration::from_secs(100 * 365 * 86_400);
+    let now = Instant::now();
+    now.checked_add(timeout).unwrap_or(now + CENTURY)
+}
 
 /// An attached process. Readers and senders made from it outlive it, and a restart of the server.
 pub struct Client {
@@ -36,6 +47,7 @@ pub struct Client {
     session: SessionName,
     node: Node<Service>,
     hello: Hello,
+    hello_service: Arc<HelloService>,
 }
 
 impl Client {
@@ -53,15 +65,25 @@ impl Client {
             return Err(ConnectError::ShmFull { available });
         }
         let node = domain.join(role)?;
-        let deadline = Instant::now() + timeout;
-        let hello = loop {
+        let deadline = deadline(timeout);
+        let (hello, hello_service) = loop {
             let greeted = read_hello(domain, &node, &session);
-            let error = match greeted.and_then(|hello| is_complete(&node, &session, hello)) {
-                Ok(hello) => break hello,
+            let error = match greeted.and_then(|(hello, service)| {
+                is_complete(&node, &session, hello).map(|hello| (hello, service))
+            }) {
+                Ok(greeting) => break greeting,
                 Err(error) => error,
             };
             if Instant::now() >= deadline {
-                return Err(error);
+                // A connection that fails for want of a descriptor looks like silence.
+                let silence = matches!(error, ConnectError::Timeout { .. });
+                return Err(match LimitReached::behind("").filter(|_| silence) {
+                    Some(limit) => ConnectError::Limit {
+                        session: session.as_str().into(),
+                        limit,
+                    },
+                    None => error,
+                });
             }
             std::thread::sleep(RETRY_PERIOD);
         };
@@ -89,6 +111,7 @@ impl Client {
             session,
             node,
             hello,
+            hello_service: Arc::new(hello_service),
         })
     }
 
@@ -109,28 +132,27 @@ impl Client {
 
     /// Reads frames: `depth` 1 for always the newest, up to 64 for a queue that loses none.
     pub fn frames(&self, depth: usize) -> Result<FrameReader, ConnectError> {
-        StreamReader::open(&self.node, &self.session, session::FRAME, depth, true)
+        StreamReader::open(self, session::FRAME, depth)
     }
 
     /// Reads objects: `depth` as for frames. It wakes with the frames.
     pub fn objects(&self, depth: usize) -> Result<ObjectsReader, ConnectError> {
-        StreamReader::open(&self.node, &self.session, session::OBJECTS, depth, true)
+        StreamReader::open(self, session::OBJECTS, depth)
     }
 
     /// Reads the journal of applied commands, from the oldest that the server still keeps.
     pub fn journal(&self) -> Result<JournalReader, ConnectError> {
-        let depth = session::JOURNAL.max_depth;
-        StreamReader::open(&self.node, &self.session, session::JOURNAL, depth, true)
+        StreamReader::open(self, session::JOURNAL, session::JOURNAL.max_depth)
     }
 
     /// Reads the server's status.
     pub fn status(&self) -> Result<StatusReader, ConnectError> {
-        StatusReader::open(&self.node, &self.session)
+        StatusReader::open(self)
     }
 
-    /// Maps the scene, waiting up to `timeout` for the server to publish it.
+    /// Maps the scene, waiting up to `timeout` for the server to publish it; a [`SceneReader`] does so bit by bit.
     pub fn scene(&self, timeout: Duration) -> Result<SceneView, ConnectError> {
-        scene::read(&self.node, &self.session, timeout)
+        SceneReader::default().any(self, timeout)
     }
 
     /// Sends commands.
@@ -162,16 +184,13 @@ fn read_hello(
     domain: &Domain,
     node: &Node<Service>,
     session: &SessionName,
-) -> Result<Hello, ConnectError> {
+) -> Result<(Hello, HelloService), ConnectError> {
     let no_server = || ConnectError::NoServer {
         session: session.as_str().into(),
         root: domain.root().into(),
         others: list_sessions(domain),
     };
-    let failed = |reason: String| ConnectError::Transport {
-        session: session.as_str().into(),
-        reason,
-    };
+    let failed = |reason: String| ConnectError::transport(session.as_str(), reason);
     let service = session::hello(node, session, false).map_err(|error| match error {
         OpenError::Absent => no_server(),
         OpenError::Corrupted => ConnectError::OtherTransport {
@@ -192,7 +211,7 @@ fn read_hello(
             .receive()
             .map_err(|error| failed(error.to_string()))?;
         if let Some(sample) = sample {
-            return Ok(*sample.payload());
+            return Ok((*sample.payload(), service));
         }
         if service.dynamic_config().number_of_publishers() == 0 {
             return Err(no_server());

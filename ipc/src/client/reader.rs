@@ -6,19 +6,18 @@ use std::{
 };
 
 use iceoryx2::{
-    node::Node,
     port::{ReceiveError, listener::Listener, subscriber::Subscriber},
     prelude::ZeroCopySend,
     sample::Sample,
 };
 
-use super::{ConnectError, ReadError};
+use super::{Client, ConnectError, ReadError, origin::Origin};
 use crate::{
     Service,
     schema::{
         AppliedCommand, FrameHeader, GaussianState, JournalHeader, ObjectState, ObjectsHeader,
     },
-    session::{self, SessionName, Stream},
+    session::{self, Stream},
 };
 
 /// What readers need to know about a message.
@@ -127,6 +126,7 @@ impl Message<GaussianState, FrameHeader> {
 /// A queue of messages. It stays attached when the server goes, and carries on with the next one.
 pub struct StreamReader<T: Debug + ZeroCopySend + 'static, H: StreamHeader> {
     subscriber: Subscriber<Service, [T], H>,
+    origin: Origin<T, H>,
     event: session::Event,
     /// Made at the first wait: a reader that only looks costs the server no wake-ups.
     listener: Option<Listener<Service>>,
@@ -139,33 +139,28 @@ pub struct StreamReader<T: Debug + ZeroCopySend + 'static, H: StreamHeader> {
 
 impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
     pub(super) fn open(
-        node: &Node<Service>,
-        session: &SessionName,
+        client: &Client,
         stream: Stream,
         depth: usize,
-        history: bool,
     ) -> Result<Self, ConnectError> {
+        let (node, session) = (&client.node, &client.session);
         let open = |error| ConnectError::open(session.as_str(), error);
-        let failed = |reason: String| ConnectError::Transport {
-            session: session.as_str().into(),
-            reason: format!("{}: {reason}", stream.name),
+        let failed = |reason: String| {
+            ConnectError::transport(session.as_str(), format!("{}: {reason}", stream.name))
         };
         // One event wakes for all that a step publishes; the frame comes last.
         let event = session::event(node, session, session::FRAME.name, false).map_err(open)?;
         let depth = depth.clamp(1, stream.max_depth);
-        let subscriber = session::pub_sub::<T, H>(node, session, stream, false)
-            .map_err(open)?
+        let service = session::pub_sub::<T, H>(node, session, stream, false).map_err(open)?;
+        let subscriber = service
             .subscriber_builder()
             .buffer_size(depth)
-            .history_request(if history {
-                stream.history.min(depth)
-            } else {
-                0
-            })
+            .history_request(stream.history.min(depth))
             .create()
             .map_err(|error| failed(error.to_string()))?;
         Ok(Self {
             subscriber,
+            origin: Origin::new(client.hello_service.clone(), service),
             event,
             listener: None,
             stream,
@@ -178,7 +173,7 @@ impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
 
     /// The next message, waiting up to `timeout` for it; `None` if there was none.
     pub fn next(&mut self, timeout: Duration) -> Result<Option<Message<T, H>>, ReadError> {
-        let deadline = Instant::now() + timeout;
+        let deadline = super::deadline(timeout);
         loop {
             while let Some(sample) = self.receive()? {
                 if let Some(message) = self.accept(sample)? {
@@ -199,10 +194,10 @@ impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
     fn sleep(&mut self, timeout: Duration) -> Result<bool, ReadError> {
         let Some(listener) = &self.listener else {
             let listener = self.event.listener_builder().create();
-            self.listener = Some(listener.map_err(|error| ReadError::Transport {
-                stream: self.stream.name,
-                reason: error.to_string(),
-            })?);
+            self.listener = Some(
+                listener
+                    .map_err(|error| ReadError::transport(self.stream.name, error.to_string()))?,
+            );
             // What was sent until now made no event: look again first.
             return Ok(true);
         };
@@ -225,18 +220,19 @@ impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
                 stream: self.stream.name,
                 max: self.stream.max_held,
             },
-            other => ReadError::Transport {
-                stream: self.stream.name,
-                reason: other.to_string(),
-            },
+            other => ReadError::transport(self.stream.name, other.to_string()),
         })
     }
 
-    /// Checks a message and counts what is missing before it; `None` for leftovers of an older run.
+    /// Checks a message and counts what is missing before it; `None` for leftovers of an older run, and for what
+    /// is not the server's.
     fn accept(
         &mut self,
         sample: Sample<Service, [T], H>,
     ) -> Result<Option<Message<T, H>>, ReadError> {
+        if !self.origin.is_servers(sample.origin()) {
+            return Ok(None);
+        }
         let header = sample.user_header();
         if header.count() != sample.payload().len() {
             return Err(ReadError::Malformed {

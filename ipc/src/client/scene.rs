@@ -5,13 +5,13 @@ use std::{
     time::{Duration, Instant},
 };
 
-use iceoryx2::{node::Node, port::subscriber::Subscriber, prelude::ZeroCopySend, sample::Sample};
+use iceoryx2::{port::subscriber::Subscriber, prelude::ZeroCopySend, sample::Sample};
 
-use super::{ConnectError, RETRY_PERIOD};
+use super::{Client, ConnectError, RETRY_PERIOD, deadline, origin::Origin};
 use crate::{
     Service,
     schema::{GaussianRest, ObjectInfo, SceneHeader},
-    session::{self, OpenError, SessionName, Stream},
+    session::{self, Stream},
 };
 
 type Block<T> = Sample<Service, [T], SceneHeader>;
@@ -90,115 +90,186 @@ impl SceneView {
     }
 }
 
-/// Waits for every block; they belong together when their headers are equal.
-pub(super) fn read(
-    node: &Node<Service>,
-    session: &SessionName,
-    timeout: Duration,
-) -> Result<SceneView, ConnectError> {
-    let deadline = Instant::now() + timeout;
-    let wait = Wait {
-        node,
-        session,
-        timeout,
-        deadline,
-    };
-    loop {
-        // Asked for together: the server answers all that it finds in one turn of its monitor.
-        let mut gaussians = Asked::new(session::SCENE_GAUSSIANS);
-        let mut sh = Asked::new(session::SCENE_SH);
-        let mut objects = Asked::new(session::SCENE_OBJECTS);
-        let mut source = Asked::new(session::SCENE_SOURCE);
-        let (gaussians, sh, objects, source) = loop {
-            let here = gaussians.look(&wait)?
-                & sh.look(&wait)?
-                & objects.look(&wait)?
-                & source.look(&wait)?;
-            if here
-                && let (Some(gaussians), Some(sh)) = (gaussians.newest.take(), sh.newest.take())
-                && let (Some(objects), Some(source)) = (objects.newest.take(), source.newest.take())
-            {
-                break (gaussians, sh, objects, source);
-            }
-            wait.rest()?;
-        };
-        let header = *gaussians.user_header();
-        let features = match header.feature_dim > 0 {
-            true => Some(wait.for_block(session::SCENE_FEATURES)?),
-            false => None,
-        };
-        let view = SceneView {
-            gaussians,
-            sh,
-            objects,
-            source,
-            features,
-        };
-        let others = [
-            Some(view.sh.user_header()),
-            Some(view.objects.user_header()),
-            Some(view.source.user_header()),
-            view.features.as_ref().map(|block| block.user_header()),
-        ];
-        if others.into_iter().flatten().all(|other| *other == header) {
-            return match view.check() {
-                Ok(()) => Ok(view),
-                Err(reason) => Err(ConnectError::Transport {
-                    session: session.as_str().into(),
-                    reason,
-                }),
-            };
+/// Finds the scene of a session, block by block. What has come stays between calls: where a process gets little time,
+/// many short ones lead as far as a long one.
+#[derive(Default)]
+pub struct SceneReader {
+    search: Option<Search>,
+}
+
+impl SceneReader {
+    /// The scene that messages of `epoch` belong to, waiting up to `timeout` for it; `None` when a newer run of the server
+    /// has published its own, and the messages are leftovers.
+    ///
+    /// # Errors
+    /// [`ConnectError::Timeout`], with the seconds since this scene was first asked for, when it is not there yet: ask
+    /// again. Any other when it cannot be read.
+    pub fn of(
+        &mut self,
+        client: &Client,
+        epoch: u64,
+        timeout: Duration,
+    ) -> Result<Option<SceneView>, ConnectError> {
+        self.find(client, Some(epoch), timeout)
+    }
+
+    /// The scene that is there, or the next one, waiting up to `timeout` for it.
+    ///
+    /// # Errors
+    /// As [`of`](Self::of).
+    pub fn any(&mut self, client: &Client, timeout: Duration) -> Result<SceneView, ConnectError> {
+        match self.find(client, None, timeout)? {
+            Some(scene) => Ok(scene),
+            None => Err(self.timeout(client)),
         }
-        // The server is just publishing another scene.
-        wait.rest()?;
+    }
+
+    fn find(
+        &mut self,
+        client: &Client,
+        epoch: Option<u64>,
+        timeout: Duration,
+    ) -> Result<Option<SceneView>, ConnectError> {
+        let deadline = deadline(timeout);
+        let search = self.search.get_or_insert_with(|| Search::new(epoch));
+        if search.epoch != epoch {
+            (search.epoch, search.since) = (epoch, Instant::now());
+        }
+        loop {
+            search.look(client)?;
+            match (search.found(), epoch) {
+                (Some(found), Some(wanted)) if found > wanted => return Ok(None),
+                (Some(found), wanted) if wanted.is_none_or(|wanted| wanted == found) => break,
+                _ => {}
+            }
+            if Instant::now() >= deadline {
+                return Err(self.timeout(client));
+            }
+            std::thread::sleep(RETRY_PERIOD);
+        }
+        // The ports go with the search: the server has room for few.
+        let Some(view) = self.search.take().and_then(Search::view) else {
+            return Ok(None);
+        };
+        match view.check() {
+            Ok(()) => Ok(Some(view)),
+            Err(reason) => Err(ConnectError::Transport {
+                session: client.session().into(),
+                reason,
+            }),
+        }
+    }
+
+    fn timeout(&self, client: &Client) -> ConnectError {
+        let search = self.search.as_ref();
+        ConnectError::Timeout {
+            session: client.session().into(),
+            what: search.map_or("its scene", Search::missing),
+            seconds: search.map_or(0.0, |search| search.since.elapsed().as_secs_f64()),
+        }
     }
 }
 
-struct Wait<'a> {
-    node: &'a Node<Service>,
-    session: &'a SessionName,
-    timeout: Duration,
-    deadline: Instant,
+/// The blocks of a scene that are found so far; they belong together when their headers are equal.
+struct Search {
+    /// What is asked for.
+    epoch: Option<u64>,
+    /// Since when.
+    since: Instant,
+    gaussians: Asked<GaussianRest>,
+    sh: Asked<f32>,
+    objects: Asked<ObjectInfo>,
+    source: Asked<u8>,
+    features: Asked<f32>,
 }
 
-impl Wait<'_> {
-    /// Sleeps for a moment.
-    ///
-    /// # Errors
-    /// When the time is over.
-    fn rest(&self) -> Result<(), ConnectError> {
-        if Instant::now() >= self.deadline {
-            return Err(ConnectError::Timeout {
-                session: self.session.as_str().into(),
-                what: "its scene",
-                seconds: self.timeout.as_secs_f64(),
-            });
+impl Search {
+    fn new(epoch: Option<u64>) -> Self {
+        Self {
+            epoch,
+            since: Instant::now(),
+            gaussians: Asked::new(session::SCENE_GAUSSIANS),
+            sh: Asked::new(session::SCENE_SH),
+            objects: Asked::new(session::SCENE_OBJECTS),
+            source: Asked::new(session::SCENE_SOURCE),
+            features: Asked::new(session::SCENE_FEATURES),
         }
-        std::thread::sleep(RETRY_PERIOD);
+    }
+
+    /// Takes what has come. All are asked for together: the server answers all that it finds in one turn of its monitor.
+    fn look(&mut self, client: &Client) -> Result<(), ConnectError> {
+        self.gaussians.look(client)?;
+        self.sh.look(client)?;
+        self.objects.look(client)?;
+        self.source.look(client)?;
+        if self.has_features() {
+            self.features.look(client)?;
+        }
         Ok(())
     }
 
-    /// The newest sample of a block.
-    fn for_block<T>(&self, stream: Stream) -> Result<Block<T>, ConnectError>
-    where
-        T: Debug + ZeroCopySend + 'static,
-    {
-        let mut asked = Asked::new(stream);
-        loop {
-            if asked.look(self)?
-                && let Some(block) = asked.newest.take()
-            {
-                return Ok(block);
-            }
-            self.rest()?;
-        }
+    fn has_features(&self) -> bool {
+        self.gaussians.header().is_some_and(|h| h.feature_dim > 0)
     }
+
+    /// Headers of the blocks that make up a scene.
+    fn headers(&self) -> impl Iterator<Item = Option<&SceneHeader>> {
+        [
+            Some(self.gaussians.header()),
+            Some(self.sh.header()),
+            Some(self.objects.header()),
+            Some(self.source.header()),
+            self.has_features().then(|| self.features.header()),
+        ]
+        .into_iter()
+        .flatten()
+    }
+
+    /// Epoch of the scene whose blocks are all there.
+    fn found(&self) -> Option<u64> {
+        let first = self.gaussians.header()?;
+        let agree = self.headers().all(|header| header == Some(first));
+        agree.then_some(first.epoch)
+    }
+
+    /// What is waited for.
+    fn missing(&self) -> &'static str {
+        let names = [
+            "its scene",
+            "the spherical harmonics of its scene",
+            "the objects of its scene",
+            "the file of its scene",
+            "the features of its scene",
+        ];
+        let missing = self.headers().zip(names).find(|(h, _)| h.is_none());
+        missing.map_or("the scene of its newest run", |(_, name)| name)
+    }
+
+    fn view(self) -> Option<SceneView> {
+        let features = match self.has_features() {
+            true => Some(self.features.newest?),
+            false => None,
+        };
+        Some(SceneView {
+            gaussians: self.gaussians.newest?,
+            sh: self.sh.newest?,
+            objects: self.objects.newest?,
+            source: self.source.newest?,
+            features,
+        })
+    }
+}
+
+/// A reader of a block.
+struct Port<T: Debug + ZeroCopySend + 'static> {
+    subscriber: Subscriber<Service, [T], SceneHeader>,
+    origin: Origin<T, SceneHeader>,
 }
 
 /// A block that is waited for.
 struct Asked<T: Debug + ZeroCopySend + 'static> {
     stream: Stream,
-    subscriber: Option<Subscriber<Service, [T], SceneHeader>>,
+    port: Option<Port<T>>,
     newest: Option<Block<T>>,
 }
 
@@ -206,32 +277,44 @@ impl<T: Debug + ZeroCopySend + 'static> Asked<T> {
     fn new(stream: Stream) -> Self {
         Self {
             stream,
-            subscriber: None,
+            port: None,
             newest: None,
         }
     }
 
-    /// Takes the newest sample; whether there is one.
-    fn look(&mut self, wait: &Wait<'_>) -> Result<bool, ConnectError> {
-        let failed = |reason: String| ConnectError::Transport {
-            session: wait.session.as_str().into(),
-            reason: format!("{}: {reason}", self.stream.name),
+    fn header(&self) -> Option<&SceneHeader> {
+        self.newest.as_ref().map(|block| block.user_header())
+    }
+
+    /// Takes the newest sample, if there is one.
+    fn look(&mut self, client: &Client) -> Result<(), ConnectError> {
+        let failed = |reason: String| {
+            let reason = format!("{}: {reason}", self.stream.name);
+            ConnectError::transport(client.session(), reason)
         };
-        if self.subscriber.is_none() {
-            match session::pub_sub::<T, SceneHeader>(wait.node, wait.session, self.stream, false) {
+        if self.port.is_none() {
+            let Client { node, session, .. } = client;
+            match session::pub_sub::<T, SceneHeader>(node, session, self.stream, false) {
                 Ok(service) => {
-                    let port = service.subscriber_builder().buffer_size(1).create();
-                    self.subscriber = Some(port.map_err(|e| failed(e.to_string()))?);
+                    let subscriber = service.subscriber_builder().buffer_size(1).create();
+                    self.port = Some(Port {
+                        subscriber: subscriber.map_err(|e| failed(e.to_string()))?,
+                        origin: Origin::new(client.hello_service.clone(), service),
+                    });
                 }
-                Err(OpenError::Absent) => {}
-                Err(error) => return Err(ConnectError::open(wait.session.as_str(), error)),
+                Err(error) => match ConnectError::open(client.session(), error) {
+                    error if error.may_pass() => {}
+                    error => return Err(error),
+                },
             }
         }
-        if let Some(port) = &self.subscriber {
-            while let Some(sample) = port.receive().map_err(|e| failed(e.to_string()))? {
-                self.newest = Some(sample);
+        if let Some(Port { subscriber, origin }) = &mut self.port {
+            while let Some(sample) = subscriber.receive().map_err(|e| failed(e.to_string()))? {
+                if origin.is_servers(sample.origin()) {
+                    self.newest = Some(sample);
+                }
             }
         }
-        Ok(self.newest.is_some())
+        Ok(())
     }
 }

@@ -53,7 +53,8 @@ pub struct FrameHeader {
 
 /// The state was set back to the initial one in this step.
 pub const FRAME_FLAG_RESET: u32 = 1;
-/// The server is pausing after this frame.
+/// The server was paused when it sent this frame: no step follows before it is resumed. A pause that comes later is
+/// told by `status` alone.
 pub const FRAME_FLAG_PAUSED: u32 = 2;
 /// This is the last frame of the session.
 pub const FRAME_FLAG_LAST: u32 = 4;

@@ -19,7 +19,7 @@ pub struct Hello {
     pub pid: u32,
     /// Hash of the server's layout table.
     pub schema_hash: u64,
-    /// Changes with every start of a server.
+    /// Grows with every start of a server.
     pub epoch: u64,
     /// Release of the server, UTF-8, zero-padded.
     pub server_version: [u8; 24],

@@ -29,7 +29,7 @@ pub struct GaussianRest {
 pub struct ObjectInfo {
     /// Object id.
     pub id: u32,
-    /// How the scene asks for it: 1 static, 2 MPM, 3 automatic, 4 rigid, 5 affine.
+    /// How the scene asks for it: 1 static, 2 MPM, 3 automatic, 4 rigid.
     pub fidelity: u32,
     /// Particles of the object.
     pub particle_count: u32,

@@ -1,6 +1,6 @@
 //! What can go wrong on the server's side, in sentences.
 
-use crate::{BadSessionName, DomainError, session::OpenError};
+use crate::{BadSessionName, DomainError, LimitReached, session::OpenError};
 
 /// Why a session cannot be served.
 #[derive(Debug, thiserror::Error)]
@@ -31,6 +31,26 @@ pub enum CreateError {
         required: u64,
         /// There is [byte].
         available: u64,
+    },
+    /// A pool of that size is of no use.
+    #[error(
+        "a pool of {slots} frames is not possible, expected {min} to {max}: one is kept for late joiners while the next is written, and all readers together can hold no more"
+    )]
+    FrameSlots {
+        /// Frames asked for.
+        slots: usize,
+        /// Fewest that work.
+        min: usize,
+        /// Most that can be in use.
+        max: usize,
+    },
+    /// The process has reached a limit.
+    #[error("session {session:?} cannot be served: {limit}")]
+    Limit {
+        /// Name of the session.
+        session: String,
+        /// The limit.
+        limit: LimitReached,
     },
     /// Programs of another kind use the session's services.
     #[error("session {session:?} is in use by programs of another build: this is cosplat {} with wire version {} on iceoryx2 {}; {detail}. Stop them first",
@@ -90,7 +110,7 @@ pub enum LoanRefused {
     },
     /// iceoryx2 failed.
     #[error("no memory for a frame: {0}")]
-    Transport(#[from] iceoryx2::port::LoanError),
+    Transport(iceoryx2::port::LoanError),
 }
 
 /// Why something could not be published.

@@ -5,54 +5,55 @@ mod error;
 mod frame;
 mod lock;
 mod monitor;
+mod nodes;
 mod pool;
 mod publish;
+mod repeated;
 mod scene;
+mod status;
 
 use std::{
     sync::Arc,
-    time::{Duration, Instant, SystemTime},
+    time::{Duration, Instant},
 };
 
 use iceoryx2::{
     node::Node,
     port::{notifier::Notifier, publisher::PublisherCreateError},
-    prelude::{EventId, PortFactory},
+    prelude::EventId,
 };
 
+pub use commands::{Asked, Reply};
 pub use error::{CreateError, LoanRefused, PublishError};
 pub use frame::FrameLoan;
 pub use pool::PoolPlan;
 pub use scene::SceneBlocks;
 
 use crate::{
-    Domain, Service, monotonic_ns,
+    Domain, LimitReached, Service,
+    limits::SERVER_FILES,
     schema::{
-        AppliedCommand, FrameHeader, GaussianState, Hello, JournalHeader, MAX_COMMANDS,
+        Ack, AppliedCommand, FrameHeader, GaussianState, Hello, JournalHeader, MAX_COMMANDS,
         ObjectState, ObjectsHeader, Status,
     },
-    session::{self, EVENT_SAMPLE, PubSub, SERVER_ROLE, SessionName},
+    session::{self, EVENT_SAMPLE, SERVER_ROLE, SessionName},
     shm,
 };
 use commands::CommandPort;
 use lock::SessionLock;
 use monitor::Monitor;
 use publish::{Publisher, copy_and_send, publisher};
-
-/// A status that is not updated is sent again with a new heartbeat after this time.
-const HEARTBEAT_PERIOD: Duration = Duration::from_millis(100);
+use status::StatusPort;
 
 /// All ports of a serving process. Dropping it ends the session.
 pub struct ServerPorts {
     // First, so that no other thread uses the ports when they go.
     monitor: Monitor,
     frame: Arc<Publisher<GaussianState, FrameHeader>>,
-    frame_service: PubSub<GaussianState, FrameHeader>,
     frame_notifier: Arc<Notifier<Service>>,
     objects: Arc<Publisher<ObjectState, ObjectsHeader>>,
     journal: Arc<Publisher<AppliedCommand, JournalHeader>>,
-    status: Arc<Publisher<Status, ()>>,
-    status_notifier: Notifier<Service>,
+    status: Arc<StatusPort>,
     commands: CommandPort,
     session: SessionName,
     node: Node<Service>,
@@ -60,8 +61,6 @@ pub struct ServerPorts {
     slots: usize,
     epoch: u64,
     journalled: u64,
-    newest_status: Option<Status>,
-    heartbeat: Instant,
     _hello: Arc<iceoryx2::port::publisher::Publisher<Service, Hello, ()>>,
     // Last: the services are gone before another server makes its own.
     _lock: SessionLock,
@@ -71,11 +70,16 @@ impl ServerPorts {
     /// Takes `session` in `domain`, makes its services and sets all their memory aside.
     pub fn create(domain: &Domain, session: &str, plan: &PoolPlan) -> Result<Self, CreateError> {
         let session = SessionName::new(session)?;
+        // Now: later, a reader that cannot be connected to would look like one that is not there.
+        if let Some(limit) = LimitReached::files(SERVER_FILES) {
+            return Err(CreateError::Limit {
+                session: session.as_str().into(),
+                limit,
+            });
+        }
         let node = domain.join(SERVER_ROLE)?;
         let lock = SessionLock::take(domain, &session)?;
-        let epoch = SystemTime::now()
-            .duration_since(SystemTime::UNIX_EPOCH)
-            .map_or(1, |since| since.as_nanos() as u64);
+        let epoch = lock.epoch();
         let hello = greet(&node, &session, epoch)?;
 
         let slots = plan.slots(shm::available_bytes())?;
@@ -104,13 +108,8 @@ impl ServerPorts {
             pool::JOURNAL_SLOTS,
             1,
         )?;
-        let status = publisher(&node, &session, session::STATUS, 1, pool::STATUS_SLOTS, 1)?;
-        let frame_service =
-            session::pub_sub(&node, &session, session::FRAME, false).map_err(|error| {
-                CreateError::open(session.as_str(), "find the frame service", error)
-            })?;
+        let status = Arc::new(StatusPort::create(&node, &session, epoch)?);
         let frame_notifier = Arc::new(sample_notifier(&node, &session, session::FRAME.name)?);
-        let status_notifier = sample_notifier(&node, &session, session::STATUS.name)?;
         let commands = CommandPort::create(&node, &session)?;
         let monitor = Monitor::start(
             domain,
@@ -119,18 +118,17 @@ impl ServerPorts {
                 frame.clone(),
                 objects.clone(),
                 journal.clone(),
-                status.clone(),
+                status.publisher(),
             ],
+            status.clone(),
         )?;
         Ok(Self {
             monitor,
             frame,
-            frame_service,
             frame_notifier,
             objects,
             journal,
             status,
-            status_notifier,
             commands,
             session,
             node,
@@ -138,8 +136,6 @@ impl ServerPorts {
             slots,
             epoch,
             journalled: 0,
-            newest_status: None,
-            heartbeat: Instant::now(),
             _hello: hello,
             _lock: lock,
         })
@@ -254,50 +250,33 @@ impl ServerPorts {
         Ok(())
     }
 
-    /// Publishes the newest status; `heartbeat_ns`, `epoch`, `pid` and `frame_readers` are filled in.
-    pub fn update_status(&mut self, status: &Status) -> Result<(), PublishError> {
-        self.heartbeat = Instant::now();
-        let status = Status {
-            heartbeat_ns: monotonic_ns(),
-            epoch: self.epoch,
-            pid: std::process::id(),
-            frame_readers: self.frame_service.dynamic_config().number_of_subscribers() as u32,
-            reserved: 0,
-            ..*status
-        };
-        self.newest_status = Some(status);
-        copy_and_send(&self.status, session::STATUS.name, 1, (), &[status])?;
-        notify(&self.status_notifier);
-        Ok(())
+    /// Publishes the newest status; `heartbeat_ns`, `epoch`, `pid` and `frame_readers` are filled in. It is sent
+    /// again every 100 ms until the next, whatever the caller is doing.
+    pub fn update_status(&self, status: &Status) -> Result<(), PublishError> {
+        self.status.update(status)
     }
 
-    /// Answers waiting requests: `answer` gives one [`Ack`](crate::schema::Ack) per command. Returns the
-    /// number of requests; at most 64 per call, so that a flood of them cannot stop the stepping.
-    pub fn poll_commands(
-        &mut self,
-        answer: impl FnMut(
-            &crate::schema::CommandHeader,
-            &[crate::schema::Command],
-        ) -> Vec<crate::schema::Ack>,
-    ) -> usize {
+    /// Hands waiting requests to `answer`, one of each client in turn, until there are none or it has no time for
+    /// more. Returns the number answered at once.
+    pub fn poll_commands(&mut self, answer: impl FnMut(Asked) -> Reply) -> usize {
         self.commands.poll(answer)
     }
 
-    /// Sleeps until a request comes, a signal arrives or `timeout` is over; says whether to look for requests.
+    /// Answers the request of `ticket`, to which the reply was [`Reply::Later`]: one answer per command. Nothing
+    /// happens if its sender is gone.
+    pub fn answer(&mut self, ticket: u64, acks: Vec<Ack>) {
+        self.commands.answer(ticket, acks);
+    }
+
+    /// Sleeps until a request comes, a signal arrives or `timeout` is over; says whether to look for requests. Does
+    /// not sleep while there are requests that [`Reply::NotYet`] left waiting.
     pub fn wait(&self, timeout: Duration) -> bool {
         self.commands.wait(timeout)
     }
 
-    /// To be called in every turn of the server's loop, also while paused: serves late joiners and keeps the
-    /// heartbeat going.
-    pub fn maintain(&mut self) {
+    /// Serves late joiners now; without, they wait for the monitor's next look, 20 ms at most.
+    pub fn maintain(&self) {
         self.monitor.update_connections();
-        if self.heartbeat.elapsed() >= HEARTBEAT_PERIOD
-            && let Some(status) = self.newest_status
-            && let Err(error) = self.update_status(&status)
-        {
-            tracing::warn!(%error, "no heartbeat");
-        }
     }
 }
 

@@ -1,5 +1,5 @@
-//! A thread that looks after connections while the server computes: late joiners get the history, and what
-//! dead processes held comes back.
+//! A thread that looks after connections while the server computes: late joiners get the history, what dead
+//! processes held comes back, and the heartbeat goes on.
 
 use std::{
     sync::{Arc, Condvar, Mutex, PoisonError},
@@ -9,6 +9,7 @@ use std::{
 
 use iceoryx2::{node::Node, port::update_connections::UpdateConnections};
 
+use super::{nodes::DeadNodes, status::StatusPort};
 use crate::{Domain, DomainError, Service};
 
 /// History reaches a late joiner within this time.
@@ -39,7 +40,11 @@ pub(super) struct Monitor {
 }
 
 impl Monitor {
-    pub fn start(domain: &Domain, ports: Vec<Port>) -> Result<Self, DomainError> {
+    pub fn start(
+        domain: &Domain,
+        ports: Vec<Port>,
+        status: Arc<StatusPort>,
+    ) -> Result<Self, DomainError> {
         let node = domain.join("monitor")?;
         let shared = Arc::new(Shared {
             state: Mutex::new(State {
@@ -52,11 +57,11 @@ impl Monitor {
             .name("cosplat-monitor".into())
             .spawn({
                 let shared = shared.clone();
-                move || run(&shared, &node)
+                move || run(&shared, &node, &status)
             })
-            .map_err(|source| DomainError::Io {
+            .map_err(|cause| DomainError::Io {
                 path: domain.root().into(),
-                source,
+                cause,
             })?;
         Ok(Self {
             shared,
@@ -109,17 +114,18 @@ fn update(state: &State) {
     }
 }
 
-fn run(shared: &Shared, node: &Node<Service>) {
+fn run(shared: &Shared, node: &Node<Service>, status: &StatusPort) {
     let mut cleaned = Instant::now();
+    let mut dead = DeadNodes::default();
     let mut state = shared.state.lock().unwrap_or_else(PoisonError::into_inner);
     while !state.stop {
         if state.cleanup_asked || cleaned.elapsed() >= CLEANUP_PERIOD {
             state.cleanup_asked = false;
             drop(state);
-            let outcome = node.try_cleanup_dead_nodes();
-            if outcome.cleanups > 0 {
+            let outcome = dead.clear(node, Instant::now());
+            if outcome.cleared > 0 {
                 tracing::info!(
-                    count = outcome.cleanups,
+                    count = outcome.cleared,
                     "cleaned up after processes that died"
                 );
             }
@@ -127,6 +133,7 @@ fn run(shared: &Shared, node: &Node<Service>) {
             state = shared.state.lock().unwrap_or_else(PoisonError::into_inner);
         }
         update(&state);
+        status.keep_alive();
         if state.stop || state.cleanup_asked {
             continue;
         }

@@ -1,8 +1,9 @@
 //! How much memory a session takes, and how many frames its pool gets.
 
-use super::{CreateError, SceneBlocks};
+use super::{CreateError, SceneBlocks, commands::RESPONSE_SLOTS};
 use crate::{
-    schema::{AppliedCommand, GaussianState, MAX_COMMANDS, ObjectState, Status},
+    schema::{Ack, AppliedCommand, GaussianState, MAX_COMMANDS, ObjectState, Status},
+    session::{FRAME, MAX_ACKS, MAX_SUBSCRIBERS},
     shm::{self, ReserveError},
 };
 
@@ -13,6 +14,10 @@ const FEWEST_SLOTS: usize = 8;
 const USUAL_SLOTS: usize = 16;
 /// Two recorders with full queues and a few viewers.
 const MOST_SLOTS: usize = 160;
+/// One is kept for late joiners while the next is written.
+const FEWEST_ASKED_SLOTS: usize = 2;
+/// With every reader's queue full and as many held as may be, one kept and one being written: more are never used.
+const MOST_ASKED_SLOTS: usize = MAX_SUBSCRIBERS * (FRAME.max_depth + FRAME.max_held) + 2;
 /// Room for what iceoryx2 keeps per service and connection.
 const OVERHEAD_BYTES: u64 = 8 << 20;
 /// System header, frame header and alignment of a chunk.
@@ -34,7 +39,7 @@ pub struct PoolPlan {
     pub object_count: usize,
     /// Bytes of all scene blocks.
     pub scene_bytes: u64,
-    /// Frames in the pool; `None` chooses by frame size and the memory there is (16 to 160, never below 8).
+    /// Frames in the pool, 2 to 2306; `None` chooses by frame size and the memory there is (16 to 160, never below 8).
     pub frame_slots: Option<usize>,
 }
 
@@ -60,12 +65,21 @@ impl PoolPlan {
             + messages(OBJECTS_SLOTS, size_of::<ObjectState>(), self.object_count)
             + messages(JOURNAL_SLOTS, size_of::<AppliedCommand>(), MAX_COMMANDS)
             + messages(STATUS_SLOTS, size_of::<Status>(), 1)
+            + messages(RESPONSE_SLOTS, size_of::<Ack>(), MAX_ACKS)
             + self.scene_bytes
             + OVERHEAD_BYTES
     }
 
     /// Frames in the pool, or why they do not fit.
     pub(super) fn slots(&self, available: u64) -> Result<usize, CreateError> {
+        let possible = FEWEST_ASKED_SLOTS..=MOST_ASKED_SLOTS;
+        if let Some(slots) = self.frame_slots.filter(|slots| !possible.contains(slots)) {
+            return Err(CreateError::FrameSlots {
+                slots,
+                min: FEWEST_ASKED_SLOTS,
+                max: MOST_ASKED_SLOTS,
+            });
+        }
         let usual = (COMFORTABLE_BYTES / self.frame_bytes()) as usize;
         let wanted = self
             .frame_slots
@@ -131,5 +145,23 @@ mod tests {
         };
         assert_eq!(plan.slots(u64::MAX).unwrap(), 3);
         assert!(plan.slots(plan.required_bytes(2)).is_err());
+    }
+
+    #[test]
+    fn a_pool_that_publishes_nothing_or_is_never_used_is_refused() {
+        let slots = |frame_slots| {
+            let plan = PoolPlan {
+                frame_slots: Some(frame_slots),
+                ..PLAN
+            };
+            plan.slots(u64::MAX)
+        };
+        assert_eq!(slots(2).unwrap(), 2);
+        assert_eq!(slots(MOST_ASKED_SLOTS).unwrap(), 2306);
+        for asked in [0, 1, MOST_ASKED_SLOTS + 1, usize::MAX / 64, usize::MAX] {
+            let error = slots(asked).unwrap_err().to_string();
+            let said = [&asked.to_string(), "2 to 2306"];
+            assert!(said.iter().all(|part| error.contains(*part)), "{error}");
+        }
     }
 }

@@ -3,12 +3,13 @@
 use std::time::Duration;
 
 use cosplat_ipc::{
-    Client,
-    client::ReadError,
+    Client, ServerPorts,
+    client::{ConnectError, ReadError, SceneReader},
     schema::{ObjectState, ObjectsHeader, Status},
+    server::PoolPlan,
 };
 
-use super::support::{COUNT, PATIENCE, SOURCE, TestDomain, send_frame, serve};
+use super::support::{COUNT, PATIENCE, SOURCE, TestDomain, TestScene, send_frame, serve};
 
 #[test]
 fn a_late_joiner_on_an_idle_server_gets_the_scene_and_the_newest_frame() {
@@ -197,4 +198,79 @@ fn objects_and_status_arrive_as_sent() {
     assert!(beat.heartbeat_ns > first.heartbeat_ns);
     assert_eq!(beat.step, 4);
     assert!(status.is_server_alive().expect("readable"));
+}
+
+#[test]
+fn the_heart_beats_while_the_server_does_something_else() {
+    let domain = TestDomain::new();
+    let ports = serve(&domain, "busy");
+    let client = Client::connect(&domain, "busy", "test", PATIENCE).expect("attached");
+    let mut reader = client.status().expect("a status reader");
+    let sent = Status {
+        step: 7,
+        ..Status::default()
+    };
+    ports.update_status(&sent).expect("published");
+    // From here on the server's own thread calls nothing, as in a long step.
+    let mut newest = reader.next(PATIENCE).expect("readable").expect("a status");
+    for _ in 0..5 {
+        let beat = reader.next(PATIENCE).expect("readable").expect("a beat");
+        assert_eq!((beat.step, beat.epoch), (7, ports.epoch()));
+        assert!(beat.heartbeat_ns > newest.heartbeat_ns);
+        newest = beat;
+    }
+}
+
+#[test]
+fn a_scene_is_found_in_tries_that_are_each_too_short() {
+    let domain = TestDomain::new();
+    let ports = serve(&domain, "bits");
+    let client = Client::connect(&domain, "bits", "test", PATIENCE).expect("attached");
+    let mut scenes = SceneReader::default();
+    // The server's monitor answers a new subscriber within 20 ms: a try without patience never waits for that, and if every
+    // try began anew none would ever succeed.
+    let mut tries = 0;
+    let scene = loop {
+        tries += 1;
+        match scenes.of(&client, ports.epoch(), Duration::ZERO) {
+            Err(ConnectError::Timeout { seconds, .. }) if seconds < PATIENCE.as_secs_f64() => {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            settled => break settled.expect("readable").expect("of this run"),
+        }
+    };
+    assert!(tries > 1, "no try was too short");
+    assert_eq!(scene.gaussians().len(), COUNT);
+    assert_eq!(scene.features()[3], -3.0);
+    assert_eq!(scene.source(), SOURCE);
+}
+
+#[test]
+fn a_missing_scene_is_named_and_a_newer_one_ends_the_wait() {
+    let domain = TestDomain::new();
+    let scene = TestScene::new();
+    let plan = PoolPlan::new(&scene.blocks());
+    let mut first = ServerPorts::create(&domain, "anew", &plan).expect("a server");
+    let client = Client::connect(&domain, "anew", "test", PATIENCE).expect("attached");
+    let mut scenes = SceneReader::default();
+    let short = Duration::from_millis(20);
+    let error = scenes.of(&client, first.epoch(), short).expect_err("none");
+    assert!(error.may_pass());
+    let words = error.to_string();
+    assert!(words.contains("but its scene did not come"), "{words}");
+    first.publish_scene(&scene.blocks()).expect("a scene");
+    let old = first.epoch();
+    // The one that is there is not that of the next run.
+    let error = scenes.of(&client, old + 1, PATIENCE / 20).expect_err("old");
+    let words = error.to_string();
+    assert!(words.contains("the scene of its newest run"), "{words}");
+    drop(first);
+    let second = serve(&domain, "anew");
+    assert!(second.epoch() > old);
+    let newer = scenes
+        .of(&client, second.epoch(), PATIENCE)
+        .expect("readable");
+    assert_eq!(newer.expect("the newer").header().epoch, second.epoch());
+    let leftover = scenes.of(&client, old, PATIENCE).expect("readable");
+    assert!(leftover.is_none(), "frames of the old run have no scene");
 }

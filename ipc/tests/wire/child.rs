@@ -2,6 +2,7 @@
 
 use std::{
     io::{BufRead, BufReader, Write},
+    path::PathBuf,
     process::{Child, ChildStdout, Command, Stdio},
     time::Duration,
 };
@@ -9,7 +10,7 @@ use std::{
 use cosplat_ipc::{
     Client, Domain, ServerPorts,
     schema::{Ack, Status},
-    server::PoolPlan,
+    server::{PoolPlan, Reply},
 };
 
 use super::support::{PATIENCE, TestDomain, send_frame, serve};
@@ -17,6 +18,8 @@ use super::support::{PATIENCE, TestDomain, send_frame, serve};
 const ROLE: &str = "COSPLAT_WIRE_TEST_ROLE";
 const ROOT: &str = "COSPLAT_WIRE_TEST_ROOT";
 const PREFIX: &str = "COSPLAT_WIRE_TEST_PREFIX";
+/// How many more files a child may open, if that is to be few.
+pub const FREE_FILES: &str = "COSPLAT_WIRE_TEST_FREE_FILES";
 const SESSION: &str = "COSPLAT_WIRE_TEST_SESSION";
 
 /// A running child; killed with `kill -9` when dropped.
@@ -110,9 +113,21 @@ fn a_child_plays_its_role() {
         return;
     };
     let domain = Domain::new(root, &prefix).expect("a domain");
+    if let Ok(free) = std::env::var(FREE_FILES) {
+        leave_files(free.parse().expect("a number"));
+    }
     match role.as_str() {
         "parrot" => say(&session),
         "serve" => run_server(serve(&domain, &session)),
+        "idle" => run_idle(serve(&domain, &session)),
+        "start" => match ServerPorts::create(&domain, &session, &PoolPlan::default()) {
+            Ok(_) => say("served"),
+            Err(error) => say(&error.to_string()),
+        },
+        "look" => match look(&domain, &session) {
+            Ok(step) => say(&format!("step {step}")),
+            Err(error) => say(&error.to_string()),
+        },
         "hold" => hold(&domain, &session),
         "cramped" => cramped(&domain, &session),
         other => panic!("no role {other:?}"),
@@ -129,13 +144,58 @@ fn run_server(mut ports: ServerPorts) {
             ..Status::default()
         };
         ports.update_status(&status).expect("published");
-        ports.poll_commands(|_, commands| {
+        ports.poll_commands(|asked| {
             let accept = |c: &cosplat_ipc::schema::Command| Ack::accepted(c.sequence, step);
-            commands.iter().map(accept).collect()
+            Reply::Now(asked.commands.iter().map(accept).collect())
         });
         ports.maintain();
         ports.wait(Duration::from_millis(2));
     }
+}
+
+/// Lets this process open `free` more files and no others.
+fn leave_files(free: u64) {
+    let resource = rustix::process::Resource::Nofile;
+    // Numbers are limited; those that are open may have gaps.
+    let is_open = |number: &u64| {
+        PathBuf::from(format!("/proc/self/fd/{number}"))
+            .symlink_metadata()
+            .is_ok()
+    };
+    let last = (0..).filter(|number| !is_open(number)).nth(free as usize);
+    let limit = rustix::process::Rlimit {
+        current: last,
+        ..rustix::process::getrlimit(resource)
+    };
+    rustix::process::setrlimit(resource, limit).expect("a limit");
+}
+
+/// Serves until killed as a paused server does: one frame, and then nothing.
+fn run_idle(ports: ServerPorts) {
+    send_frame(&ports, 1);
+    ports.update_status(&Status::default()).expect("published");
+    say("serving");
+    loop {
+        ports.maintain();
+        ports.wait(Duration::from_millis(20));
+    }
+}
+
+/// The step of the newest frame.
+fn look(domain: &Domain, session: &str) -> Result<u64, Box<dyn std::error::Error>> {
+    let client = Client::connect(domain, session, "looker", Duration::from_millis(50))?;
+    let mut reader = client.frames(1)?;
+    // Not in a hurry: the frame comes with the next turn of the server's monitor, and then the wake-ups are made.
+    let frame = loop {
+        match reader.next(Duration::from_millis(100))? {
+            Some(frame) => break frame,
+            None => continue,
+        }
+    };
+    let step = frame.header().step;
+    drop(frame);
+    reader.next(Duration::from_millis(1))?;
+    Ok(step)
 }
 
 /// Takes frames, keeps one and stops reading: its queue fills behind it.

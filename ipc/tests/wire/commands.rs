@@ -4,16 +4,26 @@ use std::time::{Duration, Instant};
 
 use cosplat_ipc::{
     Client, ServerPorts,
-    client::SendError,
+    client::{CommandSender, SendError, Unanswered},
     schema::{
         ACK_ACCEPTED, ACK_REFUSED, Ack, AppliedCommand, COMMAND_IMPULSE, COMMAND_PAUSE, Command,
         MAX_COMMANDS,
     },
+    server::Reply,
 };
 
 use super::support::{PATIENCE, TestDomain, serve};
 
-/// Answers requests until `count` came: impulses are accepted at step 9, everything else is refused.
+/// Impulses are accepted at step 9, everything else is refused.
+fn acks(commands: &[Command]) -> Vec<Ack> {
+    let ack = |command: &Command| match command.kind {
+        COMMAND_IMPULSE => Ack::accepted(command.sequence, 9),
+        _ => Ack::refused(command.sequence, "not today"),
+    };
+    commands.iter().map(ack).collect()
+}
+
+/// Answers requests until `count` came.
 fn answer(ports: &mut ServerPorts, count: usize) -> Vec<(u64, Command)> {
     let mut seen = Vec::new();
     let start = Instant::now();
@@ -21,15 +31,10 @@ fn answer(ports: &mut ServerPorts, count: usize) -> Vec<(u64, Command)> {
     while answered < count {
         assert!(start.elapsed() < PATIENCE, "no request came");
         ports.wait(Duration::from_millis(100));
-        answered += ports.poll_commands(|header, commands| {
-            seen.extend(commands.iter().map(|command| (header.client, *command)));
-            commands
-                .iter()
-                .map(|command| match command.kind {
-                    COMMAND_IMPULSE => Ack::accepted(command.sequence, 9),
-                    _ => Ack::refused(command.sequence, "not today"),
-                })
-                .collect()
+        answered += ports.poll_commands(|asked| {
+            let client = asked.header.client;
+            seen.extend(asked.commands.iter().map(|command| (client, *command)));
+            Reply::Now(acks(asked.commands))
         });
         ports.maintain();
     }
@@ -103,7 +108,7 @@ fn a_flood_of_requests_is_bounded_and_abandoned_ones_are_dropped_unseen() {
     assert!(busy(outcomes.last().expect("an outcome")));
     // Nobody waits for them any more, so they must not act on the world.
     assert_eq!(
-        ports.poll_commands(|_, _| panic!("an abandoned request was served")),
+        ports.poll_commands(|_| panic!("an abandoned request was served")),
         0
     );
     // And the sender is not stuck.
@@ -169,4 +174,146 @@ fn every_applied_command_is_in_the_journal_once_for_early_and_late_readers() {
         );
         assert_eq!(reader.missed(), 0);
     }
+}
+
+fn push() -> [Command; 1] {
+    [Command {
+        kind: COMMAND_IMPULSE,
+        ..Command::default()
+    }]
+}
+
+/// Senders with as many requests as they may have, whose answers nobody fetches.
+fn careless(
+    domain: &TestDomain,
+    session: &str,
+    count: usize,
+) -> Vec<(CommandSender, Vec<Unanswered>)> {
+    let careless = || {
+        let client = Client::connect(domain, session, "careless", PATIENCE).expect("attached");
+        let mut sender = client.commands().expect("a sender");
+        let sent = (0..16).map(|_| sender.submit(&push(), PATIENCE).expect("a place"));
+        let sent = sent.collect();
+        (sender, sent)
+    };
+    (0..count).map(|_| careless()).collect()
+}
+
+#[test]
+fn answers_that_nobody_fetches_take_no_place_of_others() {
+    let domain = TestDomain::new();
+    let mut ports = serve(&domain, "careless");
+    let careless = careless(&domain, "careless", 30);
+    assert_eq!(answer(&mut ports, 30 * 16).len(), 30 * 16);
+    let client = Client::connect(&domain, "careless", "honest", PATIENCE).expect("attached");
+    let mut honest = client.commands().expect("a sender");
+    for _ in 0..40 {
+        let sent = honest.submit(&push(), PATIENCE).expect("a place");
+        answer(&mut ports, 1);
+        let acks = honest.answers(sent, PATIENCE).expect("an answer");
+        assert_eq!(acks[0].status, ACK_ACCEPTED);
+    }
+    // And theirs are still there.
+    for (sender, sent) in careless {
+        for sent in sent {
+            assert_eq!(sender.answers(sent, PATIENCE).expect("an answer").len(), 1);
+        }
+    }
+}
+
+#[test]
+fn clients_take_turns_whatever_one_of_them_sends() {
+    let domain = TestDomain::new();
+    let mut ports = serve(&domain, "turns");
+    let greedy = careless(&domain, "turns", 20);
+    let client = Client::connect(&domain, "turns", "honest", PATIENCE).expect("attached");
+    let mut honest = client.commands().expect("a sender");
+    let id = honest.client_id();
+    // A server with time for few requests at once: each gets its turn after at most one of every other.
+    for _ in 0..2 {
+        let sent = honest.submit(&push(), PATIENCE).expect("a place");
+        let mut before = Vec::new();
+        while before.last() != Some(&id) {
+            let mut room = 7;
+            ports.poll_commands(|asked| {
+                if room == 0 || before.last() == Some(&id) {
+                    return Reply::NotYet;
+                }
+                room -= 1;
+                before.push(asked.header.client);
+                Reply::Now(acks(asked.commands))
+            });
+            assert!(before.len() <= 21, "{before:?}");
+        }
+        honest.answers(sent, PATIENCE).expect("an answer");
+        let turns = before.len();
+        before.sort_unstable();
+        before.dedup();
+        assert_eq!(before.len(), turns, "nobody has two turns before it");
+    }
+    drop(greedy);
+}
+
+#[test]
+fn answers_may_come_later_and_reach_who_still_waits() {
+    let domain = TestDomain::new();
+    let mut ports = serve(&domain, "later");
+    let client = Client::connect(&domain, "later", "test", PATIENCE).expect("attached");
+    let mut sender = client.commands().expect("a sender");
+    let (first, second, third) = (
+        sender.submit(&push(), PATIENCE).expect("a place"),
+        sender.submit(&push(), PATIENCE).expect("a place"),
+        sender.submit(&push(), PATIENCE).expect("a place"),
+    );
+    let mut tickets = Vec::new();
+    ports.poll_commands(|asked| {
+        tickets.push(asked.ticket);
+        Reply::Later
+    });
+    assert_eq!(tickets.len(), 3);
+    let soon = Duration::from_millis(20);
+    let waited = sender.answers(first, soon);
+    assert!(
+        matches!(waited, Err(SendError::Timeout { seconds }) if seconds >= 0.02),
+        "{waited:?}"
+    );
+    // The first does not wait any more; the second gets the answer to its own request, and the third is dropped.
+    for (ticket, sequence) in tickets.iter().zip(1..=2) {
+        ports.answer(*ticket, vec![Ack::refused(sequence, "no")]);
+    }
+    let acks = sender.answers(second, PATIENCE).expect("an answer");
+    assert_eq!((acks[0].sequence, acks[0].status), (2, ACK_REFUSED));
+    drop(ports);
+    let lost = sender.answers(third, PATIENCE);
+    assert!(
+        matches!(lost, Err(SendError::ServerEnded { .. })),
+        "{lost:?}"
+    );
+}
+
+#[test]
+fn a_place_that_a_dead_client_left_gets_no_answers_of_its() {
+    let domain = TestDomain::new();
+    let mut ports = serve(&domain, "place");
+    let client = Client::connect(&domain, "place", "test", PATIENCE).expect("attached");
+    let mut tickets = Vec::new();
+    let mut hold = |ports: &mut ServerPorts| {
+        ports.poll_commands(|asked| {
+            tickets.push(asked.ticket);
+            Reply::Later
+        });
+        *tickets.last().expect("a request came")
+    };
+    // The next sender takes the place of the former, and its first request has the same number.
+    let mut gone = client.commands().expect("a sender");
+    let unread = gone.submit(&push(), PATIENCE).expect("a place");
+    let former = hold(&mut ports);
+    drop((unread, gone));
+    let mut sender = client.commands().expect("a sender");
+    let sent = sender.submit(&push(), PATIENCE).expect("a place");
+    let ticket = hold(&mut ports);
+    ports.answer(former, vec![Ack::refused(1, "not yours")]);
+    ports.answer(ticket, vec![Ack::accepted(1, 9)]);
+    let acks = sender.answers(sent, PATIENCE).expect("an answer");
+    assert_eq!(acks[0].status, ACK_ACCEPTED);
 }

@@ -1,8 +1,10 @@
 //! Processes that die, and others that do not mind.
 
 use std::{
+    collections::BTreeSet,
     fs,
     os::unix::fs::PermissionsExt,
+    path::PathBuf,
     time::{Duration, Instant},
 };
 
@@ -181,6 +183,55 @@ fn servers_and_clients_killed_while_they_start_leave_the_session_usable() {
         < first + 100
     {}
     assert_eq!(reader.runs(), 1);
+}
+
+/// All files and folders that `domain` has on this machine.
+fn files_of(domain: &TestDomain) -> BTreeSet<PathBuf> {
+    let shared = fs::read_dir("/dev/shm").expect("shared memory").flatten();
+    let ours = |path: &PathBuf| {
+        let name = path.file_name().expect("a name").to_string_lossy();
+        name.starts_with(domain.prefix())
+    };
+    let mut found: BTreeSet<PathBuf> = shared.map(|file| file.path()).filter(ours).collect();
+    let mut folders = vec![domain.root().to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        // A folder may go while we look.
+        for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
+            if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+                folders.push(entry.path());
+            }
+            found.insert(entry.path());
+        }
+    }
+    found
+}
+
+#[test]
+fn clients_killed_while_they_attach_leave_nothing() {
+    let domain = TestDomain::new();
+    let mut server = Process::start(&[], &domain, "idle", "tidy");
+    server.hear().expect("a server");
+    let before = files_of(&domain);
+    // Attaching takes some hundred milliseconds: the kills fall into all of its parts.
+    for delay in 0..40 {
+        let mut client = Process::start(&[], &domain, "hold", "tidy");
+        std::thread::sleep(Duration::from_millis(3 * delay));
+        client.kill();
+    }
+    let start = Instant::now();
+    loop {
+        let now = files_of(&domain);
+        if now == before {
+            break;
+        }
+        let left: Vec<_> = now.symmetric_difference(&before).collect();
+        assert!(start.elapsed() < 3 * PATIENCE, "{left:#?}");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    // And the server serves.
+    let client = Client::connect(&domain, "tidy", "test", PATIENCE).expect("attached");
+    let mut reader = client.frames(1).expect("a reader");
+    assert!(reader.next(PATIENCE).expect("readable").is_some());
 }
 
 /// Makes the files of `domain` whose names end in `suffix` what a process leaves that is killed while it makes

@@ -22,7 +22,7 @@ use super::support::{COUNT, serve, write_frame};
 fn serve_until(domain: Domain, stop: Arc<AtomicBool>) -> std::thread::JoinHandle<()> {
     let (ready, wait) = std::sync::mpsc::channel();
     let server = std::thread::spawn(move || {
-        let mut ports = serve(&domain, "example");
+        let ports = serve(&domain, "example");
         ready.send(()).expect("heard");
         for step in 1.. {
             let stopped = stop.load(Ordering::Relaxed);

@@ -1,8 +1,8 @@
-//! Attaching that cannot work, and the sentences that say so; messages that nobody should believe.
+//! Attaching that cannot work, and the sentences that say so.
 
 use std::{
-    fs::{self, Permissions},
-    os::unix::fs::PermissionsExt,
+    fs::{self, DirBuilder, Permissions},
+    os::unix::fs::{DirBuilderExt, PermissionsExt},
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -11,19 +11,21 @@ use std::{
     time::Duration,
 };
 
-use bytemuck::Zeroable;
 use cosplat_ipc::{
     Client, Domain, ServerPorts,
-    client::{ConnectError, ReadError},
+    client::ConnectError,
     list_sessions,
     schema::{FrameHeader, GaussianState, Hello, WIRE_VERSION, schema_hash},
     server::{CreateError, PoolPlan},
 };
-use iceoryx2::{port::update_connections::UpdateConnections, prelude::*};
+use iceoryx2::{
+    port::{publisher::Publisher, update_connections::UpdateConnections},
+    prelude::*,
+};
 
 use super::{
     child::Process,
-    support::{COUNT, PATIENCE, TestDomain, send_frame, serve},
+    support::{COUNT, PATIENCE, TestDomain, serve},
 };
 
 const SOON: Duration = Duration::from_millis(20);
@@ -35,8 +37,11 @@ fn refusal(domain: &Domain, session: &str) -> ConnectError {
     }
 }
 
-/// A node as a foreign program would make it.
-fn foreign_node(domain: &Domain) -> Node<ipc::Service> {
+/// A node as a foreign program would make it, in a folder of its user alone.
+pub fn foreign_node(domain: &Domain) -> Node<ipc::Service> {
+    let mut folder = DirBuilder::new();
+    folder.recursive(true).mode(0o700);
+    folder.create(domain.root()).expect("a folder");
     NodeBuilder::new()
         .config(&domain.config())
         .signal_handling_mode(SignalHandlingMode::Disabled)
@@ -44,17 +49,39 @@ fn foreign_node(domain: &Domain) -> Node<ipc::Service> {
         .expect("a node")
 }
 
-/// A server of which only the hello exists, until it is dropped.
-struct Stranger {
+/// A server of which only the hello and the frames exist, until it is dropped.
+pub struct Stranger {
+    pub frame: Publisher<ipc::Service, [GaussianState], FrameHeader>,
+    _events: [iceoryx2::service::port_factory::event::PortFactory<ipc::Service>; 2],
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Stranger {
-    fn start(domain: &Domain, hello: Hello) -> Self {
+    pub fn start(domain: &Domain, hello: Hello) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let (ready, wait) = std::sync::mpsc::channel();
         let node = foreign_node(domain);
+        let name = |stream: &str| {
+            let name = format!("cosplat/other/v1/{stream}");
+            ServiceName::new(&name).expect("a name")
+        };
+        let events = ["frame", "command"].map(|stream| {
+            let event = node.service_builder(&name(stream)).event();
+            event.create().expect("a service")
+        });
+        let frame = node
+            .service_builder(&name("frame"))
+            .publish_subscribe::<[GaussianState]>()
+            .user_header::<FrameHeader>()
+            .history_size(1)
+            .subscriber_max_buffer_size(64)
+            .create()
+            .expect("a service")
+            .publisher_builder()
+            .initial_max_slice_len(COUNT)
+            .create()
+            .expect("a publisher");
         let thread = std::thread::spawn({
             let stop = stop.clone();
             move || {
@@ -76,6 +103,8 @@ impl Stranger {
         });
         wait.recv().expect("a stranger");
         Self {
+            frame,
+            _events: events,
             stop,
             thread: Some(thread),
         }
@@ -228,45 +257,4 @@ fn a_service_that_this_iceoryx2_cannot_read_is_said_with_its_release() {
     let error = error.to_string();
     assert!(error.contains("iceoryx2 0.10.0"), "{error}");
     assert!(error.contains("traces of 0.9.3"), "{error}");
-}
-
-#[test]
-fn messages_that_contradict_themselves_are_reported_and_skipped() {
-    let domain = TestDomain::new();
-    let ports = serve(&domain, "rogue");
-    let client = Client::connect(&domain, "rogue", "test", PATIENCE).expect("attached");
-    let mut reader = client.frames(64).expect("a reader");
-    send_frame(&ports, 1);
-    assert!(reader.next(PATIENCE).expect("readable").is_some());
-    let node = foreign_node(&domain);
-    let rogue = node
-        .service_builder(&"cosplat/rogue/v1/frame".try_into().expect("a name"))
-        .publish_subscribe::<[GaussianState]>()
-        .user_header::<FrameHeader>()
-        .open()
-        .expect("a service")
-        .publisher_builder()
-        .initial_max_slice_len(COUNT)
-        .create()
-        .expect("a publisher");
-    let mut sample = rogue.loan_slice_uninit(3).expect("memory");
-    *sample.user_header_mut() = FrameHeader {
-        step: 2,
-        epoch: ports.epoch(),
-        count: u32::MAX,
-        ..FrameHeader::default()
-    };
-    sample
-        .write_from_fn(|_| GaussianState::zeroed())
-        .send()
-        .expect("sent");
-    let expected = ReadError::Malformed {
-        stream: "frame",
-        announced: u32::MAX as usize,
-        actual: 3,
-    };
-    assert_eq!(reader.next(PATIENCE).err(), Some(expected));
-    send_frame(&ports, 2);
-    let frame = reader.next(PATIENCE).expect("readable").expect("a frame");
-    assert_eq!((frame.header().step, frame.missed()), (2, 0));
 }

@@ -1,5 +1,9 @@
 //! Generated splats: surfaces of simple solids as evenly spread flat discs. Everything stands along +y.
 
+mod scatter;
+
+pub use scatter::surface_mesh;
+
 use glam::{DVec3, Quat, Vec3};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -41,6 +41,19 @@ pub(crate) enum Drive {
     Held { velocity: Vec3, spin: Vec3 },
 }
 
+impl Drive {
+    /// The same with a force [N] and a torque [N m] more, where they move anything.
+    pub fn with(self, more: (Vec3, Vec3)) -> Self {
+        match self {
+            Self::Free { force, torque } => Self::Free {
+                force: add(more.0, force),
+                torque: add(more.1, torque),
+            },
+            held @ Self::Held { .. } => held,
+        }
+    }
+}
+
 /// A body in a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Actor<'a> {
@@ -61,6 +74,8 @@ pub(crate) struct Setting<'a> {
     pub walls: &'a dyn Fn(f64, f64) -> Vec<Placed<'a>>,
     /// Restitution and friction of a pair of bodies.
     pub surface: &'a dyn Fn(usize, usize) -> (f64, f64),
+    /// Friction that the surface of a body states for colliders.
+    pub friction: &'a dyn Fn(usize) -> Option<f64>,
 }
 
 /// Force at a point of contact, where the next step begins its search.

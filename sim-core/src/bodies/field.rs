@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{
     distance::distances,
-    surface::{Lattice, heights, triangles},
+    surface::{Lattice, Surface},
     vector::{Vec3, unit},
 };
 use crate::mat3::dot;
@@ -17,10 +17,13 @@ pub(super) struct Field {
 }
 
 impl Field {
-    /// The surface around particles, and points of it.
-    pub fn new(points: &[Vec3], volumes: &[f64]) -> (Self, Vec<Vec3>) {
-        let (lattice, heights) = heights(points, volumes);
-        let triangles = triangles(&lattice, &heights);
+    /// The distance from a surface, and points of that.
+    pub fn new(surface: Surface) -> (Self, Vec<Vec3>) {
+        let Surface {
+            lattice,
+            heights,
+            triangles,
+        } = surface;
         let signed = distances(&lattice, &triangles).into_iter().zip(&heights);
         let values = signed.map(|(distance, height)| match distance.is_finite() {
             true => distance.copysign(*height),

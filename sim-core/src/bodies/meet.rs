@@ -159,7 +159,8 @@ pub(super) fn contacts<'a>(
                 (e, mu, false, false)
             }
             false => {
-                let contact = walls[pair.b - actors.len()].contact();
+                let wall = walls[pair.b - actors.len()];
+                let contact = wall.against((setting.friction)(pair.a)).contact();
                 let sticks = contact.surface == Surface::Sticky;
                 let holds = contact.surface != Surface::Separate;
                 let e = if sticks { 0.0 } else { contact.restitution };

@@ -2,9 +2,8 @@
 //!
 //! [`Shape`](shape::Shape) is what never changes of a body, [`Body`](body::Body) what does; [`engine::step`] moves
 //! all bodies of a scene through one substep: impacts at their moment, forces of resting contact, flight.
-//! In [`affine`] bodies stretch and shear as well, while nothing touches them.
 
-pub(crate) mod affine;
+mod ball;
 pub(crate) mod body;
 mod cylinder;
 mod distance;

@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     colliders::{edge, pose::rotate},
-    grid::{Grid, NodeBlock},
+    grid::{Grid, NodeBlock, anchors::Anchors},
     mat3::{Mat3, cross, dot},
     particles::{BLOCK, Particles},
 };
@@ -45,6 +45,8 @@ pub(crate) struct Water<'a> {
     /// What it is the grid of.
     pub particles: &'a Particles,
     pub fields: Fields<'a>,
+    /// What of masses is not matter.
+    pub anchors: &'a Anchors<'a>,
     /// How fast it moves at most, about [m/s].
     pub fastest: f64,
     /// Cell size [m].
@@ -275,20 +277,21 @@ impl Meeting<'_> {
             (shape.distance(local) / dx, normal)
         };
         edge::edge(self.index(at), surface, |index| {
-            mass_of(self.grid, self.nodes.field, index)
+            matter(self.grid, self.water.anchors, self.nodes.field, index)
         })
     }
 }
 
-/// Mass of a field at a node by its place in the grid.
-fn mass_of(grid: &Grid, field: u32, index: [i32; 3]) -> f64 {
+/// Mass of the matter of a field at a node by its place in the grid.
+fn matter(grid: &Grid, anchors: &Anchors<'_>, field: u32, index: [i32; 3]) -> f64 {
     let block = index.map(|i| i.div_euclid(BLOCK));
     let nodes = &grid.nodes;
     let Ok(found) = nodes.binary_search_by_key(&(field, block), |n| (n.field, n.index)) else {
         return 0.0;
     };
     let [i, j, k] = index.map(|i| i.rem_euclid(BLOCK) as usize);
-    f64::from(grid.velocities[found].0[4 * i + j].0[4 * k + 3])
+    let mass = f64::from(grid.velocities[found].0[4 * i + j].0[4 * k + 3]);
+    anchors.matter(found, &nodes[found], 16 * i + 4 * j + k, mass)
 }
 
 /// Adds a force at a point.

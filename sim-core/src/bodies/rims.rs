@@ -212,8 +212,8 @@ impl<'a> Solid<'a> {
             return true;
         };
         let both = matches!(other, Solid::Body(..));
-        if both && gap < 0.0 {
-            // What bodies that overlap look to.
+        // What bodies that overlap look to; and in a cavity a rim may lie on all of a circle.
+        if both && gap < 0.0 || self.is_held_by(other) {
             return true;
         }
         match cylinder.form.normals(cylinder.shape.points[n as usize]) {

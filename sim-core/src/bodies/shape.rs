@@ -1,11 +1,13 @@
 //! What never changes of a body: mass, inertia, the distance from its surface, points of the surface.
 
 use super::{
+    ball::Ball,
     body::{Body, Inertia},
     cylinder::{Cylinder, upright},
     field::Field,
     points::{Cluster, cluster, of_cuboid},
-    vector::{Vec3, add, along, length, scaled, solve, sub, unit},
+    surface::Surface,
+    vector::{Vec3, add, along, length, scaled, solve, sub},
 };
 use crate::{
     colliders::{
@@ -16,10 +18,8 @@ use crate::{
     moments::quaternion,
 };
 
-/// Particles that a ball is made of at least.
-const BALL: usize = 27;
-/// Largest relative difference between what a ball's volume and its moments say about it.
-const ROUND: f64 = 0.015;
+/// Largest relative difference between the volume of a cuboid and what its moments say about it.
+const FILLED: f64 = 0.015;
 /// Difference of two second moments, in units of their sum, up to which their axes mean nothing.
 const ALIKE: f64 = 5e-3;
 
@@ -58,8 +58,8 @@ pub(crate) struct Shape {
 /// Where the surface is.
 #[derive(Clone, Debug)]
 pub(super) enum Form {
-    /// By its radius.
-    Ball(f64),
+    /// By its spheres.
+    Ball(Ball),
     /// Along the axes of the frame, by half its edges.
     Cuboid(Vec3),
     /// Along an axis of the frame.
@@ -115,20 +115,26 @@ impl Shape {
         let local: Vec<Vec3> = grains.iter().map(|g| g.x).collect();
         let volumes: Vec<f64> = grains.iter().map(|g| g.volume).collect();
         let spacing = (volumes.iter().sum::<f64>() / volumes.len() as f64).cbrt();
-        let (form, points) = if let Some(radius) = ball(&local, &volumes) {
-            (Form::Ball(radius), vec![])
+        let (form, points) = if let Some(ball) = Ball::of_particles(&local, &volumes) {
+            (Form::Ball(ball), vec![])
         } else if let Some(half) = cuboid(&local, &volumes) {
             (Form::Cuboid(half), of_cuboid(half, spacing))
         } else if let Some(cylinder) = Cylinder::of(&local, &volumes) {
             (Form::Cylinder(cylinder), cylinder.points(spacing))
         } else {
-            let (field, points) = Field::new(&local, &volumes);
-            (Form::Field(Box::new(field)), points)
+            let surface = Surface::of(&local, &volumes);
+            match Ball::of_surface(&surface.triangles, &local, &volumes) {
+                Some(ball) => (Form::Ball(ball), vec![]),
+                None => {
+                    let (field, points) = Field::new(surface);
+                    (Form::Field(Box::new(field)), points)
+                }
+            }
         };
         let (points, clusters) = cluster(&points, spacing);
         let farthest = points.iter().map(|x| length(*x)).fold(0.0, f64::max);
         let (radius, depth) = match &form {
-            Form::Ball(radius) => (*radius, *radius),
+            Form::Ball(ball) => (ball.reach(), ball.depth()),
             Form::Cuboid(half) => (farthest, half.iter().copied().fold(f64::INFINITY, f64::min)),
             Form::Cylinder(Cylinder { radius, half, .. }) => {
                 (radius.hypot(*half), radius.min(*half))
@@ -182,7 +188,7 @@ impl Shape {
     /// Signed distance of a point of the body's frame [m].
     pub fn distance(&self, x: Vec3) -> f64 {
         match &self.form {
-            Form::Ball(radius) => length(x) - radius,
+            Form::Ball(ball) => ball.distance(x),
             Form::Cuboid(half) => box_distance(*half, x).value,
             Form::Cylinder(cylinder) => cylinder.distance(x).value,
             Form::Field(field) => field.distance(x),
@@ -192,45 +198,12 @@ impl Shape {
     /// Outward unit normal at a point of the body's frame.
     pub fn normal(&self, x: Vec3) -> Vec3 {
         match &self.form {
-            Form::Ball(_) => unit(x, [0.0, 0.0, 1.0]),
+            Form::Ball(ball) => ball.normal(x),
             Form::Cuboid(half) => box_distance(*half, x).normal,
             Form::Cylinder(cylinder) => cylinder.distance(x).normal,
             Form::Field(field) => field.normal(x),
         }
     }
-}
-
-/// The radius, where volume, second moment, and extent are those of a ball: then the surface is smooth, and not
-/// that of the lattice its particles sit on.
-fn ball(points: &[Vec3], volumes: &[f64]) -> Option<f64> {
-    if points.len() < BALL {
-        return None;
-    }
-    let volume: f64 = volumes.iter().sum();
-    let radius = (0.75 * volume / std::f64::consts::PI).cbrt();
-    let mut center = [0.0; 3];
-    for (x, v) in points.iter().zip(volumes) {
-        center = along(center, v / volume, *x);
-    }
-    // The frame's origin is the centre of mass: with several densities it is not that of the ball.
-    if length(center) > 1e-3 * radius {
-        return None;
-    }
-    let mut square = [0.0; 3];
-    let mut farthest = 0.0_f64;
-    for (x, v) in points.iter().zip(volumes) {
-        let r = sub(*x, center);
-        for a in 0..3 {
-            square[a] += v * (r[a] * r[a] + v.cbrt().powi(2) / 12.0) / volume;
-        }
-        farthest = farthest.max(length(r));
-    }
-    let expected = radius * radius / 5.0;
-    let round = square
-        .iter()
-        .all(|s| (s / expected - 1.0).abs() < 2.0 * ROUND);
-    let spacing = (volume / points.len() as f64).cbrt();
-    (round && farthest < radius + 0.5 * spacing).then_some(radius)
 }
 
 /// Half the edges, where volume, second moments and extent are those of a cuboid along the axes: then it has edges and
@@ -250,7 +223,7 @@ fn cuboid(points: &[Vec3], volumes: &[f64]) -> Option<Vec3> {
     let filled = volume / (8.0 * half[0] * half[1] * half[2]);
     // To the volume, which is exact.
     let scale = filled.cbrt();
-    (fits && (filled - 1.0).abs() < ROUND).then(|| half.map(|x| scale * x))
+    (fits && (filled - 1.0).abs() < FILLED).then(|| half.map(|x| scale * x))
 }
 
 /// Difference of the two eigenvalues of a symmetric matrix between two axes alone.

@@ -78,10 +78,32 @@ fn height(c: f64) -> f64 {
     }
 }
 
+/// The surface of a cloud of particles.
+pub(super) struct Surface {
+    pub lattice: Lattice,
+    /// Heights above it at the nodes, in spacings and good within one of it.
+    pub heights: Vec<f64>,
+    /// Turned either way.
+    pub triangles: Vec<[Vec3; 3]>,
+}
+
+impl Surface {
+    /// Around particles.
+    pub fn of(points: &[Vec3], volumes: &[f64]) -> Self {
+        let (lattice, heights) = heights(points, volumes);
+        let triangles = triangles(&lattice, &heights);
+        Self {
+            lattice,
+            heights,
+            triangles,
+        }
+    }
+}
+
 /// Heights above the surface of the particles' matter, in spacings and good within one of the surface, on a grid
 /// around them. Each particle fills a cube of its volume, smoothed over its neighbours: around a lattice the sum is
 /// 1 inside and one half where the cubes end.
-pub(super) fn heights(points: &[Vec3], volumes: &[f64]) -> (Lattice, Vec<f64>) {
+fn heights(points: &[Vec3], volumes: &[f64]) -> (Lattice, Vec<f64>) {
     let mean = volumes.iter().sum::<f64>() / volumes.len() as f64;
     let lattice = Lattice::around(points, mean.cbrt());
     let mut filled = vec![0.0; lattice.len()];
@@ -133,7 +155,7 @@ const TETRAHEDRA: [[usize; 4]; 6] = [
 ];
 
 /// Triangles, turned either way, of the surface where `heights` vanish (marching tetrahedra).
-pub(super) fn triangles(lattice: &Lattice, heights: &[f64]) -> Vec<[Vec3; 3]> {
+fn triangles(lattice: &Lattice, heights: &[f64]) -> Vec<[Vec3; 3]> {
     let mut found = Vec::new();
     let [x, y, z] = lattice.size;
     for i in 0..x - 1 {

@@ -1,6 +1,7 @@
 //! Where two solids touch: single points of one against the distance from the other, and the few that matter.
 
 use super::{
+    ball::Ball,
     body::Body,
     rims::near_rims,
     shape::{Form, Shape},
@@ -72,8 +73,11 @@ impl Solid<'_> {
                 };
                 Some((x, other.distance(x)))
             }
-            Form::Ball(radius) => {
-                let c = body.com;
+            Form::Ball(ball) => {
+                if other.is_held_by(self) {
+                    return None;
+                }
+                let (c, radius) = (body.point(ball.outer.center), ball.outer.radius);
                 if !other.is_field() {
                     return Some((c, other.distance(c) - radius));
                 }
@@ -94,6 +98,16 @@ impl Solid<'_> {
         }
     }
 
+    /// Whether it is a body in the cavity of another.
+    pub fn is_held_by(&self, other: &Self) -> bool {
+        match (self, other.ball()) {
+            (Self::Body(shape, body), Some((ball, around))) => {
+                ball.holds(around.inverse_point(body.com), shape.radius)
+            }
+            _ => false,
+        }
+    }
+
     fn is_field(&self) -> bool {
         matches!(
             self,
@@ -107,27 +121,31 @@ impl Solid<'_> {
         )
     }
 
-    pub fn is_ball(&self) -> bool {
-        matches!(
-            self,
+    fn ball(&self) -> Option<(&Ball, &Body)> {
+        match self {
             Self::Body(
                 Shape {
-                    form: Form::Ball(_),
+                    form: Form::Ball(ball),
                     ..
                 },
-                _
-            )
-        )
+                body,
+            ) => Some((ball, body)),
+            _ => None,
+        }
+    }
+
+    pub fn is_ball(&self) -> bool {
+        self.ball().is_some()
     }
 }
 
 /// Where a point of a body is; the centre of a ball.
 pub(super) fn place(of: &Solid<'_>, n: u32) -> Vec3 {
     match of {
-        Solid::Body(shape, body) => {
-            let point = shape.points.get(n as usize);
-            body.point(point.copied().unwrap_or_default())
-        }
+        Solid::Body(shape, body) => body.point(match &shape.form {
+            Form::Ball(ball) => ball.outer.center,
+            _ => shape.points.get(n as usize).copied().unwrap_or_default(),
+        }),
         Solid::Wall(_) => [0.0; 3],
     }
 }
@@ -150,10 +168,8 @@ pub(super) fn spot(a: &Solid<'_>, b: &Solid<'_>, feature: Feature) -> Spot {
         None => other.normal(x),
     };
     // The ball's own point, where what was probed is its centre.
-    let x = match of {
-        Solid::Body(shape, _) if of.is_ball() && !other.is_field() => {
-            along(x, -shape.radius, outward)
-        }
+    let x = match of.ball() {
+        Some((ball, _)) if !other.is_field() => along(x, -ball.outer.radius, outward),
         _ => x,
     };
     Spot {
@@ -176,8 +192,8 @@ pub(super) fn near(a: &Solid<'_>, b: &Solid<'_>, margin: f64) -> Vec<(Feature, f
         let Solid::Body(shape, body) = of else {
             continue;
         };
-        // Of two balls one is enough.
-        if balls && second {
+        // Of two balls one is enough, unless the second is in the first.
+        if balls && second && !b.is_held_by(a) {
             continue;
         }
         match &shape.form {

@@ -114,7 +114,7 @@ impl Placed<'_> {
     pub(super) fn reaction(&self, x: [f64; 3], nearest: &Nearest, cell: f64) -> Option<Reaction> {
         let found = self.distance(x);
         let mut reaction = Reaction {
-            contact: self.body.contact,
+            contact: self.contact(),
             normal: found.normal,
             room: f64::INFINITY,
         };

@@ -26,6 +26,7 @@ use super::{
     Held, Placed, THIN,
     approach::{RANGE, TOUCHING},
     edge,
+    friction::coefficient,
     shape::Shape,
 };
 use crate::{
@@ -72,12 +73,19 @@ pub(crate) struct Face {
     releases: bool,
     /// Coulomb coefficient.
     friction: f64,
+    /// Whether that depends on what it meets, and the collider's own, if it states one.
+    rubs: Option<Option<f64>>,
 }
 
 /// Velocities on the way from forces to boundaries.
 pub(crate) trait Nodes {
     /// Mass and velocity of a node by its place in the grid; none where there is no matter.
     fn node(&self, index: [i32; 3]) -> Option<(f64, [f64; 3])>;
+
+    /// Mass of the matter at a node, 0 where there is none: what is held weighs no more than it does.
+    fn matter(&self, index: [i32; 3]) -> f64 {
+        self.node(index).map_or(0.0, |(mass, _)| mass)
+    }
 
     /// How near matter that reaches a node is to a collider [units].
     fn gap(&self, index: [i32; 3], body: usize) -> f64;
@@ -135,6 +143,7 @@ impl Face {
             velocity: [0.0; 3],
             releases: false,
             friction: 0.0,
+            rubs: None,
         }
     }
 
@@ -158,21 +167,23 @@ impl Face {
             velocity: body.linear,
             releases,
             friction: if sticky { 0.0 } else { contact.friction },
+            rubs: (!sticky).then_some(body.body.friction),
             ..Self::new(Owner::Body(body.id), axis, side, at, cell)
         })
     }
 
-    /// Of a held region without matter inside: all that are far enough from the one behind.
+    /// Of a held region that has faces: all that are far enough from the one behind.
     pub(super) fn of_region(held: &Held, cell: f64) -> impl Iterator<Item = Self> {
         let Held {
             bounds: Aabb { min, max },
             velocity,
-            is_empty,
+            has_faces,
             id,
+            ..
         } = *held;
         (0..6).filter_map(move |face| {
             let (axis, side) = (face / 2, if face % 2 == 0 { -1 } else { 1 });
-            if !is_empty || max[axis] - min[axis] < THIN * cell {
+            if !has_faces || max[axis] - min[axis] < THIN * cell {
                 return None;
             }
             let at = if side > 0 { max[axis] } else { min[axis] };
@@ -189,6 +200,15 @@ impl Face {
                 ..Self::new(Owner::Region(id), axis, side, at, cell)
             })
         })
+    }
+
+    /// The same for an object whose surface states this friction.
+    pub(super) fn against(&self, object: Option<f64>) -> Self {
+        let friction = self.rubs.map(|stated| coefficient(stated, object));
+        Self {
+            friction: friction.unwrap_or(self.friction),
+            ..*self
+        }
     }
 
     /// How many nodes behind its target a node is.
@@ -234,9 +254,7 @@ impl Face {
         if self.releases && gap < RANGE * cell && nodes.tell_edges() {
             let mut normal = [0.0; 3];
             normal[self.axis] = f64::from(self.side);
-            let edge = edge::line(nearest, normal, self.eta - 1.0, |at| {
-                edge::mass_of(nodes, at)
-            });
+            let edge = edge::line(nearest, normal, self.eta - 1.0, |at| nodes.matter(at));
             gap = cell * edge::gap(gap / cell, edge);
         }
         let range = if self.releases { RANGE } else { TOUCHING };

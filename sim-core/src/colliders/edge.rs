@@ -91,11 +91,6 @@ pub(crate) fn edge(
     line(base, normal, off, mass)
 }
 
-/// Mass of a node.
-pub(super) fn mass_of(nodes: &impl Nodes, at: [i32; 3]) -> f64 {
-    nodes.node(at).map_or(0.0, |(mass, _)| mass)
-}
-
 /// Gap of matter whose nearest particle has the gap `nearest`, and which ends at `edge` [cells].
 pub(crate) fn gap(nearest: f64, edge: f64) -> f64 {
     nearest.max(edge.min(FAR))
@@ -122,7 +117,7 @@ impl Placed<'_> {
             let found = self.distance(index.map(|i| f64::from(i) * cell));
             (found.value / cell, found.normal)
         };
-        edge(index, surface, |at| mass_of(nodes, at))
+        edge(index, surface, |at| nodes.matter(at))
     }
 }
 

@@ -18,6 +18,8 @@ pub(crate) struct Mesh {
     surface: Option<TriMesh>,
     /// Whether it has an inside.
     closed: bool,
+    /// See [`Mesh::loose_edges`].
+    loose: usize,
     radius: f64,
     thickness: f64,
 }
@@ -43,9 +45,10 @@ impl Mesh {
             TriMeshFlags::MERGE_DUPLICATE_VERTICES | TriMeshFlags::DELETE_DEGENERATE_TRIANGLES;
         let triangles = mesh.triangles.clone();
         let open = TriMesh::with_flags(points, triangles, welded).ok();
+        let loose = open.as_ref().map_or(0, |open| loose_edges(open.indices()));
         let solid = open
             .as_ref()
-            .filter(|open| is_closed(open.indices()))
+            .filter(|open| loose == 0 && open.num_triangles() > 0)
             .and_then(|open| {
                 let (points, triangles) = (open.vertices().to_vec(), open.indices().to_vec());
                 TriMesh::with_flags(points, triangles, TriMeshFlags::ORIENTED).ok()
@@ -54,6 +57,7 @@ impl Mesh {
         let mut mesh = Self {
             surface: solid.or(open).filter(|surface| surface.num_triangles() > 0),
             closed,
+            loose,
             radius,
             thickness: 0.0,
         };
@@ -130,24 +134,33 @@ impl Mesh {
         self.radius
     }
 
+    /// Whether it has an inside.
+    pub fn is_closed(&self) -> bool {
+        self.closed
+    }
+
+    /// Directed edges that no triangle on the other side meets.
+    pub fn loose_edges(&self) -> usize {
+        self.loose
+    }
+
     /// Smallest thickness, 0 for an open mesh.
     pub fn thickness(&self) -> f64 {
         self.thickness
     }
 }
 
-/// Whether every edge belongs to exactly two triangles, once in each direction.
-fn is_closed(triangles: &[[u32; 3]]) -> bool {
+/// Directed edges that do not belong to exactly two triangles, once in each direction.
+fn loose_edges(triangles: &[[u32; 3]]) -> usize {
     let mut edges: BTreeMap<[u32; 2], i32> = BTreeMap::new();
     for t in triangles {
         for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
             *edges.entry([a, b]).or_default() += 1;
         }
     }
-    !edges.is_empty()
-        && edges
-            .iter()
-            .all(|([a, b], count)| *count == 1 && edges.get(&[*b, *a]) == Some(&1))
+    let met =
+        |([a, b], count): &(&[u32; 2], &i32)| **count == 1 && edges.get(&[*b, *a]) == Some(&1);
+    edges.iter().filter(|edge| !met(edge)).count()
 }
 
 #[cfg(test)]

@@ -6,8 +6,9 @@ pub(crate) mod approach;
 pub(crate) mod attach;
 pub(crate) mod contact;
 pub(crate) mod edge;
+pub(crate) mod friction;
 mod held;
-mod mesh;
+pub(crate) mod mesh;
 pub(crate) mod pose;
 pub(crate) mod rules;
 pub(crate) mod shape;
@@ -17,17 +18,15 @@ pub(crate) mod touch;
 use approach::Nearest;
 use attach::{Attached, Face, Owner};
 use contact::Contact;
-use held::{Held, is_empty};
+use friction::{Frictions, domain_walls};
+use held::{Held, has_faces};
 use pose::{conjugate, from_rotation_vector, pose_at, product, rotate, rotation_vector};
 use serde::{Deserialize, Serialize};
 use shape::{Distance, Shape};
 
 use crate::{
     mat3::{cross, dot},
-    scene::{
-        Aabb, Collider, ColliderMotion, ColliderShape, DomainPolicy, PinnedRegion, Pose, Scene,
-        Surface, TimeSpan,
-    },
+    scene::{Collider, ColliderMotion, DomainPolicy, PinnedRegion, Pose, Scene, Surface, TimeSpan},
 };
 
 /// Distance from a surface below which a node counts as on it [cells]: covers the round-off of scene
@@ -92,8 +91,9 @@ pub(crate) type Paths = Vec<Option<Path>>;
 pub(crate) struct Boundaries {
     bodies: Vec<Body>,
     regions: Vec<PinnedRegion>,
-    /// Whether a region acts always and no matter is in it at the start.
-    empty_regions: Vec<bool>,
+    /// Whether matter is attached to the faces of a region.
+    faced_regions: Vec<bool>,
+    frictions: Frictions,
     /// Metres per unit of length.
     unit: f64,
     /// Cell size in units.
@@ -107,7 +107,10 @@ pub(crate) struct Body {
     rest: Pose,
     motion: ColliderMotion,
     span: TimeSpan,
+    /// Friction is that of [`Placed`].
     contact: Contact,
+    /// Friction that the scene states.
+    friction: Option<f64>,
     /// Whether it acts on grid nodes.
     on_nodes: bool,
     /// Whether it acts on particles.
@@ -131,6 +134,8 @@ pub(crate) struct Placed<'a> {
     linear: [f64; 3],
     /// Angular velocity [rad/s].
     angular: [f64; 3],
+    /// Coulomb coefficient against what it meets.
+    friction: f64,
 }
 
 /// Everything that acts on grid nodes in one substep.
@@ -139,6 +144,7 @@ pub(crate) struct NodeConditions<'a> {
     bodies: Vec<Placed<'a>>,
     regions: Vec<Held>,
     faces: Vec<Face>,
+    frictions: Option<&'a Frictions>,
 }
 
 impl Boundaries {
@@ -160,11 +166,12 @@ impl Boundaries {
         Self {
             bodies,
             regions: scene.pinned_regions.clone(),
-            empty_regions: scene
+            faced_regions: scene
                 .pinned_regions
                 .iter()
-                .map(|region| is_empty(region, scene))
+                .map(|region| has_faces(region, scene))
                 .collect(),
+            frictions: Frictions::new(scene),
             unit,
             cell,
         }
@@ -207,6 +214,7 @@ impl Boundaries {
             end: start,
             linear: [0.0; 3],
             angular: [0.0; 3],
+            friction: self.shared_friction(body.friction),
         };
         if !self.is_fixed(id, paths) && substep.dt > 0.0 {
             let end = self.pose(id, paths, substep, substep.time + substep.dt);
@@ -229,17 +237,8 @@ impl Boundaries {
             return None;
         }
         let moved = region.span.elapsed(substep.time);
-        let slack = ON_FACE * self.cell;
-        let at = |x: f64, a: usize| (x + moved * region.velocity[a]) / self.unit;
-        Some(Held {
-            bounds: Aabb {
-                min: std::array::from_fn(|a| at(region.bounds.min[a], a) - slack),
-                max: std::array::from_fn(|a| at(region.bounds.max[a], a) + slack),
-            },
-            velocity: region.velocity.map(|v| v / self.unit),
-            is_empty: self.empty_regions[n],
-            id: n,
-        })
+        let faced = self.faced_regions[n];
+        Some(Held::new(region, n, faced, moved, self.cell, self.unit))
     }
 
     /// What acts on nodes in a substep, in the order of the scene.
@@ -259,6 +258,7 @@ impl Boundaries {
             faces: of_bodies.chain(of_regions).collect(),
             bodies,
             regions,
+            frictions: Some(&self.frictions),
         }
     }
 
@@ -298,6 +298,7 @@ impl Boundaries {
                 .filter_map(|n| self.held(n, &now))
                 .collect(),
             faces: vec![],
+            frictions: Some(&self.frictions),
         }
     }
 
@@ -354,21 +355,9 @@ impl Boundaries {
                 .filter_map(|n| self.held(n, substep))
                 .collect(),
             faces: vec![],
+            frictions: Some(&self.frictions),
         }
     }
-}
-
-/// The faces of the domain as walls.
-fn domain_walls(domain: &Aabb) -> impl Iterator<Item = Collider> {
-    let Aabb { min, max } = *domain;
-    (0..6).map(move |face| {
-        let (axis, sign) = (face / 2, if face % 2 == 0 { 1.0 } else { -1.0 });
-        let mut normal = [0.0; 3];
-        normal[axis] = sign;
-        let corner = if sign > 0.0 { min } else { max };
-        let shape = ColliderShape::HalfSpace { normal };
-        Collider::fixed("domain", shape, Pose::at(corner), Surface::Separate)
-    })
 }
 
 impl Body {
@@ -376,7 +365,7 @@ impl Body {
         let shape = Shape::new(&collider.shape, unit);
         let contact = Contact {
             surface: collider.surface,
-            friction: collider.friction,
+            friction: 0.0,
             restitution: collider.restitution,
         };
         let on_particles = contact.gives_back() || shape.thickness() < THIN * cell;
@@ -392,6 +381,7 @@ impl Body {
             motion: collider.motion.clone(),
             span: collider.span,
             contact,
+            friction: collider.friction,
             on_nodes: !on_particles,
             on_particles,
         }
@@ -422,11 +412,6 @@ impl Placed<'_> {
     /// What it is in its own frame [units].
     pub fn shape(&self) -> &Shape {
         &self.body.shape
-    }
-
-    /// What happens at its surface.
-    pub fn contact(&self) -> Contact {
-        self.body.contact
     }
 
     /// Whether it acts on matter that moves away from it.
@@ -539,6 +524,7 @@ impl NodeConditions<'_> {
                 .copied()
                 .collect(),
             faces: vec![],
+            frictions: self.frictions,
         }
     }
 

@@ -135,7 +135,7 @@ impl Placed<'_> {
         let x = self.start.point(local);
         let u = self.velocity(x);
         let normal = rotate(self.end.rotation, normal);
-        let relative = self.body.contact.resolve(minus(way.v, u), normal);
+        let relative = self.contact().resolve(minus(way.v, u), normal);
         way.v = std::array::from_fn(|a| u[a] + relative[a]);
         rotate(super::pose::conjugate(self.end.rotation), relative)
     }
@@ -163,7 +163,8 @@ mod tests {
     fn boundaries(collider: Collider) -> Boundaries {
         Boundaries {
             bodies: vec![Body::new(&collider, 1.0, 1.0)],
-            empty_regions: vec![],
+            faced_regions: vec![],
+            frictions: Default::default(),
             regions: vec![],
             unit: 1.0,
             cell: 1.0,

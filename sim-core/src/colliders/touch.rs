@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::{
     Boundaries, ON_FACE, Paths, Placed, Substep,
     contact::Contact,
+    friction::Frictions,
     rules::{Pins, Pushes, Rules},
     sweep::Way,
 };
@@ -25,6 +26,7 @@ pub(crate) const ANCHOR: f64 = 1e4;
 #[derive(Clone, Debug)]
 pub(crate) struct Touch<'a> {
     bodies: Vec<Placed<'a>>,
+    frictions: &'a Frictions,
     rules: &'a Rules,
     pins: &'a Pins,
     /// The substep that particles just made.
@@ -61,7 +63,7 @@ impl Ghost<'_> {
         let u = self.wall.velocity(x);
         let contact = Contact {
             restitution: 0.0,
-            ..self.wall.body.contact
+            ..self.wall.contact()
         };
         let relative = std::array::from_fn(|a| v[a] - u[a]);
         let allowed = contact.resolve(relative, self.normal);
@@ -97,6 +99,7 @@ impl<'a> Touch<'a> {
         let acts = !bodies.is_empty() || holds_now || holds_next || pushed;
         acts.then_some(Self {
             bodies,
+            frictions: &boundaries.frictions,
             rules,
             pins,
             now,
@@ -112,13 +115,14 @@ impl<'a> Touch<'a> {
         })
     }
 
-    /// What acts on the particles of a box; `concerned` says whether a rule may. None when nothing does.
-    pub fn near(&self, min: [f64; 3], max: [f64; 3], concerned: bool) -> Option<Self> {
+    /// What acts on the particles of a box and a grid field; `concerned` says whether a rule may. None when nothing does.
+    pub fn near(&self, field: u32, min: [f64; 3], max: [f64; 3], concerned: bool) -> Option<Self> {
         let bodies = self.bodies.iter();
+        let friction = self.frictions.of_field(field);
         let near = Self {
             bodies: bodies
                 .filter(|body| body.is_near(min, max, REACH * self.cell))
-                .copied()
+                .map(|body| body.against(friction))
                 .collect(),
             holds_now: self.holds_now && concerned,
             holds_next: self.holds_next && concerned,

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::sites::{Node, Site, Sites, coordinates, read};
 use crate::{
     colliders::edge::{end, gap},
-    grid::{Grid, NONE},
+    grid::{Grid, NONE, anchors::Anchors},
     particles::BLOCK,
 };
 
@@ -44,6 +44,7 @@ pub(super) fn edges(
     approaches: &[Approach],
     grid: &Grid,
     tell_edges: &[bool],
+    anchors: &Anchors<'_>,
 ) -> Edges {
     let gaps: Vec<Vec<f64>> = sites
         .sites
@@ -53,7 +54,7 @@ pub(super) fn edges(
             if !site.fields.iter().all(|&field| tell_edges[field as usize]) {
                 return vec![f64::NEG_INFINITY; nodes.len()];
             }
-            let around = Around::new(grid, site);
+            let around = Around::new(grid, site, anchors);
             let nodes = nodes.iter().zip(&approaches[site.range()]);
             let gap = |(node, approach): (&Node, &Approach)| match approach.speed > 0.0 {
                 true => around.gap(coordinates(node.at), node.normal),
@@ -99,21 +100,26 @@ impl Edges {
 /// The node blocks of both fields at a site and around it.
 struct Around<'a> {
     grid: &'a Grid,
+    anchors: &'a Anchors<'a>,
     blocks: [&'a [u32; 27]; 2],
 }
 
 impl<'a> Around<'a> {
-    fn new(grid: &'a Grid, site: &Site) -> Self {
+    fn new(grid: &'a Grid, site: &Site, anchors: &'a Anchors<'a>) -> Self {
         let here = &grid.shared[site.shared].nodes;
         let sharers = &grid.sharers[here.clone()];
         let blocks = site.blocks.map(|block| {
             let sharer = sharers.iter().position(|&n| n as usize == block);
             &grid.around[here.start + sharer.unwrap_or(0)]
         });
-        Self { grid, blocks }
+        Self {
+            grid,
+            anchors,
+            blocks,
+        }
     }
 
-    /// Mass of a side at a node, at most a block away: a line begins at most `BESIDE` its node, and three of its nodes count.
+    /// Mass of the matter of a side at a node, at most a block away: a line begins at most `BESIDE` its node, and three of its nodes count.
     fn mass(&self, side: usize, at: [i32; 3]) -> f64 {
         let [x, y, z] = at.map(|i| i.div_euclid(BLOCK) + 1);
         let block = self.blocks[side][(9 * x + 3 * y + z) as usize];
@@ -121,8 +127,9 @@ impl<'a> Around<'a> {
             return 0.0;
         }
         let [i, j, k] = at.map(|i| i.rem_euclid(BLOCK));
-        let node = (i * BLOCK + j) * BLOCK + k;
-        read(&self.grid.velocities[block as usize], node as usize).1
+        let (n, node) = (block as usize, ((i * BLOCK + j) * BLOCK + k) as usize);
+        let mass = read(&self.grid.velocities[n], node).1;
+        self.anchors.matter(n, &self.grid.nodes[n], node, mass)
     }
 
     /// Height above a node from which on a side covers it, looking inwards [cells]; infinite where there is none of it.

@@ -127,7 +127,8 @@ pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>, episodes: &mut Episod
 
 /// The nodes that objects share, with their normals and, where the method asks for them, gaps.
 fn touching(grid: &Grid, meeting: &Meeting<'_>) -> (Sites, Work) {
-    let mut sites = Sites::find(grid, meeting.fullness, meeting.acting.clocks);
+    let acting = &meeting.acting;
+    let mut sites = Sites::find(grid, meeting.fullness, acting.clocks, acting.anchors);
     let mut work = Work {
         nodes: sites.nodes.len() as u64,
         particles: 0,
@@ -135,7 +136,7 @@ fn touching(grid: &Grid, meeting: &Meeting<'_>) -> (Sites, Work) {
     if meeting.method == ContactMethod::TwoScale && !sites.sites.is_empty() {
         patches::smooth_normals(&mut sites);
         let approaches = approaches(grid, &sites, meeting.carrier);
-        let edges = edge::edges(&sites, &approaches, grid, meeting.acting.tell_edges);
+        let edges = edge::edges(&sites, &approaches, grid, acting.tell_edges, acting.anchors);
         work.particles = gap::measure_gaps(
             &mut sites,
             &edges.close,

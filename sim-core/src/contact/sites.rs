@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::{
-    grid::{Clock, Grid, NONE, Shared, Velocities},
+    grid::{Clock, Grid, NONE, Shared, Velocities, anchors::Anchors},
     mat3::dot,
 };
 
@@ -106,12 +106,14 @@ pub(super) fn read(block: &Velocities, at: usize) -> ([f64; 3], f64) {
 impl Sites {
     /// Finds them, but for those of fields that wait. `fullness` is per field what to multiply mass by to get volume, up to a common factor, `clocks` when it
     /// moves.
-    pub fn find(grid: &Grid, fullness: &[f64], clocks: &[Clock]) -> Self {
+    pub fn find(grid: &Grid, fullness: &[f64], clocks: &[Clock], anchors: &Anchors<'_>) -> Self {
         let found: Vec<(Site, Vec<Node>)> = grid
             .shared
             .par_iter()
             .enumerate()
-            .flat_map_iter(|(shared, place)| at_place(grid, fullness, clocks, shared, place))
+            .flat_map_iter(|(shared, place)| {
+                at_place(grid, fullness, clocks, anchors, shared, place)
+            })
             .collect();
         let mut all = Self::default();
         for (mut site, nodes) in found {
@@ -128,6 +130,7 @@ fn at_place(
     grid: &Grid,
     fullness: &[f64],
     clocks: &[Clock],
+    anchors: &Anchors<'_>,
     shared: usize,
     place: &Shared,
 ) -> Vec<(Site, Vec<Node>)> {
@@ -162,7 +165,7 @@ fn at_place(
                 continue;
             }
             for n in [one, two] {
-                gradients[n].get_or_insert_with(|| Gradients::new(grid, &around[n]));
+                gradients[n].get_or_insert_with(|| Gradients::new(grid, anchors, &around[n]));
             }
             let [Some(of_a), Some(of_b)] = [one, two].map(|n| gradients[n].as_ref()) else {
                 continue;
@@ -222,13 +225,13 @@ fn occupied(block: &Velocities) -> u64 {
     bits
 }
 
-/// Masses of a block and of the nodes around it.
+/// Masses of the matter of a block and of the nodes around it.
 #[derive(Clone, Debug)]
 struct Gradients([f32; HALO * HALO * HALO]);
 
 impl Gradients {
     /// From the node blocks around a block.
-    fn new(grid: &Grid, around: &[u32; 27]) -> Self {
+    fn new(grid: &Grid, anchors: &Anchors<'_>, around: &[u32; 27]) -> Self {
         let mut mass = [0.0; HALO * HALO * HALO];
         for i in 0..HALO {
             for j in 0..HALO {
@@ -239,9 +242,11 @@ impl Gradients {
                 for (block, from, to) in [(0, 3, 0..1), (1, 0, 1..5), (2, 0, 5..6)] {
                     let block = around[column + block];
                     if block != NONE {
-                        let nodes = &grid.velocities[block as usize].0[4 * (x % 4) + y % 4].0;
-                        for (n, mass) in row[to].iter_mut().enumerate() {
-                            *mass = nodes[4 * (from + n) + 3];
+                        let (n, line) = (block as usize, 4 * (x % 4) + y % 4);
+                        let nodes = &grid.velocities[n].0[line].0;
+                        for (at, mass) in (from..).zip(&mut row[to]) {
+                            let weighs = f64::from(nodes[4 * at + 3]);
+                            *mass = anchors.matter(n, &grid.nodes[n], 4 * line + at, weighs) as f32;
                         }
                     }
                 }

@@ -8,6 +8,7 @@ use flat::{Flat, merge, see_plane};
 
 use super::{
     Clock, NONE, NodeBlock, TILE,
+    anchors::Anchors,
     boundary::{attaches, corners, near_block},
     topology::OFFSETS,
 };
@@ -62,6 +63,8 @@ pub(crate) struct Acting<'a> {
     pub approaches: &'a [Approach],
     /// Per field whether masses tell where matter ends.
     pub tell_edges: &'a [bool],
+    /// What of masses is not matter.
+    pub anchors: &'a Anchors<'a>,
     /// Per field.
     pub clocks: &'a [Clock],
 }
@@ -326,6 +329,7 @@ impl<'a> Acting<'a> {
         }
         let around = &around[..count];
         let mut conditions = near_block(self.boundaries, block.index);
+        conditions.meet(block.field);
         let [first, last] = corners(block.index);
         let is_inside = |body: &Placed<'_>| body.is_near(first, last, 0.0);
         conditions.retain_bodies(|body| {

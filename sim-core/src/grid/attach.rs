@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::{
     NONE, NodeBlock, Transfer, Velocities,
+    anchors::Anchors,
     approach::{Acting, Allowed},
     node_pass::{constrain, holds_matter},
     topology::Place,
@@ -26,6 +27,9 @@ const UNKNOWN: u32 = NONE - 1;
 
 /// A block near a boundary as it was before.
 struct Before<'a> {
+    /// Which of all blocks it is.
+    n: usize,
+    block: &'a NodeBlock,
     velocities: Velocities,
     allowed: Option<Allowed<'a>>,
 }
@@ -43,6 +47,7 @@ struct Around<'a> {
     span: f64,
     /// Whether masses tell where matter ends.
     tell_edges: bool,
+    anchors: &'a Anchors<'a>,
 }
 
 impl Around<'_> {
@@ -73,6 +78,13 @@ impl Nodes for Around<'_> {
         (node[3] != 0.0).then_some((node[3].into(), velocity))
     }
 
+    fn matter(&self, index: [i32; 3]) -> f64 {
+        self.at(index).map_or(0.0, |(block, at)| {
+            let mass = block.velocities.0[at / 4].0[4 * (at % 4) + 3];
+            self.anchors.matter(block.n, block.block, at, mass.into())
+        })
+    }
+
     fn gap(&self, index: [i32; 3], body: usize) -> f64 {
         self.at(index)
             .and_then(|(block, at)| Some(block.allowed.as_ref()?.gap(at, body)))
@@ -96,22 +108,28 @@ pub(super) fn attach(
         return 0;
     }
     // Each with whether boundaries may act on it, and it is not only a neighbour of such a block.
-    let mut near: Vec<(&NodeBlock, &mut Velocities, bool)> = nodes
+    let mut near: Vec<(usize, &NodeBlock, &mut Velocities, bool)> = nodes
         .par_iter()
         .zip(velocities)
+        .enumerate()
         .with_min_len(TASK[0])
-        .filter(|(block, _)| !acting.clock(block).waits)
-        .filter_map(|(block, out)| {
+        .filter(|(_, (block, _))| !acting.clock(block).waits)
+        .filter_map(|(n, (block, out))| {
             let acts = acting.by_neighbours(block);
             ((acts || acting.near_edges(block, edge::REACH)) && holds_matter(out))
-                .then_some((block, out, acts))
+                .then_some((n, block, out, acts))
         })
         .collect();
-    let places: Vec<Place> = near.iter().map(|(at, ..)| (at.field, at.index)).collect();
+    let places: Vec<Place> = near
+        .iter()
+        .map(|(_, at, ..)| (at.field, at.index))
+        .collect();
     let before: Vec<Before<'_>> = near
         .par_iter()
         .with_min_len(TASK[1])
-        .map(|(block, out, acts)| Before {
+        .map(|&(n, block, ref out, acts)| Before {
+            n,
+            block,
             velocities: **out,
             allowed: acts.then(|| acting.on(block)).flatten(),
         })
@@ -121,7 +139,7 @@ pub(super) fn attach(
         .zip(&places)
         .with_min_len(TASK[1])
         .filter(|(((.., acts), _), _)| *acts)
-        .map(|(((_, out, _), own), &place)| {
+        .map(|(((_, _, out, _), own), &place)| {
             let around = Around {
                 place,
                 own,
@@ -131,6 +149,7 @@ pub(super) fn attach(
                 carrier: transfers[place.0 as usize].carrier,
                 span: acting.clocks[place.0 as usize].span,
                 tell_edges: acting.tell_edges[place.0 as usize],
+                anchors: acting.anchors,
             };
             constrain_block(out, &around, acting)
         })
@@ -141,11 +160,12 @@ pub(super) fn attach(
 fn constrain_block(out: &mut Velocities, around: &Around<'_>, acting: &Acting<'_>) -> u32 {
     let allowed = around.own.allowed.as_ref();
     let given = allowed.map_or(0, |allowed| (allowed.speed() as f32).to_bits());
-    let (_, block) = around.place;
+    let (field, block) = around.place;
+    let faces = acting.boundaries.faces_for(field);
     let left = constrain(out, around.carrier, |at, v| {
         let local = [at / 16, at / 4 % 4, at % 4];
         let index = std::array::from_fn(|a| BLOCK * block[a] + local[a] as i32);
-        let obeyed = attached(acting.boundaries.faces(), index, around, 1.0, around.span);
+        let obeyed = attached(&faces, index, around, 1.0, around.span);
         let obeyed = obeyed.unwrap_or(Attached::free(v));
         match allowed {
             Some(allowed) => allowed.constrain_among(at, &obeyed, around),

@@ -1,5 +1,6 @@
 //! Sparse background grid: blocks of 4x4x4 nodes, and the private tiles that particle blocks scatter into.
 
+pub(crate) mod anchors;
 pub(crate) mod approach;
 mod attach;
 pub(crate) mod boundary;

@@ -20,6 +20,8 @@
 //! method locks near 0.5, and the bulk stiffness would buy nothing but small time steps. For the same reason water and
 //! honey have a thousandth of water's bulk modulus, 2.2 GPa: sound at 47 m/s, and a density that changes by less than one
 //! per cent as long as the fluid moves at less than a tenth of that.
+//! Sand is as stiff as the root of what presses it: 15 MPa hold at 100 kPa, deep in the ground, 2 MPa a decimetre deep in a heap. What is
+//! too stiff costs substeps, and transfers damp what sand does in each of them (`docs/validation.md`).
 //! The stiff entries (GPa) are exact but slow to simulate: the time step goes with `sqrt(rho / E)`.
 
 use super::{Law, Material};
@@ -111,8 +113,8 @@ pub const PRESETS: &[Preset] = &[
     preset("steel", metal(2.5e8, 1.0e9), 2.1e11, 0.29, 7850.0), // A, T: structural
     preset("clay", metal(4.0e4, 0.0), 5.0e6, 0.45, 1800.0), // D: medium, undrained shear strength 23 kPa
     preset("plasticine", PLASTICINE, 5.0e6, 0.4, 1800.0),   // E
-    preset("dry_sand", sand(32.0, 0.0), 1.5e7, 0.3, 1600.0), // D: loose
-    preset("wet_sand", sand(34.0, 1.5e3), 1.5e7, 0.3, 1800.0), // D; cohesion E: capillary, about 1 kPa
+    preset("dry_sand", sand(32.0, 0.0), 2.0e6, 0.3, 1600.0), // D: loose, in a heap
+    preset("wet_sand", sand(34.0, 1.5e3), 2.0e6, 0.3, 1800.0), // D, in a heap; cohesion E: capillary, about 1 kPa
     preset("fresh_snow", snow(0.019, 0.005, 5.0), 4.8e4, 0.2, 120.0), // Y
     preset("packed_snow", snow(0.025, 0.0075, 10.0), 1.4e5, 0.2, 400.0), // Y
     preset("shaving_foam", paste(35.0, 5.0, 0.4), 450.0, 0.45, 80.0), // K, E: stiffer than soap foam
@@ -214,6 +216,18 @@ mod tests {
         // mPa s by tables, Pa s here.
         assert_eq!(viscosity("water"), 1e-3);
         assert!((1.0..100.0).contains(&viscosity("honey")));
+    }
+
+    #[test]
+    fn sand_is_as_stiff_as_in_a_heap() {
+        for name in ["dry_sand", "wet_sand"] {
+            let sand = Material::preset(name).expect("listed");
+            let pressed = sand.density * 9.81 * 0.1;
+            // 15 MPa at 100 kPa (Das), as the root of the pressure.
+            let stiffness = 15e6 * (pressed / 100e3).sqrt();
+            let ratio = sand.youngs_modulus / stiffness;
+            assert!((0.8..1.25).contains(&ratio), "{name}: {ratio}");
+        }
     }
 
     #[test]

@@ -15,8 +15,10 @@ use crate::{
 /// One grid node.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Node {
-    /// Mass [kg].
+    /// Mass, of what is held as it weighs on nodes [kg].
     pub mass: f64,
+    /// Mass of the matter [kg].
+    pub matter: f64,
     /// Momentum after P2G [kg m/s].
     pub momentum: [f64; 3],
     /// Velocity after forces and boundaries [m/s].
@@ -97,6 +99,13 @@ impl Grid {
             for a in 0..3 {
                 node.momentum[a] += w * (mass * v[a] + spin[a]);
             }
+        }
+    }
+
+    /// Adds `w m` of the matter itself to every node of the stencil.
+    pub fn weigh(&mut self, stencil: &Stencil, mass: f64) {
+        for neighbor in &stencil.0 {
+            self.nodes[neighbor.slot].1.matter += neighbor.weight * mass;
         }
     }
 
@@ -181,6 +190,11 @@ impl Nodes for Seen<'_> {
         let &slot = self.grid.slots.get(&index)?;
         let node = &self.grid.nodes[slot].1;
         (node.mass > 0.0).then_some((node.mass, node.velocity))
+    }
+
+    fn matter(&self, index: [i32; 3]) -> f64 {
+        let slot = self.grid.slots.get(&index);
+        slot.map_or(0.0, |&slot| self.grid.nodes[slot].1.matter)
     }
 
     fn gap(&self, index: [i32; 3], body: usize) -> f64 {

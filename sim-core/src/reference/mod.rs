@@ -24,8 +24,8 @@ use crate::{
     mat3::Mat3,
     materials::{Coefficients, Material, Trial},
     moments::{ParticleArrays, bodies_of, object_moments, total_momentum},
-    report::StepReport,
-    scene::{Aabb, DomainPolicy, Part, Scene},
+    report::{Level, StepReport},
+    scene::{Aabb, DomainPolicy, Fidelity, Part, Scene},
 };
 use grid::{Grid, Stencil};
 pub use time_step::TimeStep;
@@ -278,6 +278,7 @@ impl ReferenceWorld {
                     ],
                 ]);
                 let stencil = grid.stencil(particles.position[p], dx);
+                grid.weigh(&stencil, m);
                 if held[p] {
                     // Heavy, free of stress, and past the gravity that is still to come.
                     let heavy = ANCHOR * m;
@@ -444,7 +445,13 @@ impl ReferenceWorld {
         (0..self.scene.objects.len())
             .map(|id| {
                 let bodies = bodies_of(id, &self.parts, &self.materials);
-                object_moments(&particles, &bodies, self.scene.dx)
+                let state = object_moments(&particles, &bodies, self.scene.dx);
+                let level = match self.scene.objects[id].fidelity {
+                    Fidelity::Static => Level::Static,
+                    _ if state.mass <= 0.0 => Level::Gone,
+                    _ => Level::Mpm,
+                };
+                crate::ObjectState { level, ..state }
             })
             .collect()
     }

@@ -395,8 +395,10 @@ fn leaving_the_domain_is_reported_once_and_ends_the_particle() {
     assert_eq!(left.len(), outside);
     left.dedup();
     assert_eq!(left.len(), outside);
+    assert_eq!(world.objects()[0].level, Level::Mpm);
     world.step(1.0, &[]);
-    assert_eq!(world.objects()[0].mass, 0.0);
+    let gone = world.objects()[0];
+    assert_eq!((gone.mass, gone.level), (0.0, Level::Gone));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Aabb, Scene};
+use super::{Scene, TurnedBox};
 use crate::{colliders::pose::from_rotation_vector, mat3::dot};
 
 /// Part of the simulated time, `start <= t < end` [s].
@@ -84,8 +84,9 @@ pub struct Collider {
     pub pose: Pose,
     /// What it does to matter that touches it.
     pub surface: Surface,
-    /// Coulomb coefficient `mu_f`, >= 0; no effect on sticky surfaces.
-    pub friction: f64,
+    /// Coulomb coefficient `mu_f`, >= 0; no effect on sticky surfaces. Where absent, that of the object that it meets, and
+    /// 0 when that states none either; where both state one, the geometric mean counts.
+    pub friction: Option<f64>,
     /// Part of the approach speed that is given back, 0..=1; no effect on sticky surfaces.
     pub restitution: f64,
     /// How it moves by itself.
@@ -95,14 +96,14 @@ pub struct Collider {
 }
 
 impl Collider {
-    /// A collider at rest, always there, without friction and restitution.
+    /// A collider at rest, always there, without restitution and a friction of its own.
     pub fn fixed(name: &str, shape: ColliderShape, pose: Pose, surface: Surface) -> Self {
         Self {
             name: name.into(),
             shape,
             pose,
             surface,
-            friction: 0.0,
+            friction: None,
             restitution: 0.0,
             motion: ColliderMotion::Static,
             span: TimeSpan::ALWAYS,
@@ -199,7 +200,7 @@ pub struct Keyframe {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PinnedRegion {
     /// The box at the start of the span [m].
-    pub bounds: Aabb,
+    pub bounds: TurnedBox,
     /// Velocity of nodes and box [m/s].
     pub velocity: [f64; 3],
     /// When it acts.
@@ -208,9 +209,9 @@ pub struct PinnedRegion {
 
 impl PinnedRegion {
     /// Nodes held at rest, always.
-    pub fn fixed(bounds: Aabb) -> Self {
+    pub fn fixed(bounds: impl Into<TurnedBox>) -> Self {
         Self {
-            bounds,
+            bounds: bounds.into(),
             velocity: [0.0; 3],
             span: TimeSpan::ALWAYS,
         }
@@ -302,8 +303,8 @@ pub struct Selection {
 /// A region of the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Region {
-    /// Axis-aligned box [m].
-    Box(Aabb),
+    /// Box.
+    Box(TurnedBox),
     /// Ball.
     Sphere {
         /// Centre [m].

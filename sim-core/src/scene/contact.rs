@@ -31,33 +31,47 @@ impl ContactMethod {
     }
 }
 
-/// How the surface of an object answers to others.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Friction between objects where a surface states none.
+pub const DEFAULT_FRICTION: f64 = 0.4;
+
+/// How the surface of an object answers to what it meets, as far as the scene says.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactSurface {
+    /// Restitution `e` to other objects, 0..=1; where absent, what the deformation of the objects leaves, and 0 between
+    /// rigid ones.
+    pub restitution: Option<f64>,
+    /// Friction coefficient `mu_f`, >= 0; where absent, [`DEFAULT_FRICTION`] to other objects and that of colliders to them.
+    pub friction: Option<f64>,
+}
+
+/// What holds where two objects meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairSurface {
     /// Restitution `e`, 0..=1; where absent, what the deformation of the objects leaves, and 0 between rigid ones.
     pub restitution: Option<f64>,
     /// Friction coefficient `mu_f`, >= 0.
     pub friction: f64,
 }
 
-impl Default for ContactSurface {
-    fn default() -> Self {
-        Self {
-            restitution: None,
-            friction: 0.4,
-        }
-    }
+/// Friction coefficient of two surfaces that meet and state one each: the geometric mean.
+pub fn mean_friction(a: f64, b: f64) -> f64 {
+    (a * b).sqrt()
 }
 
 impl ContactSurface {
+    /// Friction coefficient to others than colliders.
+    pub fn friction_to_objects(&self) -> f64 {
+        self.friction.unwrap_or(DEFAULT_FRICTION)
+    }
+
     /// Of two surfaces that meet: the geometric mean of frictions, the larger restitution.
-    pub fn between(&self, other: &Self) -> Self {
-        Self {
+    pub fn between(&self, other: &Self) -> PairSurface {
+        PairSurface {
             restitution: match (self.restitution, other.restitution) {
                 (Some(a), Some(b)) => Some(a.max(b)),
                 (one, None) | (None, one) => one,
             },
-            friction: (self.friction * other.friction).sqrt(),
+            friction: mean_friction(self.friction_to_objects(), other.friction_to_objects()),
         }
     }
 }
@@ -68,7 +82,7 @@ pub struct PairRule {
     /// Object ids, in any order.
     pub objects: [usize; 2],
     /// In place of what their own surfaces make.
-    pub surface: ContactSurface,
+    pub surface: PairSurface,
 }
 
 /// How the objects of a scene meet.
@@ -85,7 +99,7 @@ impl Scene {
     ///
     /// # Panics
     /// When `a` or `b` is not an object id and no rule names the pair, like slice indexing.
-    pub fn surface_between(&self, a: usize, b: usize) -> ContactSurface {
+    pub fn surface_between(&self, a: usize, b: usize) -> PairSurface {
         let rules = &self.contact.pairs;
         let rule = rules
             .iter()
@@ -108,14 +122,14 @@ mod tests {
     #[test]
     fn a_pair_has_one_surface_in_either_order_and_a_rule_comes_first() {
         let mut scene = empty(0.1);
-        for friction in [0.1, 0.4, 0.9] {
+        for friction in [0.1, DEFAULT_FRICTION, 0.9] {
             let material = elastic(Law::NeoHookean, 1e5, 0.3);
             let id = add_box(&mut scene, material, [0.0; 3], 0.05, [1; 3]);
-            scene.objects[id].surface.friction = friction;
+            scene.objects[id].surface.friction = Some(friction);
         }
         scene.objects[0].surface.restitution = Some(0.3);
         scene.objects[1].surface.restitution = Some(0.7);
-        let rule = ContactSurface {
+        let rule = PairSurface {
             restitution: None,
             friction: 0.25,
         };
@@ -123,7 +137,7 @@ mod tests {
             objects: [2, 1],
             surface: rule,
         });
-        let made = ContactSurface {
+        let made = PairSurface {
             restitution: Some(0.7),
             friction: (0.1_f64 * 0.4).sqrt(),
         };

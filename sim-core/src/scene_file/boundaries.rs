@@ -8,6 +8,7 @@ use super::{
     build::LoadMesh,
     edit::bounds_of,
     error::{Finding, suggest},
+    ids::ObjectIds,
     limits as l,
     objects::Names,
     placement,
@@ -16,8 +17,8 @@ use super::{
 };
 use crate::scene::{
     Aabb, Collider, ColliderMotion, ColliderShape, Conditions, DomainPolicy, ImpulseAmount,
-    Keyframe, PinnedRegion, Pose, PrescribedMotion, Region, RegionImpulse, Scene, Selection,
-    SequentialRelease, Surface, TimeSpan, Transfer, TriangleMesh,
+    Keyframe, PinnedRegion, Pose, PrescribedMotion, Region, RegionImpulse, Selection,
+    SequentialRelease, Surface, TimeSpan, Transfer, TriangleMesh, TurnedBox,
 };
 
 /// Layers of a release when the file does not say: what the first program with such a release always uses.
@@ -39,9 +40,18 @@ fn corners(table: &Table) -> Option<Aabb> {
     Some(Aabb { min, max })
 }
 
-/// A table with `min` and `max` alone.
-pub(super) fn aabb(table: Table) -> Option<Aabb> {
-    let found = corners(&table);
+/// The keys of a box that may be turned.
+fn turned(table: &Table) -> Option<TurnedBox> {
+    let (bounds, rotation) = (corners(table), placement::rotation(table));
+    Some(TurnedBox {
+        bounds: bounds?,
+        rotation: rotation.unwrap_or(Pose::IDENTITY.rotation),
+    })
+}
+
+/// A table with `min`, `max` and perhaps a rotation alone.
+pub(super) fn turned_box(table: Table) -> Option<TurnedBox> {
+    let found = turned(&table);
     table.finish();
     found
 }
@@ -134,7 +144,7 @@ pub(super) fn collider(table: Table, names: &mut Names) -> Option<ColliderSpec> 
             shape,
             pose,
             surface: surface.unwrap_or(Surface::Separate),
-            friction: friction.unwrap_or(0.0),
+            friction,
             restitution: restitution.unwrap_or(0.0),
             motion: motion.unwrap_or(ColliderMotion::Static),
             span,
@@ -249,7 +259,7 @@ fn keyframe(table: Table, pose: &Pose) -> Option<Keyframe> {
 
 /// One `[[pinned_regions]]` entry.
 pub(super) fn pinned_region(table: Table) -> Option<PinnedRegion> {
-    let bounds = corners(&table);
+    let bounds = turned(&table);
     let velocity = vector(&table, "velocity", l::SPEED);
     let span = span(&table);
     table.finish();
@@ -322,7 +332,7 @@ fn selection(table: &Table, objects: &Names) -> SelectionSpec {
 
 fn region(kind: &str, table: Table) -> Option<Region> {
     if kind == "box" {
-        return aabb(table).map(Region::Box);
+        return turned_box(table).map(Region::Box);
     }
     let length = |key| table.required(key).and_then(|e| e.number(l::LENGTH));
     let center = table
@@ -440,7 +450,7 @@ pub(super) fn build_colliders(
 }
 
 /// Applies up axis, size and anchor.
-fn placed(mut mesh: TriangleMesh, placement: &Placement) -> TriangleMesh {
+pub(super) fn placed(mut mesh: TriangleMesh, placement: &Placement) -> TriangleMesh {
     let Some(bounds) = bounds_of(mesh.points.iter().copied()) else {
         return mesh;
     };
@@ -460,19 +470,12 @@ fn placed(mut mesh: TriangleMesh, placement: &Placement) -> TriangleMesh {
 /// The conditions with object numbers.
 pub(super) fn build_conditions(
     specs: &ConditionSpecs,
-    scene: &Scene,
+    ids: &ObjectIds,
     errors: &mut Vec<Finding>,
 ) -> Conditions {
     let mut numbered = |spec: &SelectionSpec| {
-        let object = spec.object.as_ref().map(|name| {
-            let found = scene.objects.iter().position(|o| o.name == *name);
-            if found.is_none() {
-                let hint = suggest(name, scene.objects.iter().map(|o| o.name.as_str()));
-                let message = format!("object `{name}` does not exist: {hint}");
-                errors.push(Finding::new(&spec.at, message));
-            }
-            found.unwrap_or_default()
-        });
+        let name = spec.object.as_ref();
+        let object = name.map(|name| ids.find(name, &spec.at, errors).unwrap_or_default());
         Selection {
             object,
             region: spec.region,

@@ -74,7 +74,7 @@ motion = { keyframes = [{ time = 1, translation = [4, 0, 0] }] }
             half_height: 0.15
         }
     );
-    assert_eq!((lid.surface, lid.friction), (Surface::Slip, 0.2));
+    assert_eq!((lid.surface, lid.friction), (Surface::Slip, Some(0.2)));
     assert_eq!(lid.restitution, 0.7);
     assert_eq!(
         lid.span,

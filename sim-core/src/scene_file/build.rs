@@ -1,6 +1,6 @@
 //! [`SceneFile`] and its assets to a [`Scene`]: place, select, fill, bind, assemble.
 
-use std::error::Error;
+use std::{collections::HashMap, error::Error};
 
 use glam::{DQuat, DVec3};
 
@@ -8,18 +8,17 @@ use super::{
     boundaries, checks, contact,
     edit::{append, bounds, subset, transform},
     error::{At, Finding, SceneErrors},
+    formed,
+    ids::ObjectIds,
     placement::Rigid,
     probes, regions,
     report::{AssetReport, BuildReport},
-    sampling::{self, Body, Rest},
+    sampling::{self, Body, Looks, Rest, Sampled},
     select::{Placed, longest_side},
     spec::*,
 };
 use crate::{
-    assets::{
-        Gaussians, Paint, ReadReport,
-        generate::{self, Style},
-    },
+    assets::{Gaussians, ReadReport, generate},
     scene::{Aabb, Fidelity, Object, Scene, TriangleMesh},
 };
 
@@ -30,11 +29,6 @@ pub type Load<'a> =
 /// Reads the triangle mesh file that a scene file names.
 pub type LoadMesh<'a> = dyn FnMut(&str) -> Result<TriangleMesh, Box<dyn Error + Send + Sync>> + 'a;
 
-/// Gaussians that a shape shows when the file does not say how dense.
-const DEFAULT_GAUSSIANS: f64 = 5000.0;
-/// Most Gaussians of one shape.
-const MAX_GAUSSIANS: f64 = 5e6;
-
 /// One object to be, with its geometry in its own frame.
 struct Part<'f> {
     spec: &'f ObjectSpec,
@@ -43,8 +37,7 @@ struct Part<'f> {
     world_from_body: Rigid,
 }
 
-/// Builds the scene that a file describes; `load` reads the asset files. A mesh collider is an error: see
-/// [`build_with_meshes`].
+/// Builds the scene that a file describes; `load` reads the asset files. A mesh is an error: see [`build_with_meshes`].
 ///
 /// # Errors
 /// Everything that is wrong with the assets, selections and sizes, each with line and field.
@@ -54,7 +47,7 @@ pub fn build(file: &SceneFile, load: &mut Load) -> Result<(Scene, BuildReport), 
     })
 }
 
-/// Like [`build`]; `load_mesh` reads the files of mesh colliders.
+/// Like [`build`]; `load_mesh` reads the files of meshes.
 ///
 /// # Errors
 /// Those of [`build`], and everything that is wrong with the meshes.
@@ -71,11 +64,13 @@ pub fn build_with_meshes(
             ..BuildReport::default()
         },
         bodies: Vec::new(),
+        known: HashMap::new(),
+        selections: selections(file),
         parts: Vec::new(),
     };
     let assets: Vec<_> = file.assets.iter().map(|a| builder.place(a, load)).collect();
     for spec in &file.objects {
-        builder.add(spec, &assets);
+        builder.add(spec, &assets, load_mesh);
     }
     builder.check_names();
     SceneErrors::check(std::mem::take(&mut builder.errors))?;
@@ -84,8 +79,10 @@ pub fn build_with_meshes(
     let mut scene = builder.assemble(dx);
     let errors = &mut builder.errors;
     scene.colliders = boundaries::build_colliders(file, load_mesh, errors);
-    scene.contact = contact::build(&file.contact, &scene.objects, errors);
-    scene.conditions = boundaries::build_conditions(&file.conditions, &scene, errors);
+    let ids = ObjectIds::new(&scene.objects);
+    scene.probes = probes::build(&file.probes, &ids, errors);
+    scene.contact = contact::build(&file.contact, &ids, errors);
+    scene.conditions = boundaries::build_conditions(&file.conditions, &ids, errors);
     SceneErrors::check(std::mem::take(&mut builder.errors))?;
     let mut report = builder.report;
     let places: Vec<&At> = builder.parts.iter().map(|p| &p.spec.at).collect();
@@ -97,18 +94,34 @@ struct Builder<'f> {
     file: &'f SceneFile,
     errors: Vec<Finding>,
     report: BuildReport,
-    bodies: Vec<(BodyKey<'f>, Body)>,
+    bodies: Vec<Body>,
+    /// Bodies by what makes them.
+    known: HashMap<String, usize>,
+    /// Per asset what objects select of it.
+    selections: Vec<Vec<&'f Select>>,
     parts: Vec<Part<'f>>,
 }
 
-/// Bodies with equal keys are equal: clones are filled once.
-#[derive(Clone, Debug, PartialEq)]
+/// Bodies with equal keys, printed, are equal: clones are filled once.
+#[derive(Debug)]
+#[expect(dead_code, reason = "read by being printed")]
 struct BodyKey<'f> {
     geometry: &'f Geometry,
     shaping: (Axis, Size, Anchor),
     rest: Option<Rest>,
     /// Number of the part of a split object.
     part: usize,
+}
+
+/// What becomes of a body while objects are made of it.
+#[derive(Default)]
+enum Made {
+    /// Nothing needs it any more.
+    #[default]
+    Used,
+    Body(Body),
+    /// Sampled, and the rotation of the body's frame.
+    Sampled(Sampled, DQuat),
 }
 
 /// A placed asset and the rotation that its placement applied.
@@ -183,30 +196,31 @@ impl<'f> Builder<'f> {
     }
 
     /// Adds the part or, for split objects, the parts of an object.
-    fn add(&mut self, spec: &'f ObjectSpec, assets: &[PlacedAsset]) {
+    fn add(&mut self, spec: &'f ObjectSpec, assets: &[PlacedAsset], load_mesh: &mut LoadMesh) {
         let rest = match (spec.fidelity, &spec.geometry) {
             (Fidelity::Static, _) => None,
-            (_, Geometry::Shape { shape, .. }) => {
-                Some(Rest::Shape(shape.scaled(self.shape_factor(spec, shape))))
-            }
+            (_, Geometry::Shape { .. } | Geometry::Mesh { .. }) => Some(Rest::Formed),
             (_, Geometry::Asset { .. }) => Some(match spec.particles {
                 ParticleMode::Filled { closed_below } => Rest::Filled { closed_below },
                 ParticleMode::PerGaussian => Rest::PerGaussian,
             }),
         };
         let placement = &spec.placement;
-        let key = |part| BodyKey {
-            geometry: &spec.geometry,
-            shaping: (placement.up, placement.size, placement.anchor),
-            rest,
-            part,
+        let key = |part| {
+            let key = BodyKey {
+                geometry: &spec.geometry,
+                shaping: (placement.up, placement.size, placement.anchor),
+                rest,
+                part,
+            };
+            // Debug prints numbers to the last bit.
+            format!("{key:?}")
         };
         let bodies = match &spec.geometry {
-            Geometry::Shape {
-                shape,
-                color,
-                gaussian_spacing,
-            } => vec![self.shape_body(spec, shape, *color, *gaussian_spacing)],
+            Geometry::Shape { .. } | Geometry::Mesh { .. } => match formed::body(spec, load_mesh) {
+                Ok(body) => body.into_iter().collect(),
+                Err(message) => return self.error(&spec.geometry_at, message),
+            },
             Geometry::Asset {
                 asset,
                 select,
@@ -216,11 +230,10 @@ impl<'f> Builder<'f> {
                 let Some((placed, rotation)) = &assets[*asset] else {
                     return;
                 };
-                let others = self.selections(*asset, spec);
                 let chosen = match select {
                     None => Ok((0..placed.gaussians.len()).collect()),
                     Some(select) => placed
-                        .select(select, &others)
+                        .select(select, &self.selections[*asset])
                         .map_err(|message| self.error(&spec.geometry_at, message)),
                 };
                 let Ok(chosen) = chosen else { return };
@@ -236,12 +249,11 @@ impl<'f> Builder<'f> {
         };
         let split = spec.is_split();
         for (n, (body, world_from_body)) in bodies.into_iter().enumerate() {
-            let key = key(n);
-            let known = self.bodies.iter().position(|(k, _)| *k == key);
-            let body = known.unwrap_or_else(|| {
-                self.bodies.push((key, body));
-                self.bodies.len() - 1
-            });
+            let next = self.bodies.len();
+            let number = *self.known.entry(key(n)).or_insert(next);
+            if number == next {
+                self.bodies.push(Body { rest, ..body });
+            }
             let name = if split {
                 format!("{}_{n}", spec.name)
             } else {
@@ -250,68 +262,10 @@ impl<'f> Builder<'f> {
             self.parts.push(Part {
                 spec,
                 name,
-                body,
+                body: number,
                 world_from_body,
             });
         }
-    }
-
-    /// The selections that other objects make from an asset.
-    fn selections(&self, asset: usize, besides: &ObjectSpec) -> Vec<&'f Select> {
-        let selection = |o: &'f ObjectSpec| match &o.geometry {
-            Geometry::Asset {
-                asset: a,
-                select: Some(select),
-                ..
-            } if *a == asset && !o.is_clone && o.name != besides.name => Some(select),
-            _ => None,
-        };
-        self.file.objects.iter().filter_map(selection).collect()
-    }
-
-    fn shape_factor(&self, spec: &ObjectSpec, shape: &Shape) -> f64 {
-        spec.placement.factor(&shape.bounds())
-    }
-
-    fn shape_body(
-        &mut self,
-        spec: &ObjectSpec,
-        shape: &Shape,
-        color: [f32; 3],
-        spacing: Option<f64>,
-    ) -> (Body, Rigid) {
-        let shape = shape.scaled(self.shape_factor(spec, shape));
-        let up = spec.placement.up.to_world_up();
-        let Aabb { min, max } = shape.bounds();
-        let corner = |i: usize| {
-            let pick = |a: usize| if i >> a & 1 == 0 { min[a] } else { max[a] };
-            (up * DVec3::new(pick(0), pick(1), pick(2))).to_array()
-        };
-        let turned = super::edit::bounds_of((0..8).map(corner));
-        let anchor = turned.map_or(DVec3::ZERO, |b| spec.placement.anchor_of(&b));
-        let shaped = Rigid {
-            rotation: up,
-            translation: -anchor,
-        };
-        let spacing = spacing.unwrap_or((shape.area() / DEFAULT_GAUSSIANS).sqrt());
-        let count = shape.area() / (spacing * spacing);
-        if count > MAX_GAUSSIANS {
-            let message = format!(
-                "`gaussian_spacing` of {spacing} m makes {count:.1e} Gaussians, expected at most {MAX_GAUSSIANS:.0e}"
-            );
-            self.error(&spec.geometry_at, message);
-        }
-        let style = Style {
-            spacing: spacing.max((shape.area() / MAX_GAUSSIANS).sqrt()),
-            paint: Paint::Plain(color),
-            seed: self.file.seed,
-        };
-        let body = Body {
-            gaussians: shape.surface(&style),
-            bounds: shape.bounds(),
-            body_from_asset: up,
-        };
-        (body, spec.placement.rigid().after(&shaped))
     }
 
     /// Bodies of the parts of an asset. All parts of a split object are shaped about their common box, so that
@@ -337,7 +291,8 @@ impl<'f> Builder<'f> {
                 continue;
             };
             let body = Body {
-                gaussians,
+                looks: Looks::Captured(gaussians),
+                rest: None,
                 bounds,
                 body_from_asset: up * rotation,
             };
@@ -348,45 +303,43 @@ impl<'f> Builder<'f> {
 
     /// Splitting makes names; none of them may be taken.
     fn check_names(&mut self) {
-        for (i, part) in self.parts.iter().enumerate() {
-            if let Some(other) = self.parts[..i].iter().find(|p| p.name == part.name) {
-                let message = format!(
-                    "object `{}` exists already: `{}` of line {} makes it by splitting",
-                    part.name, other.spec.name, other.spec.at.line
-                );
-                self.errors.push(Finding::new(&part.spec.at, message));
-            }
+        let mut taken: HashMap<&str, &Part> = HashMap::new();
+        for part in &self.parts {
+            let Some(other) = taken.get(part.name.as_str()) else {
+                taken.insert(&part.name, part);
+                continue;
+            };
+            let message = format!(
+                "object `{}` exists already: `{}` of line {} makes it by splitting",
+                part.name, other.spec.name, other.spec.at.line
+            );
+            self.errors.push(Finding::new(&part.spec.at, message));
         }
-        let names: Vec<&str> = self.parts.iter().map(|p| p.name.as_str()).collect();
-        probes::check(&self.file.probes, &names, &mut self.errors);
     }
 
     /// Warns about Gaussians of an asset that no object shows, and about those that two selections share.
     fn report_unselected(&mut self, assets: &[PlacedAsset]) {
+        let mut whole = vec![false; assets.len()];
+        for object in &self.file.objects {
+            if let Geometry::Asset { asset, select, .. } = &object.geometry
+                && !object.is_clone
+            {
+                whole[*asset] |= select.is_none();
+            }
+        }
         for (a, placed) in assets.iter().enumerate() {
             let Some((placed, _)) = placed else { continue };
             let mut users = vec![0u32; placed.gaussians.len()];
-            let mut whole = false;
-            for object in &self.file.objects {
-                let Geometry::Asset { asset, select, .. } = &object.geometry else {
-                    continue;
-                };
-                if *asset != a || object.is_clone {
-                    continue;
-                }
-                let Some(select) = select else {
-                    whole = true;
-                    continue;
-                };
-                let others = self.selections(a, object);
-                for i in placed.select(select, &others).unwrap_or_default() {
+            let selections = &self.selections[a];
+            for select in selections {
+                for i in placed.select(select, selections).unwrap_or_default() {
                     users[i] += 1;
                 }
             }
             let unused = users.iter().filter(|u| **u == 0).count();
             let shared = users.iter().filter(|u| **u > 1).count();
             let at = &self.file.assets[a].at;
-            if !whole && unused > 0 {
+            if !whole[a] && unused > 0 {
                 let message = format!(
                     "{unused} of {} Gaussians belong to no object and are not shown: \
                      an object with `select = {{ rest = true }}` and `fidelity = \"static\"` would show them",
@@ -409,7 +362,7 @@ impl<'f> Builder<'f> {
         let simulated = |part: &&Part| part.spec.fidelity != Fidelity::Static;
         let sides = self.parts.iter().filter(simulated);
         let smallest = sides
-            .map(|p| longest_side(&self.bodies[p.body].1.bounds))
+            .map(|p| longest_side(&self.bodies[p.body].bounds))
             .fold(f64::INFINITY, f64::min);
         let dx = match self.file.resolution {
             Resolution::Dx(dx) => dx,
@@ -419,7 +372,7 @@ impl<'f> Builder<'f> {
         };
         let mut cells = 0.0;
         for part in self.parts.iter().filter(simulated) {
-            let b = &self.bodies[part.body].1.bounds;
+            let b = &self.bodies[part.body].bounds;
             cells += (0..3)
                 .map(|a| (b.max[a] - b.min[a]) / dx + 1.0)
                 .product::<f64>();
@@ -444,15 +397,8 @@ impl<'f> Builder<'f> {
             jitter: file.jitter,
             seed: file.seed,
         };
-        let mut sampled = Vec::new();
-        for (i, (key, body)) in self.bodies.iter().enumerate() {
-            let at = self.parts.iter().find(|p| p.body == i).map(|p| &p.spec.at);
-            let done = sampling::sample(body, key.rest, &numerics);
-            if let (Err(message), Some(at)) = (&done, at) {
-                self.errors.push(Finding::new(at, message.clone()));
-            }
-            sampled.push(done.unwrap_or_default());
-        }
+        let widths = self.bodies.iter().map(|body| body.looks.widths());
+        let (sh_degree, feature_dim) = widths.fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
         let mut scene = Scene {
             name: file.name.clone(),
             gravity: file.gravity,
@@ -472,40 +418,75 @@ impl<'f> Builder<'f> {
             conditions: Default::default(),
             particles: Default::default(),
             gaussians: Gaussians {
-                sh_degree: sampled
-                    .iter()
-                    .map(|s| s.gaussians.sh_degree)
-                    .max()
-                    .unwrap_or(0),
-                feature_dim: sampled
-                    .iter()
-                    .map(|s| s.gaussians.feature_dim)
-                    .max()
-                    .unwrap_or(0),
+                sh_degree,
+                feature_dim,
                 ..Gaussians::default()
             },
             binding: Default::default(),
             probes: Vec::new(),
         };
-        for part in &self.parts {
-            self.report.fills.push(sampled[part.body].fill);
-            let body = &self.bodies[part.body].1;
-            push(&mut scene, part, &sampled[part.body], body.body_from_asset);
-            let errors = regions::arrange(&mut scene, &part.spec.regions, dx);
-            self.errors.extend(errors);
-        }
-        scene.probes = file
-            .probes
-            .iter()
-            .map(|p| probes::probe(p, &scene.objects))
-            .collect();
+        self.fill(&mut scene, &numerics);
         scene.domain = file.domain.unwrap_or_else(|| default_domain(&scene));
         scene
     }
+
+    /// Samples the bodies and puts the objects that are made of them into the scene.
+    fn fill(&mut self, scene: &mut Scene, numerics: &sampling::Numerics) {
+        // A body is kept from its first object to its last: one at a time where each has its own.
+        let mut left = vec![0usize; self.bodies.len()];
+        for part in &self.parts {
+            left[part.body] += 1;
+        }
+        let mut bodies: Vec<_> = self.bodies.drain(..).map(Made::Body).collect();
+        for part in &self.parts {
+            let made = &mut bodies[part.body];
+            let (sampled, body_from_asset) = match std::mem::take(made) {
+                Made::Body(body) => {
+                    let done = sampling::sample(body.looks, body.rest, numerics);
+                    if let Some(warning) = done.as_ref().ok().and_then(|d| d.warning.as_ref()) {
+                        let message = format!("object `{}`: {warning}", part.name);
+                        let warnings = &mut self.report.warnings;
+                        warnings.push(Finding::new(&part.spec.at, message));
+                    }
+                    let failed = |message| self.errors.push(Finding::new(&part.spec.at, message));
+                    (
+                        done.map_err(failed).unwrap_or_default(),
+                        body.body_from_asset,
+                    )
+                }
+                Made::Sampled(sampled, body_from_asset) => (sampled, body_from_asset),
+                Made::Used => continue,
+            };
+            self.report.fills.push(sampled.fill);
+            push(scene, part, &sampled, body_from_asset);
+            left[part.body] -= 1;
+            if left[part.body] > 0 {
+                *made = Made::Sampled(sampled, body_from_asset);
+            }
+            let errors = regions::arrange(scene, &part.spec.regions, numerics.dx);
+            self.errors.extend(errors);
+        }
+    }
+}
+
+/// Per asset the selections that objects make from it; those of clones are their source's.
+fn selections(file: &SceneFile) -> Vec<Vec<&Select>> {
+    let mut selections = vec![Vec::new(); file.assets.len()];
+    for object in file.objects.iter().filter(|object| !object.is_clone) {
+        if let Geometry::Asset {
+            asset,
+            select: Some(select),
+            ..
+        } = &object.geometry
+        {
+            selections[*asset].push(select);
+        }
+    }
+    selections
 }
 
 /// Appends one object to the scene.
-fn push(scene: &mut Scene, part: &Part, sampled: &sampling::Sampled, body_from_asset: DQuat) {
+fn push(scene: &mut Scene, part: &Part, sampled: &Sampled, body_from_asset: DQuat) {
     let spec = part.spec;
     let Rigid {
         rotation,

@@ -2,12 +2,13 @@
 
 use super::{
     error::{At, Finding, suggest},
+    ids::ObjectIds,
     limits as l,
     objects::Names,
     reader::Table,
 };
 use crate::scene::{
-    Coherence, CoherentMode, Contact, ContactMethod, ContactSurface, Object, PairRule,
+    Coherence, CoherentMode, Contact, ContactMethod, ContactSurface, PairRule, PairSurface,
 };
 
 /// How objects meet; objects by name, because splitting makes objects.
@@ -16,7 +17,7 @@ pub struct ContactSpec {
     /// The method.
     pub method: ContactMethod,
     /// Pairs with rules of their own, and where they stand.
-    pub pairs: Vec<(At, [String; 2], ContactSurface)>,
+    pub pairs: Vec<(At, [String; 2], PairSurface)>,
 }
 
 /// Reads `contact` and `[[contact_pairs]]`.
@@ -32,9 +33,13 @@ pub(super) fn read(table: &Table, names: &Names) -> ContactSpec {
     }
 }
 
-fn pair(table: Table, names: &Names) -> Option<(At, [String; 2], ContactSurface)> {
+fn pair(table: Table, names: &Names) -> Option<(At, [String; 2], PairSurface)> {
     let at = table.at.clone();
-    let surface = surface(&table);
+    let stated = surface(&table);
+    let surface = PairSurface {
+        restitution: stated.restitution,
+        friction: stated.friction_to_objects(),
+    };
     let objects = table.required("objects").and_then(|entry| {
         let given: Vec<_> = entry.array()?.iter().map(|e| e.text()).collect();
         let &[Some(a), Some(b)] = given.as_slice() else {
@@ -57,10 +62,9 @@ fn pair(table: Table, names: &Names) -> Option<(At, [String; 2], ContactSurface)
 /// The keys `restitution` and `friction`.
 pub(super) fn surface(table: &Table) -> ContactSurface {
     let number = |key, bounds| table.get(key).and_then(|e| e.number(bounds));
-    let default = ContactSurface::default();
     ContactSurface {
         restitution: number("restitution", l::RESTITUTION),
-        friction: number("friction", l::FRICTION).unwrap_or(default.friction),
+        friction: number("friction", l::FRICTION),
     }
 }
 
@@ -82,18 +86,11 @@ pub(super) fn coherence(table: &Table) -> Option<Coherence> {
 }
 
 /// With object ids in place of names.
-pub(super) fn build(spec: &ContactSpec, objects: &[Object], errors: &mut Vec<Finding>) -> Contact {
+pub(super) fn build(spec: &ContactSpec, ids: &ObjectIds, errors: &mut Vec<Finding>) -> Contact {
     let mut pairs = Vec::with_capacity(spec.pairs.len());
     for (at, names, surface) in &spec.pairs {
-        let id = |name: &String| objects.iter().position(|o| o.name == *name);
-        for name in names.iter().filter(|name| id(name).is_none()) {
-            let hint = suggest(name, objects.iter().map(|o| o.name.as_str()));
-            errors.push(Finding::new(
-                at,
-                format!("object `{name}` does not exist: {hint}"),
-            ));
-        }
-        if let [Some(a), Some(b)] = [&names[0], &names[1]].map(id) {
+        let found = [&names[0], &names[1]].map(|name| ids.find(name, at, errors));
+        if let [Some(a), Some(b)] = found {
             pairs.push(PairRule {
                 objects: [a, b],
                 surface: *surface,
@@ -109,7 +106,7 @@ pub(super) fn build(spec: &ContactSpec, objects: &[Object], errors: &mut Vec<Fin
 #[cfg(test)]
 mod tests {
     use super::super::{SceneFile, build};
-    use crate::scene::{Coherence, CoherentMode, ContactMethod, ContactSurface};
+    use crate::scene::{Coherence, CoherentMode, ContactMethod, PairSurface};
 
     const OBJECTS: &str = "version = 1\ndx = 0.1\n\
         [[objects]]\nname = \"a\"\nshape = { kind = \"box\", size = [0.4, 0.4, 0.4] }\nmaterial = \"jelly\"\n\
@@ -129,10 +126,10 @@ mod tests {
         let pair = "[[contact_pairs]]\nobjects = [\"b\", \"a\"]\nfriction = 0.2\n";
         let scene = scene(pair, "contact = \"multi_field\"\n").expect("valid");
         assert_eq!(scene.contact.method, ContactMethod::MultiField);
-        assert_eq!(scene.objects[0].surface.friction, 0.9);
+        assert_eq!(scene.objects[0].surface.friction, Some(0.9));
         let clone = &scene.objects[1].surface;
-        assert_eq!((clone.friction, clone.restitution), (0.9, Some(0.5)));
-        let rule = ContactSurface {
+        assert_eq!((clone.friction, clone.restitution), (Some(0.9), Some(0.5)));
+        let rule = PairSurface {
             restitution: None,
             friction: 0.2,
         };

@@ -78,6 +78,9 @@ impl fmt::Display for SceneErrors {
 
 impl std::error::Error for SceneErrors {}
 
+/// Names that a message lists at most: more than any table has keys.
+const MAX_LISTED: usize = 100;
+
 /// Sentence part that offers the names that exist, the nearest one first in the eye.
 pub(super) fn suggest<'n>(name: &str, known: impl IntoIterator<Item = &'n str>) -> String {
     let known: Vec<&str> = known.into_iter().collect();
@@ -91,8 +94,13 @@ pub(super) fn suggest<'n>(name: &str, known: impl IntoIterator<Item = &'n str>) 
         (Some((_, nearest)), _) => format!("did you mean `{nearest}`?"),
         (None, 0) => "there are none".into(),
         (None, _) => {
-            let list: Vec<String> = known.iter().map(|k| format!("`{k}`")).collect();
-            format!("expected one of {}", list.join(", "))
+            let listed = known.iter().take(MAX_LISTED);
+            let list: Vec<String> = listed.map(|k| format!("`{k}`")).collect();
+            let more = match known.len().saturating_sub(MAX_LISTED) {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            format!("expected one of {}{more}", list.join(", "))
         }
     }
 }

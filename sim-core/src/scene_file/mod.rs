@@ -5,15 +5,19 @@
 mod boundaries;
 mod build;
 mod checks;
+mod clones;
 mod contact;
 mod drop;
 mod edit;
 mod error;
+mod formed;
+mod ids;
 mod limits;
 mod materials;
 mod objects;
 mod parse;
 mod placement;
+mod places;
 mod probes;
 mod quality;
 mod reader;
@@ -22,6 +26,7 @@ mod report;
 mod sampling;
 mod select;
 mod shapes;
+mod solids;
 mod spec;
 
 pub(crate) use edit::{append, bounds_of};
@@ -60,5 +65,7 @@ mod boundary_tests;
 mod formula_tests;
 #[cfg(test)]
 mod grouping_tests;
+#[cfg(test)]
+mod scale_tests;
 #[cfg(test)]
 mod tests;

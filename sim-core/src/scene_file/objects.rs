@@ -2,10 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use toml::de::DeTable;
-
 use super::{
-    boundaries::aabb,
+    boundaries::turned_box,
+    clones::Clones,
     contact,
     error::{Finding, suggest},
     limits as l, materials,
@@ -52,11 +51,11 @@ impl Names {
     /// Whether this is one of them, or one that splitting may make of them: with a number behind. Building
     /// checks those.
     pub fn makes(&self, name: &str) -> bool {
-        let made_of = |o: &str| {
-            let number = name.strip_prefix(o)?.strip_prefix('_')?;
-            number.parse::<usize>().ok()
+        let made_of = || {
+            let (of, number) = name.rsplit_once('_')?;
+            number.parse::<usize>().ok().map(|_| of)
         };
-        self.all().any(|o| o == name || made_of(o).is_some())
+        self.0.contains_key(name) || made_of().is_some_and(|of| self.0.contains_key(of))
     }
 
     /// All of them, also those of tables with errors.
@@ -80,40 +79,17 @@ pub(super) fn read(
     if entries.is_empty() {
         entry.error("is empty, expected at least one object");
     }
-    let raw: Vec<&DeTable> = entries.iter().filter_map(Entry::raw_table).collect();
-    let read = |entry: &Entry| {
-        let mut table = entry.table()?;
-        table.inherit(sources_of(&table, &raw));
-        let object = object(&table, names, &materials, assets, warnings);
-        table.finish();
-        object
-    };
-    entries.iter().filter_map(read).collect()
-}
-
-/// The tables that an object inherits from, nearest first.
-fn sources_of<'c, 't>(table: &Table<'c, 't>, raw: &[&'c DeTable<'t>]) -> Vec<&'c DeTable<'t>> {
-    let text =
-        |table: &'c DeTable<'t>, key: &str| table.get(key).and_then(|v| v.get_ref().as_str());
-    let Some(entry) = table.get_own("clone") else {
-        return Vec::new();
-    };
-    let mut next = entry.text();
-    let mut sources: Vec<&DeTable> = Vec::new();
-    while let Some(name) = next {
-        let Some(source) = raw.iter().find(|t| text(t, "name") == Some(name)) else {
-            let hint = suggest(name, raw.iter().filter_map(|t| text(t, "name")));
-            entry.error(format!("object `{name}` does not exist: {hint}"));
-            break;
+    let mut clones = Clones::new(entries.iter().filter_map(Entry::raw_table).collect());
+    let mut objects = Vec::with_capacity(entries.len());
+    for entry in &entries {
+        let Some(mut table) = entry.table() else {
+            continue;
         };
-        if sources.len() > raw.len() || table.is(source) {
-            entry.error(format!("`{name}` is in the end a clone of itself"));
-            return Vec::new();
-        }
-        sources.push(source);
-        next = text(source, "clone");
+        clones.inherit(&mut table);
+        objects.extend(object(&table, names, &materials, assets, warnings));
+        table.finish();
     }
-    sources
+    objects
 }
 
 fn object(
@@ -291,7 +267,7 @@ fn select(table: Table) -> Option<Select> {
         }
         Some(("boxes", entry)) => {
             let boxes = entry.array()?;
-            let boxes: Vec<_> = boxes.iter().map(|e| aabb(e.table()?)).collect();
+            let boxes: Vec<_> = boxes.iter().map(|e| turned_box(e.table()?)).collect();
             boxes.into_iter().collect::<Option<_>>().map(Select::Boxes)
         }
         Some(("component", entry)) => {
@@ -388,6 +364,7 @@ fn shape(table: Table) -> Option<Geometry> {
         Sphere,
         Cylinder,
         Slab,
+        Mesh,
     }
     let kind = table.required("kind").and_then(|e| {
         e.choice(&[
@@ -395,9 +372,15 @@ fn shape(table: Table) -> Option<Geometry> {
             ("sphere", Kind::Sphere),
             ("cylinder", Kind::Cylinder),
             ("slab", Kind::Slab),
+            ("mesh", Kind::Mesh),
         ])
     });
     let length = |key| table.required(key).and_then(|e| e.number(l::LENGTH));
+    let wall = table.get("wall");
+    let path = match kind {
+        Some(Kind::Mesh) => table.required("path").and_then(|e| e.text()),
+        _ => None,
+    };
     let shape = match kind {
         Some(Kind::Box) => table
             .required("size")
@@ -409,6 +392,11 @@ fn shape(table: Table) -> Option<Geometry> {
             let inner = table.get("inner_radius");
             let inner_radius = inner.as_ref().and_then(|e| e.number(l::LENGTH));
             let inner_radius = inner_radius.unwrap_or(0.0);
+            if let (Some(wall), Some(_)) = (&wall, &inner) {
+                wall.error(
+                    "excludes `inner_radius`, which is given too: a pipe has no cavity in its wall",
+                );
+            }
             if let (Some(inner), Some(radius)) = (inner, radius)
                 && inner_radius >= radius
             {
@@ -428,21 +416,40 @@ fn shape(table: Table) -> Option<Geometry> {
             size.zip(thickness)
                 .map(|(size, thickness)| Shape::Slab { size, thickness })
         }
+        Some(Kind::Mesh) => None,
         None => {
             // The keys are known, whatever the kind was meant to be.
-            for key in ["size", "radius", "inner_radius", "height", "thickness"] {
+            for key in [
+                "size",
+                "radius",
+                "inner_radius",
+                "height",
+                "thickness",
+                "path",
+            ] {
                 table.get(key);
             }
             None
         }
     };
+    let wall = wall.and_then(|e| e.number(l::LENGTH));
     let color = table.get("color").and_then(|e| e.numbers::<3>(l::COLOR));
     let spacing = table.get("gaussian_spacing");
     let gaussian_spacing = spacing.and_then(|e| e.number(l::LENGTH));
     table.finish();
+    let color = color.unwrap_or([0.6, 0.6, 0.6]).map(|c| c as f32);
+    if let Some(path) = path {
+        return Some(Geometry::Mesh {
+            path: path.to_owned(),
+            wall,
+            color,
+            gaussian_spacing,
+        });
+    }
     Some(Geometry::Shape {
         shape: shape?,
+        wall,
         gaussian_spacing,
-        color: color.unwrap_or([0.6, 0.6, 0.6]).map(|c| c as f32),
+        color,
     })
 }

@@ -3,7 +3,7 @@
 use toml::de::DeTable;
 
 use super::{
-    boundaries::{self, aabb},
+    boundaries::{self, turned_box},
     contact,
     error::{At, Finding, SceneErrors, suggest},
     limits as l,
@@ -12,12 +12,14 @@ use super::{
     quality::Quality,
     reader::{Context, Entry, Table},
     shapes::JITTER,
-    spec::{AssetSource, AssetSpec, ProbeKindSpec, ProbeSpec, Resolution, SceneFile},
+    spec::{AssetSource, AssetSpec, ObjectSpec, ProbeKindSpec, ProbeSpec, Resolution, SceneFile},
 };
-use crate::assets::generate::BUILTINS;
+use crate::{assets::generate::BUILTINS, materials::limits::bridged_stretch, scene::Fidelity};
 
 /// The one version of the format.
 const VERSION: u64 = 1;
+/// Particles per cell below which it is said what that tears: those of all presets of quality.
+const FEW_PARTICLES: f64 = 8.0;
 
 /// Parses and checks a scene file; see [`SceneFile::parse`].
 pub(super) fn parse(text: &str) -> Result<SceneFile, SceneErrors> {
@@ -67,14 +69,6 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         l::PARTICLES_PER_CELL,
         preset.particles_per_cell,
     );
-    if particles_per_cell < 4.0
-        && let Some(entry) = table.get("particles_per_cell")
-    {
-        let message = format!(
-            "{particles_per_cell} particles per cell tear apart under little stretch, expected 4 or more"
-        );
-        warnings.push(Finding::new(&entry.at, message));
-    }
     let frame_rate = number("frame_rate", l::FRAME_RATE, 60.0);
     let cfl = number("cfl", l::CFL, preset.cfl);
     if cfl > 1.0
@@ -94,6 +88,23 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
     let mut assets = assets(table);
     let mut object_names = Names::default();
     let objects = objects::read(table, &mut assets, &mut object_names, warnings);
+    let tears = |object: &&ObjectSpec| {
+        object.fidelity != Fidelity::Static && object.material.law.keeps_elastic()
+    };
+    if particles_per_cell < FEW_PARTICLES
+        && let (Some(entry), Some(object)) =
+            (table.get("particles_per_cell"), objects.iter().find(tears))
+    {
+        let message = format!(
+            "elastic matter, as that of `{}`, tears with {particles_per_cell} particles per cell where it is stretched \
+             beyond {:.1}; with 8 beyond {:.1}, with 27 beyond {:.1}",
+            object.name,
+            bridged_stretch(particles_per_cell),
+            bridged_stretch(8.0),
+            bridged_stretch(27.0)
+        );
+        warnings.push(Finding::new(&entry.at, message));
+    }
     let mut collider_names = Names::default();
     let colliders = table.tables("colliders");
     let colliders = colliders
@@ -225,7 +236,11 @@ fn probe(table: Table, names: &mut Names, objects: &Names) -> Option<ProbeSpec> 
     };
     let position = || table.required("position")?.numbers(l::POSITION);
     let kind = match kind {
-        Some(Kind::Extent) => object().map(|object| ProbeKindSpec::Extent { object }),
+        Some(Kind::Extent) => {
+            let share = table.get("share").and_then(|e| e.number(l::SHARE));
+            let share = share.unwrap_or(1.0);
+            object().map(|object| ProbeKindSpec::Extent { object, share })
+        }
         Some(Kind::Point) => position().map(|position| ProbeKindSpec::Point { position }),
         Some(Kind::MaterialPoint) => {
             let (object, position) = (object(), position());
@@ -235,7 +250,7 @@ fn probe(table: Table, names: &mut Names, objects: &Names) -> Option<ProbeSpec> 
         }
         Some(Kind::Deviation) => {
             let position = table.required("position").and_then(|e| e.formulas());
-            let bounds = table.get("box").map(|e| e.table().and_then(aabb));
+            let bounds = table.get("box").map(|e| e.table().and_then(turned_box));
             object()
                 .zip(position)
                 .map(|(object, position)| ProbeKindSpec::Deviation {
@@ -246,7 +261,7 @@ fn probe(table: Table, names: &mut Names, objects: &Names) -> Option<ProbeSpec> 
         }
         None => {
             // The keys are known, whatever the kind was meant to be.
-            for key in ["object", "position", "box"] {
+            for key in ["object", "position", "box", "share"] {
                 table.get(key);
             }
             None

@@ -7,7 +7,10 @@ use toml::{
     de::{DeTable, DeValue},
 };
 
-use super::error::{At, Finding, suggest};
+use super::{
+    error::{At, Finding, suggest},
+    places::Places,
+};
 use crate::expression::{Expression, VectorField};
 
 /// Valid closed range of a number and its unit, for the message.
@@ -20,24 +23,23 @@ pub(super) struct Bounds {
 
 /// The text being read and what was found wrong with it so far.
 pub(super) struct Context<'t> {
-    text: &'t str,
+    places: Places<'t>,
     findings: RefCell<Vec<Finding>>,
 }
 
 impl<'t> Context<'t> {
     pub fn new(text: &'t str) -> Self {
         Self {
-            text,
+            places: Places::new(text),
             findings: RefCell::default(),
         }
     }
 
     pub fn at(&self, span: &Range<usize>, field: &str) -> At {
-        let before = self.text.get(..span.start).unwrap_or(self.text);
-        let line_start = before.rfind('\n').map_or(0, |i| i + 1);
+        let [line, column] = self.places.of(span.start);
         At {
-            line: before.matches('\n').count() + 1,
-            column: before[line_start..].chars().count() + 1,
+            line,
+            column,
             field: field.into(),
         }
     }
@@ -260,11 +262,6 @@ impl<'c, 't> Table<'c, 't> {
     /// Missing keys are looked up in these, nearest first.
     pub fn inherit(&mut self, layers: Vec<&'c DeTable<'t>>) {
         self.layers.extend(layers);
-    }
-
-    /// Whether this is that very table.
-    pub fn is(&self, table: &DeTable<'t>) -> bool {
-        std::ptr::eq(self.layers[0], table)
     }
 
     fn path_of(&self, key: &str) -> String {

@@ -1,7 +1,9 @@
 //! Regions of an object with a material of their own: reads `[[objects.regions]]` and puts their particles last.
 
+use std::ops::Range;
+
 use super::{
-    boundaries::aabb,
+    boundaries::turned_box,
     error::{At, Finding},
     materials::{self, Known},
     objects::ranges,
@@ -10,7 +12,7 @@ use super::{
 use crate::{
     binding,
     materials::Material,
-    scene::{Aabb, MaterialRegion, Object, Scene},
+    scene::{MaterialRegion, Object, Scene, TurnedBox},
 };
 
 /// One `[[objects.regions]]` entry.
@@ -28,7 +30,7 @@ pub struct RegionSpec {
 #[derive(Clone, Debug, PartialEq)]
 pub enum RegionSelect {
     /// Those inside a box in the world frame, with the object at its place [m].
-    Box(Aabb),
+    Box(TurnedBox),
     /// Those whose nearest Gaussian of the object has an index in one of these ranges `first..end`, from 0.
     Gaussians(Vec<[u64; 2]>),
 }
@@ -43,7 +45,7 @@ pub(super) fn read(table: &Table, known: &Known, warnings: &mut Vec<Finding>) ->
             .required("material")
             .and_then(|e| materials::from_entry(&e, known, warnings));
         let which = match table.one_of(&["box", "gaussians"]) {
-            Some(("box", entry)) => entry.table().and_then(aabb).map(RegionSelect::Box),
+            Some(("box", entry)) => entry.table().and_then(turned_box).map(RegionSelect::Box),
             Some((_, entry)) => ranges(&entry).map(RegionSelect::Gaussians),
             None => {
                 table.error("selects nothing: give `box` or `gaussians`");
@@ -90,7 +92,7 @@ pub(super) fn arrange(scene: &mut Scene, specs: &[RegionSpec], spacing: f64) -> 
     for (n, spec) in specs.iter().enumerate() {
         for (p, x) in positions.iter().enumerate() {
             let inside = match &spec.which {
-                RegionSelect::Box(b) => (0..3).all(|a| (b.min[a]..=b.max[a]).contains(&x[a])),
+                RegionSelect::Box(b) => b.contains(*x),
                 RegionSelect::Gaussians(ranges) => ranges
                     .iter()
                     .any(|[first, end]| (*first..*end).contains(&nearest[p])),
@@ -102,7 +104,8 @@ pub(super) fn arrange(scene: &mut Scene, specs: &[RegionSpec], spacing: f64) -> 
     }
     let mut order: Vec<usize> = (0..range.len()).collect();
     order.sort_by_key(|&p| region_of[p]);
-    permute(scene, range.start, &order);
+    let gaussians = object.gaussians.clone();
+    permute(scene, range.start, gaussians, &order);
     let Some(object) = scene.objects.last_mut() else {
         return errors;
     };
@@ -123,7 +126,7 @@ pub(super) fn arrange(scene: &mut Scene, specs: &[RegionSpec], spacing: f64) -> 
     errors
 }
 
-fn add(object: &mut Object, particles: std::ops::Range<usize>, material: &Material) {
+fn add(object: &mut Object, particles: Range<usize>, material: &Material) {
     object.regions.push(MaterialRegion {
         particles,
         material: material.clone(),
@@ -143,7 +146,7 @@ fn nearest_gaussians(positions: &[[f64; 3]], centres: &[[f32; 3]], spacing: f64)
 }
 
 /// Reorders the particles from `first` on: new place `n` takes the particle that was at `order[n]`.
-fn permute(scene: &mut Scene, first: usize, order: &[usize]) {
+fn permute(scene: &mut Scene, first: usize, gaussians: Range<usize>, order: &[usize]) {
     let range = first..first + order.len();
     let position: Vec<_> = order
         .iter()
@@ -159,11 +162,9 @@ fn permute(scene: &mut Scene, first: usize, order: &[usize]) {
     for (new, &old) in order.iter().enumerate() {
         place[old] = (first + new) as u32;
     }
-    for slots in &mut scene.binding.particle {
-        for id in slots
-            .iter_mut()
-            .filter(|id| range.contains(&(**id as usize)))
-        {
+    // Gaussians are bound to particles of their own object only.
+    for slots in &mut scene.binding.particle[gaussians] {
+        for id in slots {
             *id = place[*id as usize - first];
         }
     }

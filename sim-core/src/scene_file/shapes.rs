@@ -3,12 +3,16 @@
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::spec::Shape;
+use super::{
+    solids::{Solid, sites},
+    spec::Shape,
+};
 use crate::{
     assets::{
         Gaussians,
         generate::{self, Style},
     },
+    colliders::shape::Shape as Surface,
     fill::sites::{Site, join_slivers},
     scene::{Aabb, RestParticles},
 };
@@ -42,6 +46,59 @@ impl Shape {
                 thickness: thickness * f,
             },
         }
+    }
+
+    /// What is farther than `wall` [m] from its surface; none where nothing is, or where that is no such shape.
+    pub fn shrunk(self, wall: f64) -> Option<Self> {
+        let less = |length: f64| Some(length - 2.0 * wall).filter(|length| *length > 0.0);
+        Some(match self {
+            Self::Box { size: [x, y, z] } => Self::Box {
+                size: [less(x)?, less(y)?, less(z)?],
+            },
+            Self::Sphere { radius } => Self::Sphere {
+                radius: 0.5 * less(2.0 * radius)?,
+            },
+            Self::Cylinder {
+                radius,
+                inner_radius: 0.0,
+                height,
+            } => Self::Cylinder {
+                radius: 0.5 * less(2.0 * radius)?,
+                inner_radius: 0.0,
+                height: less(height)?,
+            },
+            Self::Slab {
+                size: [x, z],
+                thickness,
+            } => Self::Slab {
+                size: [less(x)?, less(z)?],
+                thickness: less(thickness)?,
+            },
+            Self::Cylinder { .. } => return None,
+        })
+    }
+
+    /// The shape as a shell of this thickness [m]; none where [`shrunk`](Self::shrunk) leaves no cavity.
+    pub(super) fn hollow(self, wall: f64) -> Option<Solid> {
+        let cavity = self.shrunk(wall)?;
+        let bounds = self.bounds();
+        let origin = std::array::from_fn(|a| 0.5 * (bounds.min[a] + bounds.max[a]));
+        let half_extents = std::array::from_fn(|a| 0.5 * (bounds.max[a] - bounds.min[a]));
+        let surface = match self {
+            Self::Sphere { radius } => Surface::Sphere { radius },
+            Self::Cylinder { radius, height, .. } => Surface::Cylinder {
+                radius,
+                half_height: 0.5 * height,
+            },
+            Self::Box { .. } | Self::Slab { .. } => Surface::Box { half_extents },
+        };
+        Some(Solid {
+            surface,
+            origin,
+            bounds,
+            wall,
+            exact: Some((self.volume() - cavity.volume(), origin)),
+        })
     }
 
     /// Exact volume [m^3].
@@ -140,58 +197,20 @@ impl Shape {
         }
     }
 
-    /// A lattice of particles at about `spacing` [m], each up to `jitter` spacings off its site. Where a surface cuts a site,
-    /// its particle has the volume and the centroid of what is inside, so that the surface of the matter is where that of
-    /// the shape is. Volumes add up to the exact volume; the centre of mass is that of the shape.
+    /// A lattice of particles, see `lattice`. Volumes add up to the exact volume; the centre of mass is that of the shape.
     pub fn particles(&self, spacing: f64, jitter: f64, seed: u64) -> RestParticles {
-        let Aabb { min, max } = self.bounds();
-        // A whole number of sites per side: flat faces lie between sites.
-        let sites = [0, 1, 2].map(|i| ((max[i] - min[i]) / spacing).round().max(1.0));
-        let step: [f64; 3] = std::array::from_fn(|i| (max[i] - min[i]) / sites[i]);
-        let [nx, ny, nz] = sites.map(|n| n as usize);
-        // Particles are numbered along z first.
-        let size = [nz, ny, nx];
-        let full = step[0] * step[1] * step[2];
-        let mut filled = Vec::with_capacity(nx * ny * nz);
-        for i in 0..nx {
-            for j in 0..ny {
-                for k in 0..nz {
-                    let site = [i, j, k].map(|s| s as f64 + 0.5);
-                    let middle = std::array::from_fn(|a| min[a] + step[a] * site[a]);
-                    filled.push(self.part(middle, step));
-                }
-            }
-        }
-        join_slivers(size, &mut filled, full);
-        filled.retain(|site| site.volume > 0.0);
-        if filled.is_empty() {
+        let bounds = self.bounds();
+        let part = |middle, step| self.part(middle, step);
+        let mut particles = lattice(&bounds, part, spacing, jitter, seed);
+        let Aabb { min, max } = bounds;
+        let middle = std::array::from_fn(|a| 0.5 * (min[a] + max[a]));
+        if particles.position.is_empty() {
             // A wall too thin for all points: one particle, which ends up at the centre of mass.
-            filled.push(Site {
-                volume: full,
-                moment: [0.0; 3],
-            });
+            particles.position.push(middle);
+            particles.volume.push(self.volume());
         }
-        let mut rng = Pcg64Mcg::seed_from_u64(seed);
-        let mut position: Vec<[f64; 3]> = Vec::with_capacity(filled.len());
-        for site in &filled {
-            let whole = (site.volume - full).abs() < 1e-6 * full;
-            let reach = if whole { jitter } else { 0.0 };
-            position.push(std::array::from_fn(|a| {
-                let unit = (rng.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0;
-                site.moment[a] / site.volume + reach * step[a] * unit
-            }));
-        }
-        let total: f64 = filled.iter().map(|site| site.volume).sum();
-        let volume: Vec<f64> = filled
-            .iter()
-            .map(|site| site.volume * self.volume() / total)
-            .collect();
-        for a in 0..3 {
-            let moment = position.iter().zip(&volume).map(|(p, v)| p[a] * v);
-            let off = moment.sum::<f64>() / self.volume() - 0.5 * (min[a] + max[a]);
-            position.iter_mut().for_each(|p| p[a] -= off);
-        }
-        RestParticles { position, volume }
+        normalise(&mut particles, self.volume(), middle);
+        particles
     }
 
     /// What is inside of a box with edges `step` around `middle`.
@@ -215,6 +234,56 @@ impl Shape {
             }
         }
         site
+    }
+}
+
+/// A lattice of particles in a box at about `spacing` [m], each up to `jitter` spacings off its site, of what `part` tells of
+/// the box with these edges around this middle. Where a surface cuts a site, its particle has the volume and the centroid of
+/// what is inside, so that the surface of the matter is where that of the shape is.
+pub(super) fn lattice(
+    bounds: &Aabb,
+    part: impl Fn([f64; 3], [f64; 3]) -> Site + Sync,
+    spacing: f64,
+    jitter: f64,
+    seed: u64,
+) -> RestParticles {
+    let Aabb { min, max } = *bounds;
+    // A whole number of sites per side: flat faces lie between sites.
+    let count = [0, 1, 2].map(|i| ((max[i] - min[i]) / spacing).round().max(1.0));
+    let step: [f64; 3] = std::array::from_fn(|i| (max[i] - min[i]) / count[i]);
+    let [nx, ny, nz] = count.map(|n| n as usize);
+    let full = step[0] * step[1] * step[2];
+    let mut filled = sites([nx, ny, nz], &|site: [usize; 3]| {
+        let site = site.map(|s| s as f64 + 0.5);
+        part(std::array::from_fn(|a| min[a] + step[a] * site[a]), step)
+    });
+    // Particles are numbered along z first.
+    join_slivers([nz, ny, nx], &mut filled, full);
+    filled.retain(|site| site.volume > 0.0);
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let mut position: Vec<[f64; 3]> = Vec::with_capacity(filled.len());
+    for site in &filled {
+        let whole = (site.volume - full).abs() < 1e-6 * full;
+        let reach = if whole { jitter } else { 0.0 };
+        position.push(std::array::from_fn(|a| {
+            let unit = (rng.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0;
+            site.moment[a] / site.volume + reach * step[a] * unit
+        }));
+    }
+    let volume = filled.iter().map(|site| site.volume).collect();
+    RestParticles { position, volume }
+}
+
+/// Scales the volumes of particles and moves all of them such that together they have this volume [m^3] and centroid [m].
+pub(super) fn normalise(particles: &mut RestParticles, volume: f64, centroid: [f64; 3]) {
+    let total: f64 = particles.volume.iter().sum();
+    for v in &mut particles.volume {
+        *v = *v * volume / total;
+    }
+    for (a, middle) in centroid.into_iter().enumerate() {
+        let moments = particles.position.iter().zip(&particles.volume);
+        let off = moments.map(|(p, v)| p[a] * v).sum::<f64>() / volume - middle;
+        particles.position.iter_mut().for_each(|p| p[a] -= off);
     }
 }
 
@@ -275,6 +344,41 @@ mod tests {
                 assert!(particles.position.iter().all(inside), "{shape:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_hollow_shape_has_the_volume_and_the_inertia_of_its_wall() {
+        for shape in [SHAPES[0], SHAPES[1], SHAPES[2], SHAPES[4]] {
+            let (wall, spacing) = (0.025, 0.01);
+            let cavity = shape.shrunk(wall).expect("room");
+            let solid = shape.hollow(wall).expect("room");
+            let particles = solid.particles(spacing, 0.0, 0).0;
+            let (mut square, mut volume) = (0.0, 0.0);
+            for (p, v) in particles.position.iter().zip(&particles.volume) {
+                square += v * (p[0] * p[0] + p[2] * p[2] + v.cbrt().powi(2) / 6.0);
+                volume += v;
+            }
+            let exact = shape.volume() - cavity.volume();
+            assert!((volume / exact - 1.0).abs() < 1e-10, "{shape:?}");
+            let about_y = |shape: &Shape| {
+                shape.volume()
+                    * match *shape {
+                        Shape::Sphere { radius } => 0.4 * radius * radius,
+                        Shape::Cylinder { radius, .. } => 0.5 * radius * radius,
+                        Shape::Box { size: [x, _, z] } | Shape::Slab { size: [x, z], .. } => {
+                            (x * x + z * z) / 12.0
+                        }
+                    }
+            };
+            let expected = about_y(&shape) - about_y(&cavity);
+            // Sites 2.5 spacings deep; 0.5 % as for whole shapes at that resolution.
+            assert!(
+                (square / expected - 1.0).abs() < 0.01,
+                "{shape:?}: {}",
+                square / expected
+            );
+        }
+        assert!(SHAPES[1].hollow(0.15).is_none() && SHAPES[3].hollow(0.01).is_none());
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::{
     materials::Material,
     scene::{
         Aabb, Coherence, Collider, ContactSurface, DomainPolicy, Fidelity, PinnedRegion,
-        PrescribedMotion, Region, RegionImpulse, SequentialRelease, Transfer,
+        PrescribedMotion, Region, RegionImpulse, SequentialRelease, Transfer, TurnedBox,
     },
 };
 
@@ -205,6 +205,19 @@ pub enum Geometry {
     Shape {
         /// Which.
         shape: Shape,
+        /// Thickness of its wall where it is hollow [m], after `scale`.
+        wall: Option<f64>,
+        /// Colour of its Gaussians, RGB 0..=1.
+        color: [f32; 3],
+        /// Distance between its Gaussians [m]; derived from its area when absent.
+        gaussian_spacing: Option<f64>,
+    },
+    /// Triangles of a file.
+    Mesh {
+        /// File, relative to the scene file.
+        path: String,
+        /// Thickness of its wall where it is hollow [m], after `scale`.
+        wall: Option<f64>,
         /// Colour of its Gaussians, RGB 0..=1.
         color: [f32; 3],
         /// Distance between its Gaussians [m]; derived from its area when absent.
@@ -220,7 +233,7 @@ pub enum Select {
     /// Values of the asset's semantic id (a feature vector of length 1, `f_sem_0`).
     Ids(Vec<u64>),
     /// Boxes in the world frame, after the asset's placement [m].
-    Boxes(Vec<Aabb>),
+    Boxes(Vec<TurnedBox>),
     /// The n-th largest connected component, from 0.
     Component(usize, Link),
     /// Whatever no other object of the asset selects.
@@ -358,6 +371,8 @@ pub enum ProbeKindSpec {
     Extent {
         /// Object name.
         object: String,
+        /// Part of its volume that is not beyond a face.
+        share: f64,
     },
     /// A fixed point in space.
     Point {
@@ -371,7 +386,7 @@ pub enum ProbeKindSpec {
         /// Where its particles should be [m].
         position: VectorField,
         /// Only particles that are in this box at rest [m].
-        bounds: Option<Aabb>,
+        bounds: Option<TurnedBox>,
     },
     /// A particle of an object.
     MaterialPoint {

@@ -371,40 +371,64 @@ fn a_rigid_object_does_not_meet_as_a_sphere() {
 }
 
 #[test]
-fn an_affine_object_is_of_elastic_matter_and_has_a_field_of_its_own() {
-    let ball = format!("{BALL}fidelity = \"affine\"\n");
-    let (scene, report) = built(&ball);
-    assert_eq!(scene.objects[0].fidelity, Fidelity::Affine);
-    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
-    let refused = |text: &str| {
-        let file = SceneFile::parse(text).unwrap_or_else(|e| panic!("{e}"));
-        let SceneErrors(found) = build(&file, &mut no_assets).expect_err("not affine");
-        assert_eq!(found.len(), 1, "{found:#?}");
-        found[0].message.clone()
+fn a_bar_of_two_cells_is_told_what_four_would_cost() {
+    let bar = |numbers: &str| {
+        let text = format!(
+            "version = 1\n{numbers}\n[[objects]]\nname = \"bar\"\n\
+             shape = {{ kind = \"box\", size = [0.8, 0.1, 0.1], gaussian_spacing = 0.1 }}\nmaterial = \"jelly\"\n"
+        );
+        let (scene, report) = built(&text);
+        let warnings: Vec<String> = report.warnings.iter().map(ToString::to_string).collect();
+        (scene, warnings)
     };
-    for method in ["single_field", "com_sphere"] {
-        let message = refused(&format!("contact = \"{method}\"\n{ball}"));
-        assert!(
-            message.contains("`ball`") && message.contains("two_scale"),
-            "{message}"
-        );
-    }
-    for matter in ["fresh_snow", "water", "dry_sand", "rigid"] {
-        let message = refused(&ball.replace("jelly", matter));
-        assert!(
-            message.contains(matter) && message.contains("elastic"),
-            "{message}"
-        );
-    }
-    // What rules move is modelled in full, and that is said.
-    for rule in [
-        "body_force = [0, \"sin(t)\", 0]",
-        "coherence = { rate = 10, mode = \"rigid\" }",
+    let (scene, warnings) = bar("");
+    let [warning] = warnings.as_slice() else {
+        panic!("{warnings:?}")
+    };
+    // 16 cells along 0.8 m; twice as many make eight times the particles and sixteen times the work.
+    assert_eq!(scene.particles.position.len(), 16 * 2 * 2 * 8);
+    for words in [
+        "`bar` is 2.0 cells thick",
+        "cells_per_object = 3",
+        "in place of 512",
+        "4 cells",
     ] {
-        let (_, report) = built(&format!("{ball}{rule}\n"));
-        let [warning] = report.warnings.as_slice() else {
-            panic!("{rule}: {:?}", report.warnings)
-        };
-        assert!(warning.message.contains("in full"), "{}", warning.message);
+        assert!(warning.contains(words), "{words:?} not in {warning:?}");
     }
+    // Its remedy is one.
+    let remedy = warning.split('`').nth(3).expect("in marks");
+    let (_, warnings) = bar(remedy);
+    assert_eq!(warnings, [""; 0]);
+    let (_, warnings) = bar("dx = 0.05");
+    let remedy = warnings[0].split('`').nth(3).expect("in marks");
+    let (_, warnings) = bar(remedy);
+    assert_eq!(warnings, [""; 0]);
+}
+
+#[test]
+fn few_particles_are_told_the_stretch_that_tears_them() {
+    let warnings = |count: f64, material: &str| -> Vec<String> {
+        let text = BALL.replace(
+            "dx = 0.05",
+            &format!("dx = 0.05\nparticles_per_cell = {count}"),
+        );
+        let (_, report) = built(&text.replace("jelly", material));
+        report.warnings.iter().map(ToString::to_string).collect()
+    };
+    let found = warnings(4.0, "jelly");
+    let [warning] = found.as_slice() else {
+        panic!("{found:?}")
+    };
+    for words in [
+        "line 3",
+        "`ball`",
+        "with 4 particles",
+        "beyond 1.4",
+        "8 beyond 1.7",
+        "27 beyond 2.3",
+    ] {
+        assert!(warning.contains(words), "{words:?} not in {warning:?}");
+    }
+    assert_eq!(warnings(8.0, "jelly"), [""; 0]);
+    assert_eq!(warnings(4.0, "dry_sand"), [""; 0]);
 }

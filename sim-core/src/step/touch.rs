@@ -66,7 +66,7 @@ impl<'a> BlockTouch<'a> {
         let min = first.map(|x| x - 2.5);
         let max = first.map(|x| x + f64::from(BLOCK) + 1.5);
         Some(Self {
-            touch: touch.near(min, max, concerned)?,
+            touch: touch.near(block.field, min, max, concerned)?,
             block: block.index,
             centre: first.map(|x| x + 1.5),
             carrier,

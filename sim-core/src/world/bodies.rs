@@ -13,6 +13,7 @@ use crate::{
         shape::{Grain, Shape, frame as frame_of, of_cubes},
     },
     colliders::Substep,
+    grid::anchors::Anchors,
     mat3::{Mat3, cross},
     particles::{BLOCK, Block},
     report::ObjectState,
@@ -105,13 +106,11 @@ impl World {
         Shape::new(&grains, rigid.own)
     }
 
-    /// Makes the shapes of all bodies anew, and what stays of affine objects.
+    /// Makes the shapes of all bodies anew.
     pub(super) fn reshape(&mut self) {
         let objects = 0..self.scene.objects.len();
         let shape = |id: usize| Some(self.shape_of(id, self.state.rigid[id].as_ref()?));
-        self.shapes = objects.clone().map(shape).collect();
-        let bulk = |id: usize| self.bulk_of(id, self.state.affine[id].as_ref()?);
-        self.bulks = objects.map(bulk).collect();
+        self.shapes = objects.map(shape).collect();
     }
 
     /// Joins particles of an object to one body. `own` as in [`Shape::new`]; none for cubes. Linear and angular momentum
@@ -194,7 +193,6 @@ impl World {
         self.state.rigid = vec![None; count];
         self.state.pressing.clear();
         self.shapes = vec![None; count];
-        (self.state.affine, self.bulks) = (vec![None; count], vec![None; count]);
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         for object in 0..count {
             if self.scene.objects[object].fidelity == Fidelity::Static {
@@ -361,12 +359,21 @@ impl World {
         let scene = &self.scene;
         let single = (0..self.parts.len()).all(|part| self.field_of(part) == 0);
         let friction = |object: usize, field: u32| match single {
-            true => scene.objects[object].surface.friction,
+            true => scene.objects[object].surface.friction_to_objects(),
             false => scene.surface_between(object, field as usize).friction,
         };
+        let anchors = Anchors::new(
+            &self.state.particles,
+            &self.rules,
+            &self.state.pins,
+            *substep,
+            &self.workspace.concerned,
+            self.workspace.grid.nodes.len(),
+        );
         let water = Water {
             particles: &self.state.particles,
             fields,
+            anchors: &anchors,
             fastest: 3.0_f64.sqrt() * self.state.grid_speed * scene.dx,
             dx: scene.dx,
             mass_unit: self.mass_unit,
@@ -381,21 +388,11 @@ impl World {
             false => wade(&mut self.workspace.grid, &waders, &water),
         };
         let mut actors: Vec<Actor<'_>> = Vec::with_capacity(waders.len());
-        for (wader, (force, torque)) in waders.iter().zip(loads) {
-            let plus = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + b[i]);
+        for (wader, load) in waders.iter().zip(loads) {
             actors.push(Actor {
                 shape: wader.shape,
                 body: wader.body,
-                drive: match wader.drive {
-                    Drive::Free {
-                        force: f,
-                        torque: t,
-                    } => Drive::Free {
-                        force: plus(force, f),
-                        torque: plus(torque, t),
-                    },
-                    held => held,
-                },
+                drive: wader.drive.with(load),
             });
         }
         let (solids, paths) = (&self.solids, &self.state.paths);
@@ -417,6 +414,7 @@ impl World {
             damping: scene.conditions.damping,
             walls: &walls,
             surface: &surface,
+            friction: &|body| solids.friction_of(objects[body]),
         };
         let outcome: Outcome = step(&mut actors, &mut self.state.pressing, &setting, substep.dt);
         self.workspace.body_pairs = outcome.pairs;
@@ -443,19 +441,9 @@ impl World {
             self.state.rigid[object].as_ref()?,
             self.shapes[object].as_ref()?,
         );
-        Some(self.blocks_within(object, rigid.body.com, [shape.radius; 3]))
-    }
-
-    /// The blocks of an object that a box about a point reaches into, sorted; all in metres.
-    pub(super) fn blocks_within(
-        &self,
-        object: usize,
-        about: [f64; 3],
-        half: [f64; 3],
-    ) -> Vec<Block> {
         let edge = f64::from(BLOCK) * self.scene.dx;
         let at = |a: usize, sign: f64| {
-            let x = (about[a] + sign * half[a]) / edge;
+            let x = (rigid.body.com[a] + sign * shape.radius) / edge;
             x.floor().clamp(-1e6, 1e6) as i32
         };
         let mut blocks = Vec::new();
@@ -472,7 +460,7 @@ impl World {
                 }
             }
         }
-        blocks
+        Some(blocks)
     }
 
     /// Takes bodies out whose centre of mass has left the domain, or is nowhere.

@@ -3,7 +3,7 @@
 use super::error::{WorldError, within};
 use crate::scene::{
     Collider, ColliderMotion, ColliderShape, Conditions, ImpulseAmount, Pose, Region, Scene,
-    Selection, TimeSpan,
+    Selection, TimeSpan, TurnedBox,
 };
 
 /// Largest magnitude of a number that is not a length.
@@ -33,6 +33,12 @@ fn span(what: &str, span: &TimeSpan) -> Result<(), WorldError> {
     within(|| format!("end of {what}"), end, span.start, f64::INFINITY)
 }
 
+fn turned_box(what: &str, turned: &TurnedBox) -> Result<(), WorldError> {
+    all(&format!("corner of {what}"), &turned.bounds.min)?;
+    all(&format!("corner of {what}"), &turned.bounds.max)?;
+    unit(&format!("the rotation of {what}"), &turned.rotation)
+}
+
 fn pose(what: &str, pose: &Pose) -> Result<(), WorldError> {
     all(&format!("position of {what}"), &pose.translation)?;
     unit(&format!("the rotation of {what}"), &pose.rotation)
@@ -45,8 +51,7 @@ pub(super) fn validate(scene: &Scene) -> Result<(), WorldError> {
     }
     for (id, region) in scene.pinned_regions.iter().enumerate() {
         let what = format!("pinned region {id}");
-        all(&format!("corner of {what}"), &region.bounds.min)?;
-        all(&format!("corner of {what}"), &region.bounds.max)?;
+        turned_box(&what, &region.bounds)?;
         all(&format!("velocity of {what}"), &region.velocity)?;
         span(&what, &region.span)?;
     }
@@ -74,7 +79,7 @@ fn moves(scene: &Scene) -> bool {
 fn collider(what: &str, collider: &Collider) -> Result<(), WorldError> {
     within(
         || format!("friction of {what}"),
-        collider.friction,
+        collider.friction.unwrap_or(0.0),
         0.0,
         BIG,
     )?;
@@ -179,10 +184,7 @@ fn conditions(conditions: &Conditions) -> Result<(), WorldError> {
 fn selection(what: &str, selection: &Selection) -> Result<(), WorldError> {
     match selection.region {
         None => Ok(()),
-        Some(Region::Box(b)) => {
-            all(what, &b.min)?;
-            all(what, &b.max)
-        }
+        Some(Region::Box(b)) => turned_box(what, &b),
         Some(Region::Sphere { center, radius }) => {
             all(what, &center)?;
             length(&format!("radius of {what}"), radius)

@@ -15,7 +15,7 @@ use crate::{
 /// First bytes of a checkpoint.
 const MAGIC: &[u8; 18] = b"cosplat checkpoint";
 /// Version of the layout; another one is refused.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 /// Magic, version, digest of the scene, length of what follows.
 const HEADER: usize = MAGIC.len() + 4 + 8 + 8;
 
@@ -162,9 +162,9 @@ impl World {
         self.published = published;
         self.reshape();
         self.publish_bodies();
-        self.publish_affine();
         self.workspace = Workspace::default();
         self.fit_workspace();
+        self.suspect_all();
         self.report = StepReport::default();
         self.report = self.measure(&Frame::new(0.0));
         Ok(())
@@ -253,11 +253,6 @@ impl World {
             ("extremes", state.extremes.len(), parts),
             ("momenta", state.momentum.len(), self.scene.objects.len()),
             ("bodies", state.rigid.len(), self.scene.objects.len()),
-            (
-                "affine bodies",
-                state.affine.len(),
-                self.scene.objects.len(),
-            ),
             ("standings", state.standing.len(), self.scene.objects.len()),
             ("pins", state.pins.len(), self.scene.objects.len()),
             ("lags", state.lags.len(), self.scene.objects.len()),
@@ -277,9 +272,7 @@ impl World {
         let sleeping = state.standing.iter().filter_map(Standing::sleeping);
         let all = std::iter::once(&state.particles).chain(sleeping);
         let here = all.flat_map(|p| p.fixed.iter().flat_map(|fixed| fixed.id));
-        let rigid = || state.rigid.iter().flatten().flat_map(|r| &r.members);
-        let affine = || state.affine.iter().flatten().flat_map(|a| &a.members);
-        let members = || rigid().chain(affine());
+        let members = || state.rigid.iter().flatten().flat_map(|r| &r.members);
         let here = here.filter(|&id| id != NO_PARTICLE);
         for id in taken.chain(here).chain(members().map(|m| m.id)) {
             match seen.get_mut(id as usize) {
@@ -294,11 +287,6 @@ impl World {
         for (object, rigid) in state.rigid.iter().enumerate() {
             if rigid.as_ref().is_some_and(|rigid| !rigid.is_sound()) {
                 return Err(inconsistent(format!("the body of object {object} is none")));
-            }
-            let affine = state.affine[object].as_ref();
-            if affine.is_some_and(|a| !a.is_sound() || self.bulk_of(object, a).is_none()) {
-                let reason = format!("object {object} is affine, and no body");
-                return Err(inconsistent(reason));
             }
         }
         let fields: Vec<u32> = (0..parts).map(|part| self.field_of(part)).collect();

@@ -68,11 +68,6 @@ impl World {
             }
         }
         frame.work.constrained_particles += count;
-        for (object, wanted) in wanted.iter().enumerate() {
-            if let Some(wanted) = wanted {
-                self.match_shape(object, wanted, dt);
-            }
-        }
         // Single particles may have become faster: the slow ones of what moves as one.
         self.survey_speeds([0.0; 3]);
     }

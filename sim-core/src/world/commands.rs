@@ -235,8 +235,12 @@ impl World {
             return Err(CommandError::UnknownObject { object, count });
         };
         let mass = self.report.objects[object].mass;
-        if o.fidelity == Fidelity::Static || mass <= 0.0 {
+        if o.fidelity == Fidelity::Static {
             return Err(CommandError::StaticObject { object });
+        }
+        if mass <= 0.0 {
+            let particles = o.particles.len();
+            return Err(CommandError::NothingLeft { object, particles });
         }
         Ok(mass)
     }

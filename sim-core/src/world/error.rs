@@ -65,26 +65,6 @@ pub enum WorldError {
         /// Object id.
         object: usize,
     },
-    /// Matter that does not spring back from any deformation cannot be affine.
-    #[error(
-        "object {object} is of {law} matter, and fidelity = \"affine\" is for elastic matter that cannot yield; expected \
-         \"mpm\", \"auto\" or \"rigid\""
-    )]
-    AffineMatter {
-        /// Object id.
-        object: usize,
-        /// Name of the law.
-        law: &'static str,
-    },
-    /// An affine object needs nodes of its own.
-    #[error(
-        "object {object} has fidelity = \"affine\", which needs a field per object; expected contact = \"two_scale\" or \
-         \"multi_field\""
-    )]
-    AffineShares {
-        /// Object id.
-        object: usize,
-    },
     /// A scene cannot come to rest while something in it moves by itself.
     #[error(
         "settle is for scenes in which nothing moves by itself: no moving collider or held region, no rule, no body_force"
@@ -201,15 +181,6 @@ fn validate_objects(scene: &Scene) -> Result<(), WorldError> {
         }
         if scene.contact.method == ContactMethod::ComSphere && o.has_rigid_matter() {
             return Err(WorldError::RigidSphere { object });
-        }
-        if o.fidelity == Fidelity::Affine {
-            if let Some(material) = o.yielding_matter() {
-                let law = material.law.name();
-                return Err(WorldError::AffineMatter { object, law });
-            }
-            if !scene.contact.method.tells_apart() {
-                return Err(WorldError::AffineShares { object });
-            }
         }
         let mut end = o.regions.first().map_or(range.end, |r| r.particles.start);
         for (region, r) in o.regions.iter().enumerate() {

@@ -18,7 +18,6 @@ impl World {
         for (_, (object, p)) in objects
             .enumerate()
             .filter(|(id, _)| !self.state.sleeps(*id) && self.state.rigid[*id].is_none())
-            .filter(|(id, _)| self.state.affine[*id].is_none())
         {
             mass += object.mass;
             for a in 0..3 {
@@ -98,5 +97,6 @@ impl World {
             reach = reach.max(run.extremes.reach);
         }
         self.state.drift = (f64::from(reach) - 0.5 * f64::from(BLOCK)).max(0.0);
+        self.note_strain();
     }
 }

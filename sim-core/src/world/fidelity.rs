@@ -40,7 +40,7 @@ pub(super) struct Standing {
     unseen: f64,
     /// Its samples in the frame of its mean rotation when its shape last changed [m].
     pub shape: Vec<[f32; 3]>,
-    /// For how long it has kept its shape, or one that may be affine been free [s].
+    /// For how long it has kept its shape [s].
     pub steady: f64,
     /// Elastic energy of its matter when a body took its place, as long as that does [J].
     pub stand_in: Option<f64>,
@@ -64,14 +64,6 @@ struct Asleep {
 }
 
 impl Standing {
-    /// Of an object that has been steady for this long [s].
-    pub fn steady_for(steady: f64) -> Self {
-        Self {
-            steady,
-            ..Self::default()
-        }
-    }
-
     /// Adds what no particle shows to a hash.
     pub fn add_to(&self, hash: &mut Xxh3) {
         hash.update(&[u8::from(self.asleep.is_some())]);
@@ -244,21 +236,20 @@ impl World {
             && self.scene.objects[object].fidelity == Fidelity::Auto
     }
 
-    /// How an object is modelled.
-    pub(super) fn level(&self, object: usize) -> Level {
+    /// How an object of which this mass is left [kg] is modelled.
+    pub(super) fn level(&self, object: usize, mass: f64) -> Level {
         match self.scene.objects[object].fidelity {
             Fidelity::Static => Level::Static,
+            _ if mass <= 0.0 => Level::Gone,
             _ if self.state.sleeps(object) => Level::Asleep,
-            _ if self.state.affine[object].is_some() => Level::Affine,
             _ if self.is_one_body(object) => Level::Rigid,
-            Fidelity::Mpm | Fidelity::Auto | Fidelity::Rigid | Fidelity::Affine => Level::Mpm,
+            Fidelity::Mpm | Fidelity::Auto | Fidelity::Rigid => Level::Mpm,
         }
     }
 
     /// Wakes what is about to be touched, then lets islands of still objects fall asleep.
     pub(super) fn settle_fidelity(&mut self, frame: &mut Frame) {
         let objects = 0..self.scene.objects.len();
-        self.settle_affine(frame);
         // What a checkpoint brought along of a scene that asked for less.
         for object in objects.clone() {
             if self.is_automatic(object) {
@@ -297,8 +288,7 @@ impl World {
 
     /// Blocks of an object, awake or not, as of the last sort; those around a body.
     pub(super) fn blocks_of(&self, object: usize) -> Cow<'_, [Block]> {
-        let body = self.blocks_of_body(object);
-        if let Some(blocks) = body.or_else(|| self.blocks_of_affine(object)) {
+        if let Some(blocks) = self.blocks_of_body(object) {
             return Cow::Owned(blocks);
         }
         Cow::Borrowed(self.blocks_of_particles(object))

@@ -127,11 +127,6 @@ impl Frame {
         list.sort_unstable();
     }
 
-    /// Notes that an object could not be followed through the frame in the way it is modelled, and will be in another.
-    pub fn take_back(&mut self) {
-        self.rollbacks += 1;
-    }
-
     /// Makes it a frame in which nothing happens but that `left_domain` is reported.
     pub fn stop(&mut self) {
         *self = Self {
@@ -232,7 +227,7 @@ impl World {
             if !self.state.particles.groups.is_empty() {
                 self.meet_as_spheres(frame);
                 self.segment(frame);
-            } else if self.has_bodies() || self.has_affine() {
+            } else if self.has_bodies() {
                 self.bodies_alone(frame);
             } else {
                 break;
@@ -243,7 +238,6 @@ impl World {
             .map(|(before, now)| frame.length + before - now)
             .collect();
         self.keep_up();
-        self.move_affine();
         self.take_out_bodies(frame);
         let laws = self.laws(0.0);
         limit_shapes(self.isa, &mut self.state.particles, &laws, frame.length);
@@ -256,7 +250,7 @@ impl World {
         let substep = self.substep(frame, dt);
         self.move_bodies(&substep, Fields::default());
         frame.accept(dt, Limit::FRAME);
-        frame.timings.grid += start.elapsed().as_secs_f64();
+        frame.timings.bodies += start.elapsed().as_secs_f64();
     }
 
     /// Takes substeps until velocities must be written out: the frame ends, particles drifted too far from

@@ -1,9 +1,6 @@
 //! The scene at time 0 as particles in blocks.
 
-use super::{
-    State, Workspace, World, error::MAX_CELLS, fidelity::Standing, published::Published,
-    stand_in::STEADY,
-};
+use super::{State, Workspace, World, error::MAX_CELLS, fidelity::Standing, published::Published};
 use crate::{
     colliders::approach::half_spacing,
     expression::GRADIENT_STEP,
@@ -41,9 +38,8 @@ impl World {
             paths: vec![None; scene.colliders.len()],
             pins: vec![None; scene.objects.len()],
             rigid: vec![],
-            affine: vec![],
             pressing: vec![],
-            standing: scene.objects.iter().map(first_standing).collect(),
+            standing: vec![Standing::default(); scene.objects.len()],
             episodes: Default::default(),
             momentum: vec![[0.0; 3]; scene.objects.len()],
         };
@@ -161,14 +157,6 @@ impl World {
             self.scene.domain.min.map(|x| inside(cells(x) - slack)),
             self.scene.domain.max.map(|x| inside(cells(x) + slack)),
         ]
-    }
-}
-
-/// How an object stands at time 0: one that may be affine has been free for long enough already.
-fn first_standing(object: &Object) -> Standing {
-    match object.fidelity {
-        Fidelity::Affine => Standing::steady_for(STEADY),
-        _ => Standing::default(),
     }
 }
 

@@ -1,6 +1,5 @@
 //! `World`: a scene in motion on the fast solver.
 
-mod affine;
 mod bodies;
 mod boundary_checks;
 mod checkpoint;
@@ -17,9 +16,9 @@ mod nodes;
 mod outside;
 mod pace;
 mod passes;
+mod pieces;
 mod published;
 mod settling;
-mod shape_match;
 mod spheres;
 mod stand_in;
 mod time_step;
@@ -34,11 +33,7 @@ pub use error::WorldError;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    bodies::{
-        affine::{Affine, Bulk},
-        engine::Remembered,
-        shape::Shape,
-    },
+    bodies::{engine::Remembered, shape::Shape},
     colliders::{
         Boundaries, Paths, Substep,
         rules::{Pins, Rules},
@@ -53,7 +48,6 @@ use crate::{
     scene::{Part, Pose, Scene},
     simd::Isa,
 };
-use affine::AffineObject;
 use bodies::Rigid;
 use fidelity::Standing;
 use frame::Frame;
@@ -74,10 +68,10 @@ pub struct World {
     solids: Boundaries,
     /// How far every particle of the scene reaches from its centre, as colliders see it [cells].
     half_spacings: Vec<f64>,
+    /// Per part the stretch from which on it may tear.
+    bridged: Vec<f64>,
     /// Shapes of bodies, per object; those of objects without a body mean nothing.
     shapes: Vec<Option<Shape>>,
-    /// What never changes of affine objects, per object; of others none.
-    bulks: Vec<Option<Bulk>>,
     rules: Rules,
     state: State,
     workspace: Workspace,
@@ -124,8 +118,6 @@ struct State {
     pins: Pins,
     /// Bodies, per object.
     rigid: Vec<Option<Rigid>>,
-    /// Affine objects, per object.
-    affine: Vec<Option<AffineObject>>,
     /// Forces between bodies, and colliders, in the latest substep.
     pressing: Vec<Remembered>,
     /// How every object is modelled.
@@ -150,10 +142,8 @@ struct Workspace {
     prescribed: Vec<f64>,
     /// Smallest and largest block index.
     extent: [[i32; 3]; 2],
-    /// Where affine objects are when the frame ends, per object.
-    flown: Vec<Option<Affine>>,
-    /// Energy that affine objects lost when their matter came back since the latest frame [J].
-    lost: f64,
+    /// Objects that were stretched by as much as tears them, see [`pieces`]; empty while none was.
+    strained: Vec<bool>,
     /// Velocities at the end of the segment, until it is accepted.
     motion: Vec<Motion>,
     /// Pairs of bodies, and colliders behind the last of them, in contact after the latest substep.
@@ -192,11 +182,11 @@ impl World {
         let mut world = Self {
             isa,
             parts: scene.parts(),
+            bridged: pieces::bridged(&scene, &scene.parts()),
             half_spacings: half_spacings(&scene),
             boundaries: Boundaries::new(&scene, scene.dx),
             solids: Boundaries::new(&scene, 1.0),
             shapes: vec![],
-            bulks: vec![],
             rules: Rules::new(&scene, scene.dx),
             mass_unit: 1.0,
             state: State::default(),
@@ -254,7 +244,6 @@ impl World {
         let (particles, carrier) = (&self.state.particles, self.state.carrier);
         self.published.update(particles, carrier, self.scene.dx);
         self.publish_bodies();
-        self.publish_affine();
     }
 
     /// The latest report; before the first step that of the initial state, step 0.
@@ -332,13 +321,13 @@ impl World {
             let bodies = bodies_of(id, &self.parts, &self.state.materials);
             let mut state = match before.get(id) {
                 Some(old) if self.state.sleeps(id) => *old,
-                _ => match self.body_state(id).or_else(|| self.affine_state(id)) {
+                _ => match self.body_state(id) {
                     Some(state) => state,
                     None => object_moments(&arrays, &bodies, self.scene.dx),
                 },
             };
-            state.level = self.level(id);
-            let whole = self.mass_of_body(id) + self.mass_of_affine(id);
+            state.level = self.level(id, state.mass);
+            let whole = self.mass_of_body(id);
             let kicked = frame.kicked.get(id).copied().unwrap_or(0.0);
             // What left with particles that were taken out is no contact.
             let kept = match before.get(id) {
@@ -368,6 +357,7 @@ impl World {
         report.contacts = ended.iter().map(|e| nodes::episode(e, unit, dx)).collect();
         (report.linear_momentum, report.angular_momentum) = total_momentum(&report.objects);
         report.state_hash = hash::state_hash(&self.published, &self.state);
+        report.torn = self.torn(|id| report.objects[id].level);
         report
     }
 }

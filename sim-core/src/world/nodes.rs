@@ -11,6 +11,7 @@ use crate::{
     colliders::edge::tell_edges,
     contact::{Closed, Meeting, Wish, meet},
     grid::{
+        anchors::Anchors,
         approach::{Acting, approaches},
         node_pass,
     },
@@ -41,6 +42,14 @@ impl World {
         let active = active.filter(|node| !clocks[node.field as usize].waits);
         frame.work.grid_nodes += NODES * active.count() as u64;
         let scene = &self.scene;
+        let anchors = Anchors::new(
+            &self.state.particles,
+            &self.rules,
+            &self.state.pins,
+            substep,
+            &self.workspace.concerned,
+            grid.nodes.len(),
+        );
         let acting = Acting {
             boundaries: &boundaries,
             moving: &moving,
@@ -51,6 +60,7 @@ impl World {
                 &clocks,
             ),
             tell_edges: &tell_edges,
+            anchors: &anchors,
             clocks: &clocks,
         };
         let fastest = node_pass(self.isa, grid, &acting, &transfers);
@@ -79,8 +89,10 @@ impl World {
             clocks: &clocks,
             tell_edges: &tell_edges,
         };
-        let relative = larger(met.largest, self.move_bodies(&substep, fields));
         frame.timings.contact += start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let relative = larger(met.largest, self.move_bodies(&substep, fields));
+        frame.timings.bodies += start.elapsed().as_secs_f64();
         let fold = |m: f32, u: f64| m.max(u.abs() as f32);
         let given = relative + carrier.into_iter().fold(0.0, fold);
         self.state.grid_speed = frame.pace.fastest(larger(fastest, given)).into();

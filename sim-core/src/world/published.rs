@@ -2,12 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::{
-    affine::AffineObject,
-    bodies::{Member, Rigid, attitude, turned},
-};
+use super::bodies::{Rigid, attitude, turned};
 use crate::{
-    mat3::{Mat3, cross},
+    mat3::cross,
     moments::ParticleArrays,
     particles::{NO_PARTICLE, Particles, position_in_cells},
     scene::{Fidelity, Scene},
@@ -18,17 +15,6 @@ use crate::{
 const TASK: usize = 8;
 /// Particles of a body per task at least.
 const MEMBERS: usize = 1024;
-
-/// One motion of many particles.
-struct Carried {
-    /// Centre of mass [m] and its velocity [m/s].
-    com: [f64; 3],
-    velocity: [f64; 3],
-    /// Where members are about it, from their places.
-    map: Mat3<f64>,
-    /// Velocity gradient, row-major [1/s].
-    gradient: [f32; 9],
-}
 
 /// Arrays in scene order.
 #[derive(Clone, Debug, Default)]
@@ -184,41 +170,8 @@ impl Published {
     pub fn update_body(&mut self, rigid: &Rigid, spin: [f64; 3], dx: f64) {
         let body = &rigid.body;
         let [x, y, z] = spin.map(|w| w as f32);
-        let carried = Carried {
-            com: body.com,
-            map: attitude(body),
-            velocity: body.velocity,
-            gradient: [0.0, -z, y, z, 0.0, -x, -y, x, 0.0],
-        };
-        self.update_members(&rigid.members, &carried, |arm| cross(spin, arm), dx);
-    }
-
-    /// Writes the particles of an affine object.
-    pub fn update_affine(&mut self, affine: &AffineObject, dx: f64) {
-        let different = |m: &Member| m.visible != m.elastic;
-        if self.elastic.is_empty() && affine.members.iter().any(different) {
-            self.elastic.clone_from(&self.deformation);
-        }
-        let motion = &affine.motion;
-        let w = motion.gradient();
-        let carried = Carried {
-            com: motion.com,
-            map: motion.map(),
-            velocity: motion.velocity,
-            gradient: std::array::from_fn(|n| w.0[n / 3][n % 3] as f32),
-        };
-        self.update_members(&affine.members, &carried, |arm| w.mul_vec(arm), dx);
-    }
-
-    /// Writes particles that one motion carries; `orbit` is the velocity about its centre of mass at an arm from there, all
-    /// in SI units.
-    fn update_members(
-        &mut self,
-        members: &[Member],
-        carried: &Carried,
-        orbit: impl Fn([f64; 3]) -> [f64; 3] + Sync,
-        dx: f64,
-    ) {
+        let gradient = [0.0, -z, y, z, 0.0, -x, -y, x, 0.0];
+        let map = attitude(body);
         let cells = Shared::new(&mut self.cells);
         let position = Shared::new(&mut self.position);
         let velocity = Shared::new(&mut self.velocity);
@@ -227,22 +180,23 @@ impl Published {
         let deformation = Shared::new(&mut self.deformation);
         let elastic = Shared::new(&mut self.elastic);
         let memory = Shared::new(&mut self.memory);
-        members.par_iter().with_min_len(MEMBERS).for_each(|member| {
-            let arm = carried.map.mul_vec(member.place);
-            let at: [f64; 3] = std::array::from_fn(|a| carried.com[a] + arm[a]);
-            let orbit = orbit(arm);
-            let v = std::array::from_fn(|a| (carried.velocity[a] + orbit[a]) as f32);
+        let members = rigid.members.par_iter().with_min_len(MEMBERS);
+        members.for_each(|member| {
+            let arm = map.mul_vec(member.place);
+            let at: [f64; 3] = std::array::from_fn(|a| body.com[a] + arm[a]);
+            let orbit = cross(spin, arm);
+            let v = std::array::from_fn(|a| (body.velocity[a] + orbit[a]) as f32);
             let id = member.id as usize;
-            // SAFETY: a particle is in a body or an affine object once.
+            // SAFETY: a particle is in one body once.
             unsafe {
                 cells.set(id, at.map(|x| x / dx));
                 position.set(id, at.map(|x| x as f32));
                 velocity.set(id, v);
-                affine.set(id, carried.gradient);
-                deformation.set(id, turned(&carried.map, &member.visible));
+                affine.set(id, gradient);
+                deformation.set(id, turned(&map, &member.visible));
                 memory.set(id, member.memory);
                 if apart {
-                    elastic.set(id, turned(&carried.map, &member.elastic));
+                    elastic.set(id, turned(&map, &member.elastic));
                 }
             }
         });

@@ -10,13 +10,13 @@ use super::{
 use crate::{
     mat3::{dot, length},
     materials::Material,
-    particles::{BLOCK, Block},
+    particles::BLOCK,
     report::ObjectState,
     scene::{Fidelity, Part},
 };
 
-/// How long an object must have kept its shape before a body stands in for it, and been free before it is affine [s].
-pub(super) const STEADY: f64 = 0.1;
+/// How long an object must have kept its shape before a body stands in for it [s].
+const STEADY: f64 = 0.1;
 
 impl World {
     /// Whether the particles of a part are joined to a body.
@@ -47,9 +47,8 @@ impl World {
         }
     }
 
-    /// Gives an object its matter back, if a body stands in for it, rigid or affine.
+    /// Gives an object its matter back, if a body stands in for it.
     pub(super) fn bring_back(&mut self, object: usize) {
-        self.loosen_affine(object);
         let standing = &mut self.state.standing[object];
         (standing.steady, standing.shape) = (0.0, vec![]);
         if standing.stand_in.take().is_some() {
@@ -78,11 +77,7 @@ impl World {
 
     /// Whether an object may touch another, or a boundary, within two frames.
     pub(super) fn meets_something(&self, object: usize, frame: &Frame) -> bool {
-        self.is_met(object, &self.blocks_of(object), frame)
-    }
-
-    /// The same of an object in these blocks.
-    pub(super) fn is_met(&self, object: usize, blocks: &[Block], frame: &Frame) -> bool {
+        let blocks = &*self.blocks_of(object);
         let reach = self.reach_of(object, frame.length);
         let Some([min, max]) = extent(blocks) else {
             return false;

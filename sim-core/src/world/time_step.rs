@@ -101,9 +101,7 @@ impl World {
         let needed = (length / (self.scene.cfl * at_rest)).ceil() as u64;
         let rigid = self.state.rigid.iter().flatten();
         let rigid: usize = rigid.map(|rigid| rigid.members.len()).sum();
-        let affine = self.state.affine.iter().flatten();
-        let affine: usize = affine.map(|affine| affine.members.len()).sum();
-        (self.state.live + rigid + affine) as u64 * needed.max(u64::from(substeps))
+        (self.state.live + rigid) as u64 * needed.max(u64::from(substeps))
     }
 
     /// Whether a part has particles that are not for show alone.
@@ -117,10 +115,7 @@ impl World {
     /// Whether a part has particles that move.
     pub(super) fn is_simulated(&self, part: usize) -> bool {
         let object = self.parts[part].object;
-        self.has_particles(part)
-            && !self.is_joined(part)
-            && self.state.affine[object].is_none()
-            && !self.state.sleeps(object)
+        self.has_particles(part) && !self.is_joined(part) && !self.state.sleeps(object)
     }
 
     fn critical_dt(&self, part: usize, bounds: &DeformationBounds) -> f64 {

@@ -1,11 +1,11 @@
 //! Bodies alone: shapes, flight, impacts, resting contact.
 
-mod affine;
 mod cylinders;
 mod flight;
 mod impacts;
 mod resting;
 mod shapes;
+mod splats;
 
 use super::{
     body::Body,
@@ -144,6 +144,7 @@ impl Stage {
             damping: 0.0,
             walls: &walls,
             surface: &|_, _| surface,
+            friction: &|_| None,
         };
         let mut actors: Vec<Actor<'_>> = (0..self.bodies.len())
             .map(|n| Actor {

@@ -84,7 +84,7 @@ fn a_flat_bottom_is_found_wherever_its_lattice_lies() {
         let matter = lattice(shift, |x| x[2] > bottom);
         let base = [0, 0, bottom.round() as i32];
         let found = line(base, [0.0, 0.0, 1.0], f64::from(base[2]) - bottom, |at| {
-            mass_of(&matter, at)
+            matter.matter(at)
         });
         worst = worst.max(found.abs());
     }
@@ -102,12 +102,10 @@ fn a_slanting_bottom_is_found_at_the_node_and_not_a_cell_and_a_half_beside_it() 
         let above = |x: [f64; 3]| cos * (x[2] - 0.3) - sin * x[0] > 0.0;
         let matter = lattice(shift, above);
         // Height of matter above the plane z = 0 at the node, the mean over the spline being that in its middle.
-        let found = line([0; 3], [0.0, 0.0, 1.0], 0.0, |at| mass_of(&matter, at));
+        let found = line([0; 3], [0.0, 0.0, 1.0], 0.0, |at| matter.matter(at));
         worst = worst.max((found - 0.3).abs());
         // The same surface and a plane parallel to it.
-        let found = line([0; 3], [-sin, 0.0, cos], 0.3 * cos, |at| {
-            mass_of(&matter, at)
-        });
+        let found = line([0; 3], [-sin, 0.0, cos], 0.3 * cos, |at| matter.matter(at));
         worst = worst.max((found - 0.6 * cos).abs());
     }
     // Steps of half a cell, averaged. The nearest particle is 1.5 tan 24 = 0.67 cells lower.
@@ -163,11 +161,11 @@ fn no_node_is_looked_at_beyond_the_reach() {
 #[test]
 fn what_is_too_thin_to_tell_leaves_it_to_the_nearest_particle() {
     let film = lattice([0.0; 3], |x| x[2] > 0.0 && x[2] < 0.5);
-    let found = line([0; 3], [0.0, 0.0, 1.0], 0.0, |at| mass_of(&film, at));
+    let found = line([0; 3], [0.0, 0.0, 1.0], 0.0, |at| film.matter(at));
     assert_eq!(gap(-0.02, found), -0.02);
     let nothing = Masses(BTreeMap::new());
     assert_eq!(
-        line([0; 3], [0.0, 0.0, 1.0], 0.0, |at| mass_of(&nothing, at)),
+        line([0; 3], [0.0, 0.0, 1.0], 0.0, |at| nothing.matter(at)),
         f64::INFINITY
     );
 }

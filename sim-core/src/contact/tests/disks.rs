@@ -56,7 +56,7 @@ fn collide(method: ContactMethod, n: usize, requested: Option<f64>) -> Rebound {
         scene.objects[id].linear_velocity = [v, v, 0.0];
         scene.objects[id].surface = ContactSurface {
             restitution: requested,
-            friction: 0.0,
+            friction: Some(0.0),
         };
     }
     // Every node is inside this wall: nothing moves along z.

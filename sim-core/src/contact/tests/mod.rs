@@ -5,6 +5,7 @@ mod bits;
 mod closed;
 mod disks;
 mod frames;
+mod held;
 mod pairs;
 mod separation;
 mod stacks;

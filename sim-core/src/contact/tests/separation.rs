@@ -16,7 +16,7 @@ fn kept(method: ContactMethod, gap: f64, velocity: [f64; 3]) -> f64 {
             0.5 * dx,
             [20, 20, 6],
         );
-        scene.objects[id].surface.friction = 0.0;
+        scene.objects[id].surface.friction = Some(0.0);
         scene.objects[id].linear_velocity = velocity.map(|v| 0.5 * sign * v);
     }
     let mut world = World::new(scene).expect("valid scene");

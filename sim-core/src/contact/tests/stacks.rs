@@ -60,7 +60,7 @@ fn a_block_slides_on_a_held_block_as_coulomb_says() {
     add_box(&mut scene, stiff(), [-0.3, -0.3, 0.0], 0.05, [28, 12, 6]);
     let slider = add_box(&mut scene, stiff(), [-0.2, -0.2, 0.3], 0.05, [8, 8, 4]);
     for object in &mut scene.objects {
-        object.surface.friction = mu;
+        object.surface.friction = Some(mu);
     }
     scene.objects[slider].linear_velocity = [1.0, 0.0, 0.0];
     add_plane(

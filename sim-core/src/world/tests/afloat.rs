@@ -33,7 +33,7 @@ fn tank(dx: f64) -> Scene {
     };
     add_box(&mut scene, wood, [-0.15, 0.31, -0.15], 0.5 * dx, [12; 3]);
     for object in &mut scene.objects {
-        object.surface.friction = 0.0;
+        object.surface.friction = Some(0.0);
     }
     scene
 }
@@ -87,8 +87,8 @@ fn hit(dx: f64, wall: bool) -> (f64, f64) {
             ..elastic(Law::Rigid, 0.0, 0.0)
         };
         let id = add_box(&mut scene, heavy, [-0.3, -0.3, -0.3], 0.05, [6, 12, 12]);
-        scene.objects[id].surface.friction = 0.5;
-        scene.objects[0].surface.friction = 0.5;
+        scene.objects[id].surface.friction = Some(0.5);
+        scene.objects[0].surface.friction = Some(0.5);
     }
     scene.objects[0].fidelity = Fidelity::Mpm;
     let mut world = World::new(scene).expect("valid");

@@ -117,7 +117,7 @@ fn a_cube_comes_to_rest_on_every_shape_and_weighs_what_it_weighs() {
         let mut scene = cube(0.05);
         scene.gravity = [0.0, 0.0, -9.81];
         scene.colliders.push(Collider {
-            friction: 0.5,
+            friction: Some(0.5),
             ..Collider::fixed(name, shape, pose, Surface::Separate)
         });
         let mut world = World::new(scene).expect("valid scene");
@@ -156,7 +156,7 @@ fn slide_down(shape: &ColliderShape, top: f64) -> [f64; 2] {
     scene.objects[0].linear_velocity = [1.0, 0.0, 0.0];
     let pose = Pose::at([0.0, 0.0, top]);
     scene.colliders.push(Collider {
-        friction,
+        friction: Some(friction),
         ..Collider::fixed("slope", shape.clone(), pose, Surface::Separate)
     });
     let mut world = World::new(scene).expect("valid scene");
@@ -341,7 +341,7 @@ fn the_fortieth_collider_acts_as_if_it_were_alone() {
             };
             let pose = Pose::at([1.5 * (i % 7.0), 1.5 * (i / 7.0).trunc(), -0.5]);
             scene.colliders.push(Collider {
-                friction: 0.3,
+                friction: Some(0.3),
                 ..Collider::fixed(&format!("block {n}"), shape, pose, Surface::Separate)
             });
         }
@@ -370,7 +370,7 @@ fn a_mesh_box_acts_like_a_box() {
             (ColliderShape::Box { half_extents }, -0.3)
         };
         scene.colliders.push(Collider {
-            friction: 0.3,
+            friction: Some(0.3),
             ..Collider::fixed("table", shape, Pose::at([0.0, 0.0, z]), Surface::Separate)
         });
         let mut world = World::new(scene).expect("valid scene");

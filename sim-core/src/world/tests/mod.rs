@@ -1,21 +1,21 @@
 //! Laws and stories of the fast solver.
 
-mod affine;
 mod afloat;
 mod boundaries;
 mod coherence;
 mod damping;
 mod fields;
+mod frictions;
 mod laws;
 mod materials;
 mod pace;
+mod pieces;
 mod resting;
 mod rigid;
 mod robustness;
 mod rolling;
 mod rules;
 mod settling;
-mod shape_match;
 mod sleep;
 mod spheres;
 mod stand_in;

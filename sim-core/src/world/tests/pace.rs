@@ -22,7 +22,7 @@ fn add(scene: &mut Scene, stiff: bool, fidelity: Fidelity, centre: [f64; 3]) -> 
     let corner = centre.map(|x| x - 0.5 * EDGE);
     let id = add_box(scene, matter, corner, 0.5 * DX, [12; 3]);
     scene.objects[id].fidelity = if stiff { Fidelity::Mpm } else { fidelity };
-    scene.objects[id].surface.friction = 0.3;
+    scene.objects[id].surface.friction = Some(0.3);
     id
 }
 

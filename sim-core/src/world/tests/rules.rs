@@ -32,10 +32,13 @@ fn cube() -> Scene {
 fn upper_quarter() -> Selection {
     Selection {
         object: Some(0),
-        region: Some(Region::Box(crate::scene::Aabb {
-            min: [-1.0, -1.0, 0.3],
-            max: [1.0; 3],
-        })),
+        region: Some(Region::Box(
+            crate::scene::Aabb {
+                min: [-1.0, -1.0, 0.3],
+                max: [1.0; 3],
+            }
+            .into(),
+        )),
     }
 }
 
@@ -299,7 +302,7 @@ fn busy() -> (Scene, Vec<(usize, Action)>) {
         half_extents: [0.3, 0.3, 0.004],
     };
     scene.colliders.push(Collider {
-        friction: 0.2,
+        friction: Some(0.2),
         restitution: 0.3,
         motion: crate::scene::ColliderMotion::Velocity {
             linear: [0.0, 0.1, 0.2],
@@ -318,7 +321,7 @@ fn busy() -> (Scene, Vec<(usize, Action)>) {
     });
     let ball = ColliderShape::Sphere { radius: 0.25 };
     scene.colliders.push(Collider {
-        friction: 0.4,
+        friction: Some(0.4),
         ..Collider::fixed("ball", ball, Pose::at([0.3, 0.1, -0.4]), Surface::Slip)
     });
     scene.conditions.impulses = vec![RegionImpulse {

@@ -3,6 +3,8 @@
 use super::*;
 use crate::{
     command::{Action, CommandError},
+    notices::Notices,
+    report::Level,
     scene::Aabb,
 };
 
@@ -128,10 +130,24 @@ fn leaving_the_domain_is_an_event() {
         object: 0,
         impulse: [1.0; 3],
     };
-    assert_eq!(
-        world.check(&push),
-        Err(CommandError::StaticObject { object: 0 })
+    let refused = CommandError::NothingLeft {
+        object: 0,
+        particles: count,
+    };
+    assert_eq!(world.check(&push), Err(refused));
+    assert_eq!(world.report().objects[0].level, Level::Gone);
+    let mut notices = Notices::new(world.scene());
+    let said = notices.of(world.scene(), world.report());
+    assert!(
+        said.len() == 1 && said[0].contains("nothing is left of object"),
+        "{said:?}"
     );
+    let report = world.step(1.0 / 60.0, &[]);
+    let again = notices.of(world.scene(), &report);
+    assert!(again.is_empty(), "{again:?}");
+    // A reset brings it back.
+    world.step(1.0 / 60.0, &[command(1, Action::Reset)]);
+    assert_eq!(world.report().objects[0].level, Level::Mpm);
 }
 
 #[test]

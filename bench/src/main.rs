@@ -1,0 +1,110 @@
+//! `cosplat bench`: measurements, in a program of their own beside `cosplat`.
+//!
+//! Scenes are run by this very program: a figure never comes from another build than the one that prints it.
+
+mod chart;
+mod fidelity;
+mod kernel;
+mod machine;
+mod page;
+mod physgaussian;
+mod precision;
+mod scenes;
+mod stability;
+mod table1;
+mod transport;
+mod trial;
+mod validate;
+
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use anyhow::bail;
+use clap::{Parser, Subcommand};
+use cosplat::{child, progress, signals};
+
+/// Measure this machine, and hold the solver against known answers.
+#[derive(Parser)]
+#[command(name = "cosplat bench", version, propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    Documents(Documents),
+    Fidelity(fidelity::Args),
+    Kernel(kernel::Args),
+    Physgaussian(physgaussian::Args),
+    Precision(precision::Args),
+    Scenes(scenes::Args),
+    Stability(stability::Args),
+    Table1(table1::Args),
+    Transport(transport::Args),
+    Validate(validate::Args),
+    // What measurements start as processes of their own.
+    #[command(hide = true)]
+    Ctl(cosplat::ctl::Args),
+    #[command(hide = true)]
+    Record(cosplat::record::Args),
+    #[command(hide = true)]
+    Serve(cosplat::serve::Args),
+    #[command(hide = true)]
+    Simulate(cosplat::simulate::Args),
+}
+
+/// Validate, map stability and chart precision at full size, and write all their pages.
+#[derive(clap::Args)]
+struct Documents {
+    /// Folder of `validation.md`, `stability.md` and `precision.md`.
+    #[arg(default_value = "docs")]
+    folder: PathBuf,
+}
+
+/// What cannot be measured does not keep the rest from being written.
+fn documents(folder: &Path) -> anyhow::Result<()> {
+    let failed: Vec<String> = [
+        (
+            "validate",
+            validate::run(&validate::Args::documents(folder)),
+        ),
+        (
+            "stability",
+            stability::run(&stability::Args::documents(folder)),
+        ),
+        (
+            "precision",
+            precision::run(&precision::Args::documents(folder)),
+        ),
+    ]
+    .into_iter()
+    .filter_map(|(name, result)| Some(format!("bench {name}: {:#}", result.err()?)))
+    .collect();
+    if !failed.is_empty() {
+        bail!("{}", failed.join("\n"));
+    }
+    Ok(())
+}
+
+fn main() -> ExitCode {
+    cosplat::start_logging();
+    cosplat::exit_code(match Cli::parse().what {
+        What::Documents(args) => documents(&args.folder),
+        What::Fidelity(args) => fidelity::run(&args),
+        What::Kernel(args) => kernel::run(&args),
+        What::Physgaussian(args) => physgaussian::run(&args),
+        What::Precision(args) => precision::run(&args),
+        What::Scenes(args) => scenes::run(&args),
+        What::Stability(args) => stability::run(&args),
+        What::Table1(args) => table1::run(&args),
+        What::Transport(args) => transport::run(&args),
+        What::Validate(args) => validate::run(&args),
+        What::Ctl(args) => cosplat::ctl::run(&args),
+        What::Record(args) => cosplat::record::run(&args),
+        What::Serve(args) => cosplat::serve::run(&args),
+        What::Simulate(args) => cosplat::simulate::run(&args),
+    })
+}

@@ -1,0 +1,147 @@
+//! `cosplat bench` measures what it says, and its figures agree with each other.
+
+use std::process::Command;
+
+use serde_json::Value;
+
+/// The JSON objects that `cosplat bench` prints, one per line.
+fn bench(arguments: &[&str]) -> Vec<Value> {
+    let output = Command::new(env!("CARGO_BIN_EXE_cosplat-bench"))
+        .args(arguments)
+        .output()
+        .expect("cosplat runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    String::from_utf8_lossy(&output.stdout)
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("one JSON object per line"))
+        .collect()
+}
+
+#[test]
+fn the_transport_bench_reports_every_path() {
+    let lines = bench(&["transport", "--rounds", "10", "--json"]);
+    let [report] = lines.as_slice() else {
+        panic!("expected one JSON object, found {}", lines.len());
+    };
+    let number = |value: &Value| {
+        value
+            .as_f64()
+            .filter(|v| *v > 0.0)
+            .expect("a positive number")
+    };
+    let sizes = report["sizes"].as_array().expect("sizes");
+    let bytes: Vec<u64> = sizes.iter().filter_map(|s| s["bytes"].as_u64()).collect();
+    assert_eq!(bytes, [64, 1 << 20, 16 << 20]);
+    for size in sizes {
+        for path in ["in_place", "memcpy", "unix_socket"] {
+            let latency = &size[format!("{path}_us")];
+            assert!(number(&latency["p50"]) <= number(&latency["p99"]));
+            if path != "in_place" {
+                let ratio = number(&latency["p50"]) / number(&size["in_place_us"]["p50"]);
+                let reported = number(&size[format!("{path}_over_in_place")]);
+                assert!((ratio / reported - 1.0).abs() < 1e-9);
+            }
+        }
+    }
+    assert!(number(&report["ping_64_bytes_us"]["p50"]) > 0.0);
+    assert!(number(&report["write_in_place_gb_per_s"]) > 0.0);
+}
+
+#[test]
+fn the_kernel_bench_compares_solver_yardstick_and_reference() {
+    let lines = bench(&[
+        "kernel",
+        "--materials",
+        "neo_hookean,fluid",
+        "--particles",
+        "4096",
+        "--threads",
+        "1,2",
+        "--rounds",
+        "3",
+        "--json",
+    ]);
+    assert_eq!(lines.len(), 4);
+    for line in &lines {
+        assert_eq!(line["particles"], 4096);
+        let shares = ["sort", "particles", "grid"].map(|phase| line["phases"][phase].as_f64());
+        let sum: f64 = shares.into_iter().flatten().sum();
+        // Each is a median over rounds of its own.
+        assert!((0.8..1.2).contains(&sum), "{line}");
+        for key in [
+            "mparticle_substeps_per_s",
+            "yardstick",
+            "ratio",
+            "reference",
+        ] {
+            let [q1, median, q3] = ["q1", "median", "q3"].map(|q| line[key][q].as_f64());
+            assert!(
+                q1 > Some(0.0) && q1 <= median && median <= q3,
+                "{key}: {line}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_scene_bench_accounts_for_the_time_of_a_scene() {
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/falling_block.toml");
+    let lines = bench(&[
+        "scenes",
+        scene,
+        "--duration",
+        "0.1",
+        "--threads",
+        "1",
+        "--json",
+    ]);
+    let [line] = lines.as_slice() else {
+        panic!("expected one JSON object, found {}", lines.len());
+    };
+    let number = |key: &str| line[key].as_f64().expect("a number");
+    assert!(number("updates") > 0.0 && number("substeps") > 0.0);
+    let speed = number("updates") / number("seconds");
+    assert!(
+        (speed / number("updates_per_s") - 1.0).abs() < 1e-9,
+        "{line}"
+    );
+    let ratio = speed / number("kernel_updates_per_s");
+    assert!(
+        (ratio / number("ratio_to_kernel") - 1.0).abs() < 1e-9,
+        "{line}"
+    );
+    let shares = line["phases"].as_object().expect("phases");
+    let sum: f64 = shares.values().filter_map(Value::as_f64).sum();
+    // Phases do not overlap; what is between them is little.
+    assert!(sum <= 1.0 && sum > 0.5, "{line}");
+    assert!(number("allocations_per_substep") >= 0.0);
+}
+
+/// The bar is suddenly pulled, so that its fronts are steep: its error falls faster than at first order, not quite at second.
+#[test]
+fn the_precision_bench_shows_that_finer_grids_cost_more_and_err_less() {
+    let lines = bench(&["precision", "--quick", "--case", "bar", "--json"]);
+    let of = |setting: &str| {
+        let line = lines.iter().find(|line| line["setting"] == setting);
+        let line = line.unwrap_or_else(|| panic!("{setting} is missing: {lines:?}"));
+        let number = |key: &str| line[key].as_f64().expect("a number");
+        [
+            number("error"),
+            number("particle_updates_per_simulated_second"),
+        ]
+    };
+    let (coarse, draft, default) = (
+        of("cells per object 8"),
+        of("quality preset draft"),
+        of("default"),
+    );
+    assert!(coarse[1] < draft[1] && draft[1] < default[1], "cost");
+    // Half the cells; first order makes it 2, second 4; measured 3.01 and 0.94 %.
+    let ratio = coarse[0] / default[0];
+    assert!((2.5..4.2).contains(&ratio), "{ratio}");
+    assert!(draft[0] > default[0], "error");
+    assert!(lines.iter().all(|line| line.get("failed").is_none()));
+    let command = lines[0]["command"].as_str().expect("a command");
+    assert!(command.starts_with("cosplat simulate scenes/precision/bar.toml"));
+}

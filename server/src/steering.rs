@@ -1,0 +1,208 @@
+//! Permission to step: pauses, resumptions and the end, now or from a later step on.
+
+/// An order to the server itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Control {
+    /// Stop stepping.
+    Pause,
+    /// Step again.
+    Resume,
+    /// Shut down.
+    Stop,
+}
+
+/// What the server does next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Permission {
+    /// The next step.
+    Step,
+    /// Nothing, until somebody resumes it.
+    Wait,
+    /// It ends.
+    End,
+}
+
+/// An order that waits for its step; fields in the order of application.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Scheduled {
+    /// Step at whose start it takes effect.
+    pub step: u64,
+    /// Who gave it.
+    pub client: u64,
+    /// The sender's running number.
+    pub sequence: u64,
+    /// What to do.
+    pub control: Control,
+}
+
+/// Whether the server may step.
+#[derive(Debug, Default)]
+pub struct Steering {
+    paused: bool,
+    stopped: bool,
+    /// In the order of application.
+    later: Vec<Scheduled>,
+}
+
+impl Steering {
+    /// Nothing ordered yet.
+    pub fn new(paused: bool) -> Steering {
+        Steering {
+            paused,
+            ..Steering::default()
+        }
+    }
+
+    /// What all orders until now come to.
+    pub fn permission(&self) -> Permission {
+        match (self.stopped, self.paused) {
+            (true, _) => Permission::End,
+            (false, true) => Permission::Wait,
+            (false, false) => Permission::Step,
+        }
+    }
+
+    /// Orders that wait for their step.
+    pub fn waiting(&self) -> usize {
+        self.later.len()
+    }
+
+    /// Takes an order; `next_step` is the first step still to come.
+    ///
+    /// # Errors
+    /// A sentence when a server that is paused would have to reach a later step to be resumed.
+    pub fn order(&mut self, order: Scheduled, next_step: u64) -> Result<(), String> {
+        if order.control == Control::Resume
+            && let Some(halt) = self.halts_before(order.step, next_step)
+        {
+            return Err(format!(
+                "step {} never comes while the server is paused before step {halt}: resume it at step {halt}",
+                order.step
+            ));
+        }
+        if order.step <= next_step {
+            self.obey(order.control);
+        } else {
+            let place = self.later.partition_point(|other| *other < order);
+            self.later.insert(place, order);
+        }
+        Ok(())
+    }
+
+    /// The step before which the server stands still for ever, as far as it is known, and so never reaches `step`.
+    fn halts_before(&self, step: u64, next_step: u64) -> Option<u64> {
+        let mut halt = self.paused.then_some(next_step);
+        for order in self.later.iter().take_while(|order| order.step < step) {
+            if halt.is_some_and(|halt| halt < order.step) {
+                break;
+            }
+            halt = match order.control {
+                Control::Pause => Some(order.step),
+                Control::Resume | Control::Stop => None,
+            };
+        }
+        halt.filter(|halt| *halt < step)
+    }
+
+    /// Obeys what is due before `next_step`.
+    pub fn reach(&mut self, next_step: u64) {
+        let due = self.later.partition_point(|order| order.step <= next_step);
+        for order in self.later.drain(..due).collect::<Vec<_>>() {
+            self.obey(order.control);
+        }
+    }
+
+    /// Suspends stepping: something happened that somebody has to look at.
+    pub fn pause(&mut self) {
+        self.paused = true;
+    }
+
+    fn obey(&mut self, control: Control) {
+        match control {
+            Control::Pause => self.paused = true,
+            Control::Resume => self.paused = false,
+            Control::Stop => self.stopped = true,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Permission::{End, Step, Wait};
+
+    /// Permission before each of the steps 1 to 9, with `orders` given before step 1: step, client, sequence, order.
+    fn run(paused: bool, orders: &[(u64, u64, u64, Control)]) -> Vec<Permission> {
+        let mut steering = Steering::new(paused);
+        for &(step, client, sequence, control) in orders {
+            let order = Scheduled {
+                step,
+                client,
+                sequence,
+                control,
+            };
+            steering.order(order, 1).expect("taken");
+        }
+        let before = |next_step| {
+            steering.reach(next_step);
+            steering.permission()
+        };
+        (1..=9).map(before).collect()
+    }
+
+    #[test]
+    fn orders_act_at_their_step_and_not_before() {
+        let permissions = run(
+            false,
+            &[(8, 1, 2, Control::Stop), (4, 1, 1, Control::Pause)],
+        );
+        assert_eq!(permissions[..3], [Step; 3]);
+        assert_eq!(permissions[3..7], [Wait; 4]);
+        assert_eq!(permissions[7..], [End; 2]);
+        assert_eq!(run(true, &[(1, 1, 1, Control::Resume)]), [Step; 9]);
+    }
+
+    #[test]
+    fn orders_of_one_step_act_by_client_and_sequence() {
+        let (pause, resume) = (Control::Pause, Control::Resume);
+        assert_eq!(
+            run(false, &[(4, 1, 2, resume), (4, 1, 1, pause)]),
+            [Step; 9]
+        );
+        let paused = run(false, &[(4, 2, 1, pause), (4, 1, 7, resume)]);
+        assert_eq!((paused[2], paused[3]), (Step, Wait));
+    }
+
+    #[test]
+    fn a_resumption_that_cannot_come_is_refused() {
+        let order = |step, control| Scheduled {
+            step,
+            client: 1,
+            sequence: step,
+            control,
+        };
+        let mut paused = Steering::new(true);
+        let refused = paused.order(order(20, Control::Resume), 5);
+        let said = refused.expect_err("step 20 never comes");
+        assert!(
+            said.contains("step 20") && said.contains("step 5"),
+            "{said}"
+        );
+        // With a resumption before, it comes; with a pause between, it does not.
+        let mut steering = Steering::new(true);
+        steering.order(order(5, Control::Resume), 5).expect("taken");
+        steering.order(order(9, Control::Pause), 5).expect("taken");
+        steering.order(order(9, Control::Resume), 5).expect("taken");
+        let said = steering.order(order(20, Control::Pause), 5);
+        said.expect("a pause may always come");
+        steering
+            .order(order(30, Control::Resume), 5)
+            .expect_err("halted at 20");
+        steering
+            .order(order(20, Control::Resume), 5)
+            .expect("at 20 it can");
+        steering
+            .order(order(30, Control::Resume), 5)
+            .expect("and then at 30");
+    }
+}

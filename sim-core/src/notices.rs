@@ -1,0 +1,76 @@
+//! What happens to objects in a run that people should hear of, and hear of once.
+
+use crate::{
+    materials::limits::bridged_stretch,
+    report::{Level, StepReport},
+    scene::Scene,
+};
+
+/// Remembers what was said.
+#[derive(Clone, Debug)]
+pub struct Notices {
+    objects: Vec<Said>,
+    /// Simulated time of the latest report [s].
+    time: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Said {
+    is_gone: bool,
+    is_torn: bool,
+}
+
+impl Notices {
+    /// Of a run of this scene of which nothing has been said yet.
+    pub fn new(scene: &Scene) -> Self {
+        Self {
+            objects: vec![Said::default(); scene.objects.len()],
+            time: 0.0,
+        }
+    }
+
+    /// Sentences about what a report of the scene's run says first: an object of which nothing is left, or one that fell
+    /// apart. After a reset they may be said again.
+    pub fn of(&mut self, scene: &Scene, report: &StepReport) -> Vec<String> {
+        let mut sentences = Vec::new();
+        let time = report.sim_time;
+        if time < self.time {
+            self.objects.fill(Said::default());
+        }
+        self.time = time;
+        let objects = self.objects.iter_mut().zip(&report.objects);
+        for ((said, state), object) in objects.zip(&scene.objects) {
+            let is_gone = state.level == Level::Gone;
+            if is_gone && !said.is_gone {
+                sentences.push(format!(
+                    "nothing is left of object `{}` at {time:.3} s: its {} particles left the domain or were frozen",
+                    object.name,
+                    object.particles.len()
+                ));
+            }
+            said.is_gone = is_gone;
+        }
+        for torn in &report.torn {
+            let (Some(said), Some(object)) = (
+                self.objects.get_mut(torn.object),
+                scene.objects.get(torn.object),
+            ) else {
+                continue;
+            };
+            if std::mem::replace(&mut said.is_torn, true) {
+                continue;
+            }
+            let volumes = &scene.particles.volume[object.particles.clone()];
+            let per_cell = volumes.len() as f64 * scene.dx.powi(3) / volumes.iter().sum::<f64>();
+            sentences.push(format!(
+                "object `{}` is torn at {time:.3} s: it is in {} pieces, {:.2} % of it is not in the largest. Its law does not \
+                 tear: it was stretched by more than its {per_cell:.0} particles per cell bridge, about {:.1}",
+                object.name,
+                torn.pieces,
+                100.0 * torn.apart,
+                bridged_stretch(per_cell)
+            ));
+        }
+        sentences
+    }
+}

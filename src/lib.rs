@@ -1,0 +1,94 @@
+//! The `cosplat` command line, one file per subcommand; a library, so that benchmarks run scenes by the same code.
+
+mod bench;
+pub mod child;
+pub mod ctl;
+mod demo;
+mod explain;
+mod import;
+pub mod output;
+pub mod progress;
+pub mod record;
+mod recover;
+mod seconds;
+pub mod serve;
+pub mod signals;
+pub mod simulate;
+mod view;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Physics in 3D Gaussian Splatting scenes: one process simulates, others watch, record and push over shared
+/// memory.
+#[derive(Parser)]
+#[command(version, propagate_version = true)]
+struct Cli {
+    /// Process that started this one: they end together.
+    #[arg(long, value_name = "PID", hide = true)]
+    parent: Option<i32>,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Bench(bench::Args),
+    Ctl(ctl::Args),
+    Demo(demo::Args),
+    Explain(explain::Args),
+    Import(import::Args),
+    Record(record::Args),
+    Recover(recover::Args),
+    Serve(serve::Args),
+    Simulate(simulate::Args),
+    View(view::Args),
+}
+
+/// The program `cosplat`: reads its command line and does what it says.
+pub fn main() -> ExitCode {
+    start_logging();
+    let cli = Cli::parse();
+    let bound = cli.parent.map_or(Ok(()), signals::end_with);
+    let prepared = signals::outlive_full_files().and(bound);
+    exit_code(prepared.and_then(|()| match cli.command {
+        Command::Bench(args) => bench::run(&args),
+        Command::Ctl(args) => ctl::run(&args),
+        Command::Demo(args) => demo::run(&args),
+        Command::Explain(args) => explain::run(&args),
+        Command::Import(args) => import::run(&args),
+        Command::Record(args) => record::run(&args),
+        Command::Recover(args) => recover::run(&args),
+        Command::Serve(args) => serve::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
+        Command::View(args) => view::run(&args),
+    }))
+}
+
+/// Sends log lines to standard error, those that `COSPLAT_LOG` asks for; warnings without.
+pub fn start_logging() {
+    tracing_subscriber::fmt()
+        .with_env_filter(
+            tracing_subscriber::EnvFilter::try_from_env("COSPLAT_LOG")
+                .unwrap_or_else(|_| "warn".into()),
+        )
+        .with_writer(std::io::stderr)
+        // A warning that nobody reads any more must not panic about it.
+        .log_internal_errors(false)
+        .init();
+}
+
+/// Prints what went wrong. The code is 0 for success, 2 for input that has to change first, 1 for all else.
+pub fn exit_code(outcome: anyhow::Result<()>) -> ExitCode {
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            note!("error: {error:#}");
+            // Like a wrong command line: the input has to change before another try makes sense.
+            let bad_input = error.is::<cosplat_server::load::LoadError>()
+                || error.is::<cosplat_physgaussian::files::ImportError>();
+            ExitCode::from(if bad_input { 2 } else { 1 })
+        }
+    }
+}

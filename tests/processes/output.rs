@@ -1,0 +1,199 @@
+//! What commands say, that it makes sense, and that they live on when nobody listens.
+
+use std::process::{Command, Stdio};
+
+use rustix::process::{Pid, Resource, Rlimit, prlimit};
+
+use crate::stage::{Process, SMALL_SCENE, Stage, has_bytes, wait_for_status, watchdog};
+
+/// An output that nobody reads.
+fn closed() -> Stdio {
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    writer.into()
+}
+
+/// Starts a command of which nobody reads a word.
+fn unheard(stage: &Stage, arguments: &[&str]) -> Process {
+    Process::start_with(stage.cosplat(arguments), closed(), closed())
+}
+
+#[test]
+fn commands_live_on_when_nobody_reads_what_they_print() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    std::fs::write(stage.path("scene.toml"), SMALL_SCENE).expect("writable");
+    std::fs::create_dir(stage.path("kept")).expect("writable");
+    let mut server = unheard(
+        &stage,
+        &[
+            "serve",
+            "scene.toml",
+            "--paused",
+            "--duration=0.1",
+            "--checkpoints=kept",
+            "--json",
+        ],
+    );
+    let client = stage.client();
+    let mut recorder = unheard(&stage, &["record", "-o", "run.mcap"]);
+    let mut viewer = unheard(&stage, &["view", "--png", "pictures", "--size", "64x48"]);
+    wait_for_status(&client, |s| s.frame_readers >= 2);
+    // A checkpoint that has no place is something to warn of.
+    std::fs::remove_dir(stage.path("kept")).expect("empty");
+    unheard(&stage, &["ctl", "checkpoint", "--timeout", "1"]).wait();
+    for words in [
+        &["ctl", "list"][..],
+        &["ctl", "list", "--json"],
+        &["ctl", "status"],
+        &["ctl", "status", "--json"],
+        &["explain", "scene.toml"],
+        &["explain", "scene.toml", "--json"],
+        &["simulate", "scene.toml", "--duration", "0.02"],
+        &["ctl", "resume"],
+    ] {
+        let status = unheard(&stage, words).wait();
+        assert_eq!(status.code(), Some(0), "{words:?}");
+    }
+    for process in [&mut server, &mut recorder, &mut viewer] {
+        assert_eq!(process.wait().code(), Some(0));
+    }
+    let status = unheard(&stage, &["recover", "run.mcap"]).wait();
+    assert_eq!(status.code(), Some(0));
+    assert!(has_bytes(&stage.path("run.recovered.mcap")));
+    // How the work went is still told.
+    let status = unheard(&stage, &["ctl", "pause", "--timeout", "0"]).wait();
+    assert_eq!(status.code(), Some(1), "no server any more");
+}
+
+#[test]
+fn times_that_no_clock_tells_are_refused_in_a_sentence() {
+    let stage = Stage::new();
+    std::fs::write(stage.path("scene.toml"), SMALL_SCENE).expect("writable");
+    for words in [
+        &["view", "--png", "pictures", "--timeout"][..],
+        &["record", "-o", "run.mcap", "--wait"],
+        &["record", "-o", "run.mcap", "--duration"],
+        &["ctl", "status", "--timeout"],
+        &["serve", "scene.toml", "--duration"],
+        &["simulate", "scene.toml", "--duration"],
+        &["demo", "--duration"],
+    ] {
+        for time in ["1e19", "NaN", "inf", "-1", "soon"] {
+            let mut words = words.to_vec();
+            let last = format!("{}={time}", words.pop().expect("an option"));
+            words.push(&last);
+            let output = stage.cosplat(&words).output().expect("it runs");
+            let said = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
+            assert!(said.contains("number of seconds"), "{words:?}: {said}");
+        }
+    }
+}
+
+/// What stands more than once in a sentence of causes.
+fn repeated(sentence: &str) -> Option<&str> {
+    let parts: Vec<&str> = sentence.split(": ").map(str::trim).collect();
+    let is_again = |(i, part): (usize, &&str)| part.len() > 8 && parts[..i].contains(part);
+    let found = parts
+        .iter()
+        .enumerate()
+        .find(|&(i, part)| is_again((i, part)));
+    found.map(|(_, part)| *part)
+}
+
+#[test]
+fn an_error_names_its_cause_once() {
+    let _watchdog = watchdog();
+    let said = "error: cannot read a.toml: no such file: no such file";
+    assert_eq!(repeated(said), Some("no such file"));
+    let stage = Stage::new();
+    let _server = stage.serve(&["--paused"]);
+    let file = |name: &str, text: &str| std::fs::write(stage.path(name), text).expect("writable");
+    file("text", "no recording, no script, no checkpoint");
+    let asset = "[[objects]]\nname = \"vase\"\nasset = \"vase\"\nmaterial = \"jelly\"\n";
+    let head = "version = 1\nname = \"a\"\n[[assets]]\nname = \"vase\"\npath = \"nowhere.ply\"\n";
+    file("assets.toml", &format!("{head}{asset}"));
+    for (words, cause) in [
+        (&["explain", "nowhere.toml"][..], "No such file"),
+        (&["explain", "assets.toml"], "No such file"),
+        (
+            &["simulate", "nowhere.toml", "--duration", "1"],
+            "No such file",
+        ),
+        (&["serve", "nowhere.toml"], "No such file"),
+        (
+            &["serve", "scene.toml", "--restore", "nowhere"],
+            "No such file",
+        ),
+        (&["serve", "scene.toml", "--restore", "text"], "checkpoint"),
+        (&["recover", "nowhere.mcap"], "No such file"),
+        (&["recover", "text"], "not an MCAP file"),
+        (&["record", "-o", "nowhere/run.mcap"], "No such file"),
+        (&["view", "--png", "text/pictures"], "Not a directory"),
+        (&["view", "--mp4", "text/run.mp4"], "File exists"),
+        (&["ctl", "script", "nowhere.toml"], "No such file"),
+        (&["ctl", "script", "text"], "expected"),
+        (&["ctl", "push", "nobody", "0", "0", "1"], "nobody"),
+        (&["import", "nowhere.json", "nowhere"], "No such file"),
+        (&["demo", "--splat", "nowhere.ply"], "nowhere.ply"),
+    ] {
+        let output = stage.cosplat(words).output().expect("it runs");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success(), "{words:?}");
+        assert!(said.contains(cause), "{words:?}: {said}");
+        let error = said.split("error: ").last().unwrap_or_default();
+        assert_eq!(repeated(error), None, "{words:?}: {said}");
+    }
+}
+
+#[test]
+fn a_limit_of_file_sizes_ends_a_recording_in_a_sentence() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let _server = stage.serve(&["--paused", "--pace", "free"]);
+    let client = stage.client();
+    let mut recorder = Process::start(stage.cosplat(&["record", "-o", "run.mcap"]));
+    wait_for_status(&client, |s| s.frame_readers >= 1);
+    while !stage.path("run.mcap").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let pid = Pid::from_raw(recorder.id() as i32);
+    let limit = Rlimit {
+        current: Some(1 << 16),
+        maximum: Some(1 << 16),
+    };
+    prlimit(pid, Resource::Fsize, limit).expect("a child's limits can be set");
+    assert!(stage.ctl(&["resume"]).status.success());
+    let status = recorder.wait();
+    let said = recorder.words();
+    assert_eq!(status.code(), Some(1), "{status}: {said}");
+    assert!(said.contains("File too large"), "{said}");
+    assert!(said.contains("cosplat recover"), "{said}");
+}
+
+#[test]
+fn recover_takes_no_memory_for_what_a_damaged_length_claims() {
+    let stage = Stage::new();
+    let record = |opcode: u8, body: &[u8]| {
+        let length = (body.len() as u64).to_le_bytes();
+        [&[opcode][..], &length, body].concat()
+    };
+    let magic = b"\x89MCAP0\r\n";
+    let header = record(1, &[0; 8]);
+    // A metadata record whose name claims to have 2^31 bytes.
+    let metadata = record(12, &[&(1_u32 << 31).to_le_bytes()[..], b"name"].concat());
+    let bytes = [&magic[..], &header, &metadata].concat();
+    std::fs::write(stage.path("bad.mcap"), bytes).expect("writable");
+    let program = stage.cosplat(&[]);
+    let output = Command::new("sh")
+        // In KiB: program and threads fit, and less than that name besides.
+        .args(["-c", "ulimit -v 1500000 && exec \"$0\" recover bad.mcap"])
+        .arg(program.get_program())
+        .current_dir(stage.path("."))
+        .output()
+        .expect("a shell");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{}: {said}", output.status);
+    assert!(has_bytes(&stage.path("bad.recovered.mcap")));
+}
