@@ -13,7 +13,7 @@
 //!
 //! That is of second order in the cell size. Nodes at rest in the plane and behind it are not: the layer next to the
 //! boundary is strained by three quarters of what it should be, and a bar that is held so is 0.19 cells longer
-//! (`docs/decisions/0015-walls-of-second-order.md`).
+//! (`docs/decisions/0009-contact.md`).
 //!
 //! A surface that lets go holds nodes back in one direction only: the two behind may not move inwards faster than in that
 //! proportion, `v_i >= eta_i / eta v`. What forces alone would give a line is moved to the nearest by mass of all that obey

@@ -10,7 +10,7 @@
 //!
 //! of the mass of one inside, `N` being the spline, so that its mass tells the height: of all the matter that reaches
 //! it, averaged. The sum over a lattice of particles is that integral but for two percent
-//! (`docs/decisions/0017-where-matter-ends.md`).
+//! (`docs/decisions/0009-contact.md`).
 //!
 //! Only matter that keeps its shape and has one density is looked at so. Where a line of nodes is nowhere inside, in
 //! films and grains, the nearest particle decides as before: matter never ends nearer than it.
