@@ -7,13 +7,17 @@ use std::{
 
 use cosplat_ipc::schema::FRAME_FLAG_LAST;
 
-use crate::stage::{PATIENCE, Process, SMALL_SCENE, Stage, has_bytes, next_frame, watchdog};
+use crate::stage::{
+    PATIENCE, Process, SMALL_SCENE, Stage, has_bytes, next_frame, wait_for_readers, watchdog,
+};
 
-/// What the renderer has drawn.
+/// What the renderer has drawn; not what it is writing just now, which has another name.
 fn pictures(stage: &Stage) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(stage.path("pictures"));
     let paths = entries.into_iter().flatten().flatten().map(|e| e.path());
-    paths.collect()
+    paths
+        .filter(|path| path.extension().is_some_and(|e| e == "png"))
+        .collect()
 }
 
 /// Whether a picture is of step 0.
@@ -43,8 +47,13 @@ fn clients_carry_on_after_the_server_was_killed_and_restarted() {
     let mut renderer = Process::start(stage.cosplat(&[
         "view", "--mp4", "run.mp4", "--png", "pictures", "--size", "160x120", "--json",
     ]));
-    crate::stage::wait_for_status(&client, |s| s.frame_readers >= 3);
+    wait_for_readers(&client, 3, &mut [&mut recorder, &mut renderer]);
     wait_for_picture(&stage, &mut renderer);
+    // The recorder makes its file when it has the scene.
+    while !stage.path("run.mcap").exists() {
+        assert!(recorder.is_running(), "{}", recorder.words());
+        std::thread::sleep(Duration::from_millis(10));
+    }
     assert!(stage.ctl(&["resume"]).status.success());
     while next_frame(&mut frames).header().step < 10 {}
     first.kill();
@@ -57,7 +66,7 @@ fn clients_carry_on_after_the_server_was_killed_and_restarted() {
         &["--paused", "--duration", "0.5"],
     );
     let observer = stage.client();
-    crate::stage::wait_for_status(&observer, |s| s.frame_readers >= 3);
+    wait_for_readers(&observer, 3, &mut [&mut recorder, &mut renderer]);
     while !next_frame(&mut frames).is_new_run() {}
     let scene = client.scene(PATIENCE).expect("the new scene is readable");
     assert!(scene.source().contains("two blocks again"));

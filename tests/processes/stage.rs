@@ -160,6 +160,25 @@ pub fn wait_for_status(client: &Client, wanted: impl Fn(&Status) -> bool) -> Sta
     }
 }
 
+/// Waits until `count` readers of frames are attached, which `processes` belong to: the words of one that ended are the
+/// failure.
+pub fn wait_for_readers(client: &Client, count: u32, processes: &mut [&mut Process]) {
+    let mut reader = client.status().expect("status is readable");
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        let status = reader
+            .next(Duration::from_millis(100))
+            .expect("status is well-formed");
+        if status.is_some_and(|s| s.frame_readers >= count) {
+            return;
+        }
+        for process in &mut *processes {
+            assert!(process.is_running(), "{}", process.words());
+        }
+        assert!(Instant::now() < deadline, "last status: {status:?}");
+    }
+}
+
 /// The next frame, or a failure.
 pub fn next_frame(reader: &mut FrameReader) -> Frame {
     reader
