@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn transfers_grow_with_the_particles_and_pairs_with_the_square_of_the_objects() {
+    fn transfers_grow_with_particles_and_pairs_with_objects_squared() {
         let few = count("com_sphere", &many_bodies("com_sphere", 3)).expect("counted");
         let many = count("com_sphere", &many_bodies("com_sphere", 6)).expect("counted");
         assert_eq!(many.particles, 2 * few.particles);

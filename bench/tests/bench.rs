@@ -119,8 +119,9 @@ fn the_scene_bench_accounts_for_the_time_of_a_scene() {
 }
 
 /// The bar is suddenly pulled, so that its fronts are steep: its error falls faster than at first order, not quite at second.
+/// As the precision bench shows.
 #[test]
-fn the_precision_bench_shows_that_finer_grids_cost_more_and_err_less() {
+fn finer_grids_cost_more_and_err_less() {
     let lines = bench(&["precision", "--quick", "--case", "bar", "--json"]);
     let of = |setting: &str| {
         let line = lines.iter().find(|line| line["setting"] == setting);

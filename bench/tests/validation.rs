@@ -25,8 +25,9 @@ fn holds(case: &str) {
     }
 }
 
+/// And not above.
 #[test]
-fn few_particles_are_stable_below_the_closed_form_limit_and_not_above() {
+fn few_particles_are_stable_up_to_the_closed_form_limit() {
     holds("cluster");
 }
 

@@ -352,8 +352,9 @@ mod tests {
 
     use super::*;
 
+    /// The longest that leaves room for them works.
     #[test]
-    fn a_root_that_leaves_no_room_for_sockets_is_refused_and_the_longest_works() {
+    fn a_root_too_long_for_sockets_is_refused() {
         let prefix = "cosplat_test_".to_string();
         let root = |length: usize| {
             let start = format!("/tmp/cplen{}", std::process::id());

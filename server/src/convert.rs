@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn materials_of_every_law_arrive_with_their_parameters_and_region() {
+    fn materials_of_every_law_arrive_with_parameters_and_region() {
         for (n, law) in LAWS.iter().enumerate() {
             let parameters = [0.25, 1.5, 2.0, 0.0];
             let command = wire::Command {

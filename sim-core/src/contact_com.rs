@@ -105,8 +105,9 @@ mod tests {
         }
     }
 
+    /// Of the paper's equations (2) to (6).
     #[test]
-    fn the_pairs_common_velocity_is_the_wrong_reading_of_the_equations() {
+    fn the_pairs_common_velocity_is_the_wrong_reading() {
         // Equation (5) and (6) with the velocity of the pair's centre of mass in place of the object's own.
         let e = 0.0;
         let [a, b] = pair();

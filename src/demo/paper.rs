@@ -241,8 +241,9 @@ pub fn with_contact(text: &str, method: &str) -> String {
 mod tests {
     use super::*;
 
+    /// Replaced where there is one, added where there is none.
     #[test]
-    fn the_contact_method_is_replaced_where_there_is_one_and_added_where_there_is_none() {
+    fn the_contact_method_is_replaced_or_added() {
         let bare = "version = 1\ndx = 1\n[[objects]]\ncontact = 3\n";
         let once = with_contact(bare, "single_field");
         assert_eq!(

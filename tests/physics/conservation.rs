@@ -78,8 +78,9 @@ fn assert_closed(run: &Run, tolerance: f64) {
     }
 }
 
+/// Over ten thousand substeps.
 #[test]
-fn a_spinning_colliding_pair_keeps_its_momentum_over_ten_thousand_substeps() {
+fn a_spinning_colliding_pair_keeps_its_momentum() {
     let run = simulate(COLLISION, 2.52, &[]);
     assert!(run.substeps() >= 1e4, "{} substeps", run.substeps());
     // They met: the left one lost some of its speed.

@@ -66,8 +66,9 @@ fn acceleration(friction: f64) -> f64 {
     G * (sin - friction * cos)
 }
 
+/// As Coulomb says.
 #[test]
-fn a_block_slides_as_coulomb_says_when_friction_is_too_weak_to_hold_it() {
+fn a_block_slides_when_friction_is_too_weak_to_hold_it() {
     let friction = tan(15.0);
     // With its weight on, taken up before time 0. Measured: 1.3e-4 of the speed and 1.0e-3 of the distance, of which the way
     // down meanwhile, 5 mm at the acceleration over the damping, is most.

@@ -62,8 +62,9 @@ fn a_restored_server_goes_on_as_if_nothing_had_happened() {
     }
 }
 
+/// With a reason; foreign ones are those of another scene.
 #[test]
-fn checkpoints_of_another_scene_and_damaged_ones_are_refused_with_a_reason() {
+fn foreign_and_damaged_checkpoints_are_refused() {
     let _watchdog = watchdog();
     let stage = Stage::new();
     let mut server = stage.serve(&["--paused"]);

@@ -303,8 +303,9 @@ fn hash_with(commands: &[(&str, wire::Command)], expected_status: u32) -> String
     result["state_hash"].as_str().expect("a hash").to_owned()
 }
 
+/// With a reason.
 #[test]
-fn malformed_commands_are_refused_with_a_reason_and_change_nothing() {
+fn malformed_commands_are_refused_and_change_nothing() {
     let _watchdog = watchdog();
     let untouched = hash_with(&[], ACK_REFUSED);
     assert_eq!(hash_with(&malformed(), ACK_REFUSED), untouched);

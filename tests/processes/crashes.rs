@@ -79,7 +79,7 @@ fn with_every_step_watched(stage: &Stage, story: impl FnOnce(&dyn Fn())) {
 }
 
 #[test]
-fn clients_killed_while_holding_a_frame_do_not_disturb_the_steps() {
+fn clients_killed_with_a_frame_do_not_disturb_the_steps() {
     let _watchdog = watchdog();
     let stage = Stage::new();
     let _server = stage.serve(&[]);

@@ -54,8 +54,9 @@ fn a_stop_command_ends_the_session_cleanly() {
     ends_cleanly(|stage, _| assert!(stage.ctl(&["stop"]).status.success()));
 }
 
+/// One of the same session name.
 #[test]
-fn a_second_server_of_the_same_name_is_refused_with_the_first_ones_pid() {
+fn a_second_server_is_refused_with_the_first_ones_pid() {
     let _watchdog = watchdog();
     let stage = Stage::new();
     let _server = stage.serve(&["--paused"]);

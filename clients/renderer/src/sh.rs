@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn turning_the_view_direction_back_equals_rotating_the_coefficients() {
+    fn turning_the_view_back_equals_rotating_the_coefficients() {
         let rotation = Quat::from_euler(glam::EulerRot::XYZ, 0.7, -1.1, 2.3);
         let own: Vec<f32> = (0..48)
             .map(|k| ((k * 37 + 11) % 23) as f32 / 23.0 - 0.5)

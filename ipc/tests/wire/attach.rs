@@ -11,8 +11,9 @@ use cosplat_ipc::{
 
 use super::support::{COUNT, PATIENCE, SOURCE, TestDomain, TestScene, send_frame, serve};
 
+/// Though the server is idle.
 #[test]
-fn a_late_joiner_on_an_idle_server_gets_the_scene_and_the_newest_frame() {
+fn a_late_joiner_gets_the_scene_and_the_newest_frame() {
     let domain = TestDomain::new();
     let ports = serve(&domain, "late");
     for step in 1..=5 {

@@ -83,8 +83,9 @@ fn commands_and_answers_make_the_round_trip() {
     assert_eq!(seen[0].1.vector, [1.0, 2.0, 3.0]);
 }
 
+/// Unseen, that is without an effect.
 #[test]
-fn a_flood_of_requests_is_bounded_and_abandoned_ones_are_dropped_unseen() {
+fn a_flood_is_bounded_and_abandoned_requests_are_dropped() {
     let domain = TestDomain::new();
     let mut ports = serve(&domain, "flood");
     let client = Client::connect(&domain, "flood", "test", PATIENCE).expect("attached");
@@ -131,8 +132,9 @@ fn too_many_commands_are_refused_before_they_are_sent() {
     assert_eq!(outcome, Err(expected));
 }
 
+/// For early and for late readers.
 #[test]
-fn every_applied_command_is_in_the_journal_once_for_early_and_late_readers() {
+fn every_applied_command_is_in_the_journal_once() {
     let domain = TestDomain::new();
     let mut ports = serve(&domain, "journal");
     let client = Client::connect(&domain, "journal", "test", PATIENCE).expect("attached");

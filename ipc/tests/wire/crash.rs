@@ -154,8 +154,9 @@ fn a_full_pool_is_said_and_recovers_when_the_stuck_reader_dies() {
     assert_eq!(frame.header().step, 1000);
 }
 
+/// Servers and clients.
 #[test]
-fn servers_and_clients_killed_while_they_start_leave_the_session_usable() {
+fn processes_killed_as_they_start_leave_the_session_usable() {
     let domain = TestDomain::new();
     // Starting takes some tens of milliseconds: the kills fall into all of its parts.
     for delay in (0..60).step_by(4) {
@@ -258,8 +259,9 @@ fn leave_unfinished(domain: &TestDomain, suffix: &str, is_empty: bool) -> usize 
     count
 }
 
+/// As a process leaves it that is killed.
 #[test]
-fn shared_memory_that_a_killed_process_left_unfinished_holds_nobody_up() {
+fn unfinished_shared_memory_holds_nobody_up() {
     for (suffix, is_empty) in [
         (".global_mgmt", true),
         (".global_mgmt", false),

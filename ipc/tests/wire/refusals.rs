@@ -142,8 +142,9 @@ fn a_second_server_is_refused_and_told_who_serves() {
     ServerPorts::create(&domain, "taken", &plan).expect("a server");
 }
 
+/// And which sessions are there.
 #[test]
-fn without_a_server_the_sentence_says_how_to_start_one_and_what_is_there() {
+fn without_a_server_the_sentence_says_how_to_start_one() {
     let domain = TestDomain::new();
     let error = refusal(&domain, "nobody").to_string();
     assert!(
@@ -227,8 +228,9 @@ fn another_layout_under_the_same_version_is_said() {
     );
 }
 
+/// One that another release of iceoryx2 made.
 #[test]
-fn a_service_that_this_iceoryx2_cannot_read_is_said_with_its_release() {
+fn an_unreadable_service_is_said_with_its_release() {
     let domain = TestDomain::new();
     let _ports = serve(&domain, "old");
     // What another release leaves: files that ours does not understand, and a mark with its version.

@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn restitution_gives_back_its_part_and_friction_is_charged_for_both_halves() {
+    fn restitution_gives_back_e_and_friction_counts_both_halves() {
         let bouncy = contact(Surface::Separate, 0.5, 0.25);
         // 0.5 x (1 + 0.25) x 2 = 1.25 off the tangential speed 5.
         let after = bouncy.resolve([3.0, 4.0, -2.0], UP);

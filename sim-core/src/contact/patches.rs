@@ -157,8 +157,9 @@ mod tests {
         }
     }
 
+    /// And another patch its own.
     #[test]
-    fn a_flat_patch_over_two_blocks_has_one_normal_and_another_patch_its_own() {
+    fn a_flat_patch_over_two_blocks_has_one_normal() {
         // Nodes 60..64 of one block end at its upper face along x; 12..16 of the next begin there.
         let mut sites = Sites {
             sites: vec![

@@ -302,7 +302,7 @@ mod tests {
     use crate::test_scenes::random;
 
     #[test]
-    fn gradients_of_a_row_are_those_of_its_nodes_one_by_one_to_the_bit() {
+    fn gradients_of_a_row_are_those_of_its_nodes_to_the_bit() {
         const ACROSS: [f64; 3] = [1.0, 2.0, 1.0];
         let mut seed = 3;
         let masses = std::array::from_fn(|_| (random(&mut seed).max(0.0) * 2.0) as f32);

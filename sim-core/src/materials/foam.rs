@@ -135,8 +135,9 @@ mod tests {
         }
     }
 
+    /// For any step.
     #[test]
-    fn stress_relaxes_to_the_yield_stress_without_overshoot_for_any_step() {
+    fn stress_relaxes_to_the_yield_stress_without_overshoot() {
         for exponent in [1.0, 0.6] {
             for dt in [1e-6, 1e-3, 1.0, 1e3] {
                 let (law, k) = foam(1e3, 40.0, exponent);

@@ -248,8 +248,9 @@ mod tests {
         largest / tiny
     }
 
+    /// And not beyond.
     #[test]
-    fn an_isolated_particle_is_stable_up_to_the_critical_step_and_not_beyond() {
+    fn a_lone_particle_is_stable_up_to_the_critical_step() {
         let swelling = Mat3::identity();
         let laws = [
             (Law::FixedCorotated, 0.0),

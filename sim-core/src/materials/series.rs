@@ -141,8 +141,9 @@ mod tests {
         (random.rotation(), d.map(|x| x * size / largest))
     }
 
+    /// From the bound of the series on.
     #[test]
-    fn logarithm_keeps_its_digits_from_the_bound_down_to_tiny_strains() {
+    fn logarithm_keeps_its_digits_down_to_tiny_strains() {
         let mut random = Random::new(21);
         for case in 0..6_000 {
             let size = [0.115, 1e-2, 1e-4, 1e-7][case % 4];
@@ -162,8 +163,9 @@ mod tests {
         }
     }
 
+    /// From the bound of the series on.
     #[test]
-    fn exponential_keeps_its_digits_from_the_bound_down_to_tiny_strains() {
+    fn exponential_keeps_its_digits_down_to_tiny_strains() {
         let mut random = Random::new(22);
         for case in 0..6_000 {
             let size = [0.132, 1e-2, 1e-4, 1e-7][case % 4];

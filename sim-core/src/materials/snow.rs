@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn compression_hardens_and_stretching_softens_by_the_exponential_law() {
+    fn compression_hardens_and_stretching_softens_exponentially() {
         for total in [0.98, 0.95, 0.8, 0.7, 1.005, 1.05, 1.3] {
             for steps in [1, 10, 300] {
                 let (expected, found) = stretched(total, steps);

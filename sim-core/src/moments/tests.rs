@@ -126,8 +126,9 @@ fn solid_ball_has_its_radius_as_effective_radius() {
     assert_close(&[state.mass], &[4.0 / 3.0 * std::f64::consts::PI], 2.5e-3);
 }
 
+/// From those of its flight.
 #[test]
-fn spinning_disc_keeps_its_spin_energy_and_momentum_apart_from_its_flight() {
+fn a_flying_disc_keeps_its_spin_energy_and_momentum_apart() {
     let omega = [0.0, 3.0, 0.0];
     let inside = |r: [f64; 3]| r[0] * r[0] + r[2] * r[2] < 1.0 && r[1].abs() < 0.1;
     let v = [5.0, 0.0, -1.0];

@@ -169,8 +169,9 @@ fn labels(index: usize) -> [u32; 3] {
     [u32::MAX - index as u32, 0x7f80_0001, index as u32]
 }
 
+/// To the bit.
 #[test]
-fn labels_come_back_bit_by_bit_and_nothing_is_written_beyond_the_scene() {
+fn labels_come_back_and_nothing_is_written_beyond_the_scene() {
     // The larger one is written past the caches.
     for count in [100, STREAMED / size_of::<GaussianPose>() + 5] {
         let scene = scene(count);

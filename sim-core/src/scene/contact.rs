@@ -119,8 +119,9 @@ mod tests {
         test_scenes::{add_box, elastic, empty},
     };
 
+    /// And a rule for it comes first.
     #[test]
-    fn a_pair_has_one_surface_in_either_order_and_a_rule_comes_first() {
+    fn a_pair_has_one_surface_in_either_order() {
         let mut scene = empty(0.1);
         for friction in [0.1, DEFAULT_FRICTION, 0.9] {
             let material = elastic(Law::NeoHookean, 1e5, 0.3);

@@ -442,8 +442,9 @@ mod tests {
         }
     }
 
+    /// With the same bits.
     #[test]
-    fn a_restored_world_goes_on_with_the_same_bits_where_the_substep_changes() {
+    fn a_restored_world_goes_on_where_the_substep_changes() {
         let mut world = World::new(scene()).expect("valid scene");
         let long = world.step(1.0 / 60.0, &[]);
         let bytes = world.checkpoint();

@@ -488,7 +488,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_one_way_counts_whole_and_so_does_a_slow_swing_as_it_turns() {
+    fn drift_counts_whole_and_so_does_a_slow_swing_as_it_turns() {
         let frame = 1.0 / 64.0;
         let creep = |t: f64| t / 0.25;
         assert!(rests(creep, frame, 1.0, 1.01) && !rests(creep, frame, 1.0, 0.99));

@@ -110,8 +110,9 @@ fn top(height: &[(f64, f64)], speed: &[(f64, f64)]) -> anyhow::Result<f64> {
 mod tests {
     use super::*;
 
+    /// At the times of frames.
     #[test]
-    fn an_impact_is_held_against_finite_elements_at_the_times_of_frames() {
+    fn an_impact_is_held_against_finite_elements() {
         let known = impact();
         // Every frame of 0.35 s, and the start.
         assert_eq!(known.len(), 22);

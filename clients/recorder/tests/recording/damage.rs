@@ -157,7 +157,7 @@ fn a_killed_writer_loses_no_finished_chunk() {
 
 /// Finishing a chunk takes several writes; a kill may come between any two.
 #[test]
-fn a_writer_killed_while_it_finishes_a_chunk_loses_nothing_of_it() {
+fn a_writer_killed_as_it_finishes_a_chunk_loses_nothing() {
     let bench = Bench::new(Compression::None);
     let summary = mcap::Summary::read(&bench.bytes).unwrap().unwrap();
     let chunk = &summary.chunk_indexes[2];
@@ -186,8 +186,9 @@ fn a_writer_killed_while_it_finishes_a_chunk_loses_nothing_of_it() {
     }
 }
 
+/// It is detected.
 #[test]
-fn a_flipped_bit_in_a_frame_is_detected_and_costs_its_chunk_only() {
+fn a_flipped_bit_in_a_frame_costs_its_chunk_only() {
     for compression in [Compression::None, Compression::Lz4, Compression::Zstd] {
         let bench = Bench::new(compression);
         let frames = frames_of(&bench.bytes);

@@ -166,7 +166,7 @@ fn record_while(
 }
 
 #[test]
-fn every_step_of_a_session_is_recorded_with_its_commands_and_objects() {
+fn every_step_is_recorded_with_its_commands_and_objects() {
     let domain = TestDomain::new();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
@@ -293,10 +293,10 @@ fn a_server_started_anew_is_followed_into_the_same_file() {
 /// Names domain and first step to the child process that serves.
 const SERVER_CHILD: &str = "COSPLAT_TEST_SERVER";
 
+/// The first one was killed.
 #[test]
-fn a_killed_server_that_is_started_anew_is_followed_into_the_same_file() {
-    const NAME: &str =
-        "recording::live::a_killed_server_that_is_started_anew_is_followed_into_the_same_file";
+fn a_restarted_server_is_followed_into_the_same_file() {
+    const NAME: &str = "recording::live::a_restarted_server_is_followed_into_the_same_file";
     if let Ok(domain) = std::env::var(SERVER_CHILD) {
         serve_as_child(&Domain::named(&domain).unwrap());
     }

@@ -114,7 +114,7 @@ fn the_index_lets_a_reader_jump_to_any_frame() {
 }
 
 #[test]
-fn a_restarted_server_continues_the_time_line_and_shares_the_scene() {
+fn a_restarted_server_continues_time_and_shares_the_scene() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
     let second = Run { epoch: 6, ..RUN };
@@ -199,7 +199,7 @@ fn a_full_disk_is_an_error_that_says_so() {
 }
 
 #[test]
-fn a_folder_that_does_not_exist_and_a_file_that_is_no_recording_are_named() {
+fn missing_folders_and_files_that_are_no_recordings_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("missing/run.mcap");
     let Err(error) = RecordingWriter::create(&path, &WriterOptions::default()) else {

@@ -39,7 +39,7 @@ fn assert_level(image: &Image, x: u32, y: u32, channel: usize, value: f64) {
 }
 
 #[test]
-fn one_round_gaussian_has_the_peak_and_falloff_of_the_closed_form() {
+fn a_round_gaussian_has_peak_and_falloff_of_the_closed_form() {
     // 101 pixels wide: the optical axis meets the centre of pixel 50.
     let camera = straight(101, 101, 200.0);
     let splat = ball(Vec3::new(0.0, 0.0, 4.0), 0.15, [255, 128, 0, 204]);

@@ -61,8 +61,9 @@ fn a_drum_of_particles_is_a_cylinder_whatever_its_attitude() {
     }
 }
 
+/// Laid down or dropped.
 #[test]
-fn a_rigid_disk_on_an_incline_rolls_or_slips_started_touching_or_dropped() {
+fn a_rigid_disk_on_an_incline_rolls_or_slips() {
     let angle = 45.0_f64.to_radians();
     for friction in [0.1, 0.2, 0.5, 0.7] {
         for drop in [0.0, 1.1 * DX] {
@@ -176,8 +177,9 @@ fn a_drum_bounces_off_its_side_and_off_its_face() {
     }
 }
 
+/// And comes to rest.
 #[test]
-fn a_drum_on_its_rim_falls_to_the_side_of_its_centre_of_mass_and_comes_to_rest() {
+fn a_drum_on_its_rim_falls_to_the_side_of_its_centre_of_mass() {
     let (radius, half) = (0.3_f64, 0.2);
     // Over the rim when it leans by this.
     let balance = (radius / half).atan();

@@ -94,8 +94,9 @@ fn random_pair(dice: &mut Dice, kinds: [Kind; 2]) -> Stage {
     stage
 }
 
+/// Between any pair of shapes.
 #[test]
-fn frictional_impacts_of_any_pair_keep_momentum_and_give_no_energy() {
+fn frictional_impacts_keep_momentum_and_give_no_energy() {
     let mut dice = Dice(7);
     for kinds in PAIRS {
         let has_drum = kinds.iter().any(|kind| matches!(kind, Kind::Drum));
@@ -141,7 +142,7 @@ fn frictional_impacts_of_any_pair_keep_momentum_and_give_no_energy() {
 }
 
 #[test]
-fn the_point_of_impact_leaves_at_the_restitution_times_the_speed_of_approach() {
+fn the_point_of_impact_leaves_at_e_times_the_closing_speed() {
     use super::super::solve::{Mover, Point, impact};
     let mut dice = Dice(11);
     for _ in 0..300 {
@@ -200,8 +201,9 @@ fn the_point_of_impact_leaves_at_the_restitution_times_the_speed_of_approach() {
     }
 }
 
+/// Of the whole scene.
 #[test]
-fn results_do_not_depend_on_order_motion_or_attitude_of_the_scene() {
+fn results_do_not_depend_on_order_motion_or_attitude() {
     let mut dice = Dice(3);
     for n in 0..24 {
         let kinds = PAIRS[n % PAIRS.len()];

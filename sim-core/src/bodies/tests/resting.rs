@@ -30,8 +30,9 @@ fn a_block_on_an_incline_slides_or_sticks() {
     }
 }
 
+/// Laid down or dropped.
 #[test]
-fn a_ball_on_an_incline_rolls_or_slips_started_touching_or_dropped() {
+fn a_ball_on_an_incline_rolls_or_slips() {
     let angle = 45.0_f64.to_radians();
     let radius = 0.5;
     for friction in [0.1, 0.2, 0.5] {

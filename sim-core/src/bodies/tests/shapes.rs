@@ -44,8 +44,9 @@ fn a_block_has_flat_faces_where_its_particles_cubes_end() {
     }
 }
 
+/// Within a tenth of their spacing.
 #[test]
-fn a_ball_of_particles_is_a_ball_within_a_tenth_of_their_spacing() {
+fn a_ball_of_particles_is_a_ball() {
     for (radius, h) in [(0.3, 0.05), (0.5, 0.05), (1.0, 0.05), (0.47, 0.033)] {
         let (shape, body) = formed(&ball([0.3, 0.1, 0.2], radius, h)).expect("has mass");
         let mut dice = Dice(1);
@@ -60,8 +61,9 @@ fn a_ball_of_particles_is_a_ball_within_a_tenth_of_their_spacing() {
     }
 }
 
+/// Within half a spacing.
 #[test]
-fn other_shapes_are_no_balls_and_keep_their_surface_within_half_a_spacing() {
+fn other_shapes_are_no_balls_and_keep_their_surface() {
     let h = 0.05;
     // A tube.
     let (radius, hole, half) = (0.3, 0.15, 0.3);

@@ -49,7 +49,7 @@ fn what_moves_in_proportion_to_the_distance_stays_as_it_is() {
 }
 
 #[test]
-fn the_power_of_what_moves_as_one_is_kept_and_energy_never_grows() {
+fn power_of_joint_motion_is_kept_and_energy_never_grows() {
     let nodes = Row(vec![
         (-1, 0.2, 0.9),
         (0, 0.6, -0.4),
@@ -100,7 +100,7 @@ fn in_a_slot_of_two_cells_the_middle_is_free() {
 }
 
 #[test]
-fn a_line_that_is_pressed_loses_the_coefficient_times_what_presses_it() {
+fn friction_of_a_line_is_mu_times_its_normal_impulse() {
     let nodes = Row(vec![(-1, 0.2, -0.01), (0, 0.6, -0.02), (1, 1.0, -0.01)]);
     let face = Face {
         friction: 0.3,
@@ -151,7 +151,7 @@ fn pushes_and_friction_act_in_the_plane_and_not_where_nodes_are() {
 }
 
 #[test]
-fn a_surface_that_lets_go_gives_the_nearest_by_mass_of_all_that_it_allows() {
+fn a_separating_surface_gives_the_nearest_allowed_by_mass() {
     let mut seed = 1;
     let mut random = || crate::test_scenes::random(&mut seed);
     let mut seen = [0; 4];
@@ -180,8 +180,9 @@ fn a_surface_that_lets_go_gives_the_nearest_by_mass_of_all_that_it_allows() {
     assert!(seen.iter().all(|&count| count > 50), "{seen:?}");
 }
 
+/// Nothing that leaves is held.
 #[test]
-fn a_surface_that_lets_go_holds_what_presses_evenly_and_nothing_that_leaves() {
+fn a_separating_surface_holds_even_pressure_alone() {
     let at = |speed: f64, releases: bool| {
         let face = Face {
             releases,

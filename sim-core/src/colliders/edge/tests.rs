@@ -61,7 +61,7 @@ fn lattice(shift: [f64; 3], is_inside: impl Fn([f64; 3]) -> bool) -> Masses {
 }
 
 #[test]
-fn a_share_of_mass_and_the_height_of_matter_above_a_node_are_each_others_inverse() {
+fn share_of_mass_and_surface_height_are_inverse() {
     for n in -150..=150 {
         let h = 0.01 * f64::from(n);
         // Midpoint rule with 3000 points: an error of 1e-7.
@@ -92,8 +92,9 @@ fn a_flat_bottom_is_found_wherever_its_lattice_lies() {
     assert!(worst < 0.022, "{worst}");
 }
 
+/// And not a cell and a half beside it.
 #[test]
-fn a_slanting_bottom_is_found_at_the_node_and_not_a_cell_and_a_half_beside_it() {
+fn a_slanting_bottom_is_found_at_the_node() {
     // 24 degrees; surfaces like those of a ball one third of its radius off its lowest point.
     let (sin, cos) = 24f64.to_radians().sin_cos();
     let mut worst = 0.0_f64;

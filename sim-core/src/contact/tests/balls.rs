@@ -33,7 +33,7 @@ material = {{ law = \"neo_hookean\", youngs_modulus_pa = 3e4, poisson_ratio = 0.
 }
 
 #[test]
-fn a_ball_that_meets_its_mirror_image_does_what_it_does_at_a_plane() {
+fn a_ball_meets_its_mirror_image_as_it_meets_a_plane() {
     let plane = rebound(
         "[[colliders]]
 name = \"mirror\"

@@ -33,7 +33,7 @@ fn threads_and_instruction_sets_never_show_in_contact() {
 }
 
 #[test]
-fn a_checkpoint_in_the_midst_of_contact_goes_on_with_the_same_bits() {
+fn a_checkpoint_in_contact_goes_on_with_the_same_bits() {
     let mut scene = glancing(ContactMethod::TwoScale);
     for object in &mut scene.objects {
         object.surface.restitution = Some(0.2);

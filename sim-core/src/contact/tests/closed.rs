@@ -19,8 +19,9 @@ fn rattle(method: ContactMethod) -> Scene {
     scene
 }
 
+/// In a box.
 #[test]
-fn a_cube_that_rattles_in_a_box_conserves_momentum_and_gains_no_energy() {
+fn a_rattling_cube_conserves_momentum_and_gains_no_energy() {
     for method in [ContactMethod::MultiField, ContactMethod::TwoScale] {
         let mut world = World::new(rattle(method)).expect("valid scene");
         let first = world.report().clone();

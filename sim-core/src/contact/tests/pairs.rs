@@ -23,8 +23,9 @@ fn soft(density: f64) -> Material {
     }
 }
 
+/// Heavier and lighter.
 #[test]
-fn a_body_and_matter_of_ten_thousand_times_its_mass_or_a_ten_thousandth_of_it() {
+fn a_body_meets_matter_of_a_mass_ratio_of_ten_thousand() {
     for (body, matter) in [(1e7, 1e3), (0.5, 5e3)] {
         let mut scene = empty(DX);
         scene.contact.method = ContactMethod::TwoScale;
@@ -112,7 +113,7 @@ fn wrong(mut world: World, speed: f64) -> Option<String> {
 }
 
 #[test]
-fn objects_that_overlap_from_the_start_gain_no_energy_and_let_go() {
+fn objects_that_overlap_at_first_gain_no_energy_and_part() {
     let mut failures = vec![];
     for method in [ContactMethod::MultiField, ContactMethod::TwoScale] {
         for (name, materials) in [
@@ -137,7 +138,7 @@ fn objects_that_overlap_from_the_start_gain_no_energy_and_let_go() {
 }
 
 #[test]
-fn bodies_that_overlap_from_the_start_are_moved_apart_without_speed() {
+fn bodies_that_overlap_at_first_part_without_speed() {
     let full = 0.4;
     for depth in [0.01, 0.5, 2.0, 3.5] {
         let mut world = overlapping(

@@ -190,7 +190,7 @@ fn gaps_to_a_half_space_are_those_of_its_particles_one_by_one() {
 }
 
 #[test]
-fn a_node_block_takes_over_the_cells_that_it_shares_with_a_particle_block() {
+fn a_node_block_takes_over_cells_shared_with_particle_blocks() {
     let from: [f32; CUBE] = std::array::from_fn(|n| ((n * 37) % 23) as f32);
     for offset in OFFSETS {
         let before: [f32; CUBE] = std::array::from_fn(|n| ((n * 31) % 29) as f32);

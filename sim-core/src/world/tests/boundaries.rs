@@ -112,7 +112,7 @@ fn lowest(world: &World) -> f64 {
 }
 
 #[test]
-fn a_cube_comes_to_rest_on_every_shape_and_weighs_what_it_weighs() {
+fn a_cube_rests_on_every_shape_with_its_weight() {
     for (name, shape, pose) in supports() {
         let mut scene = cube(0.05);
         scene.gravity = [0.0, 0.0, -9.81];
@@ -216,8 +216,9 @@ fn restitution_gives_back_its_part_of_the_speed() {
     }
 }
 
+/// At the largest speed.
 #[test]
-fn nothing_passes_a_wall_of_a_tenth_of_a_cell_at_the_largest_speed() {
+fn nothing_passes_a_wall_of_a_tenth_of_a_cell() {
     let shapes = [
         ColliderShape::Box {
             half_extents: [2.0, 2.0, 0.005],

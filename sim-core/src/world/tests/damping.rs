@@ -140,8 +140,9 @@ fn energy_left(conditions: Conditions, gradient: [[f64; 3]; 3], frames: u32) -> 
     energy(world.report()) / start
 }
 
+/// Which PIC takes, too.
 #[test]
-fn rpic_damping_takes_vibrations_and_leaves_spin_that_pic_takes_too() {
+fn rpic_damping_takes_vibrations_and_leaves_spin() {
     let spun = spin([1.0, -2.0, 1.0]);
     let sheared = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0; 3]];
     let [apic, rpic, pic] = [
@@ -156,8 +157,9 @@ fn rpic_damping_takes_vibrations_and_leaves_spin_that_pic_takes_too() {
     assert!(dropped < 0.8 * kept, "{dropped} {kept}");
 }
 
+/// And not beyond.
 #[test]
-fn a_lone_particle_is_stable_up_to_the_limit_of_its_transfer_and_not_beyond() {
+fn a_lone_particle_is_stable_up_to_its_transfers_limit() {
     for conditions in [
         dropping(Transfer::Apic, 0.0),
         dropping(Transfer::Apic, 0.5),

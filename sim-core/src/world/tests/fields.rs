@@ -21,7 +21,7 @@ fn two_boxes(method: ContactMethod) -> Scene {
 }
 
 #[test]
-fn places_shared_by_fields_are_those_where_node_blocks_of_both_exist() {
+fn fields_share_places_where_node_blocks_of_both_exist() {
     let mut world = World::new(two_boxes(ContactMethod::MultiField)).expect("valid");
     world.step(1.0 / 60.0, &[]);
     let grid = &world.workspace.grid;
@@ -55,7 +55,7 @@ fn places_shared_by_fields_are_those_where_node_blocks_of_both_exist() {
 }
 
 #[test]
-fn objects_that_slide_past_each_other_without_touching_move_as_if_alone() {
+fn objects_that_pass_without_touching_move_as_if_alone() {
     // Bit for bit but for the carrier velocity, which is the mean of all: so one that is the same in both.
     let apart = |gap: f64| {
         let mut scene = two_boxes(ContactMethod::TwoScale);

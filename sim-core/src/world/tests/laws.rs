@@ -3,8 +3,9 @@
 use super::*;
 use crate::{mat3::dot, materials::limits::DeformationBounds, report::DtLimit};
 
+/// Over ten thousand substeps.
 #[test]
-fn a_spinning_colliding_pair_conserves_momentum_over_ten_thousand_substeps() {
+fn a_spinning_colliding_pair_conserves_momentum() {
     let mut scene = empty(0.1);
     for (law, x, v, w) in [
         (Law::FixedCorotated, -0.35, 0.15, [0.6, 0.2, -0.4]),
@@ -182,8 +183,9 @@ fn a_resting_block_neither_sinks_nor_jitters() {
     assert!(lowest > settled - 1e-3, "goes on sinking");
 }
 
+/// That of an isolated particle.
 #[test]
-fn the_guard_trips_above_the_critical_step_of_an_isolated_particle_and_not_below() {
+fn the_guard_trips_above_the_critical_step_and_not_below() {
     for law in [Law::FixedCorotated, Law::NeoHookean] {
         for (cfl, trips) in [(0.95, false), (1.05, true)] {
             let mut scene = empty(0.1);

@@ -81,7 +81,7 @@ fn run(scene: &Scene, setup: &Run, frames: std::ops::Range<usize>) -> (Vec<u64>,
 }
 
 #[test]
-fn no_material_shows_threads_instruction_sets_or_a_restart_in_its_bits() {
+fn no_material_shows_threads_isa_or_a_restart_in_its_bits() {
     for material in one_of_each() {
         let scene = pile_up(&material);
         let plain = |isa, threads| Run {
@@ -116,7 +116,7 @@ fn no_material_shows_threads_instruction_sets_or_a_restart_in_its_bits() {
 }
 
 #[test]
-fn matter_that_flows_shows_its_flow_and_keeps_its_elastic_strain_small() {
+fn flowing_matter_shows_its_flow_and_little_elastic_strain() {
     for material in one_of_each() {
         let law = material.law;
         if !law.is_plastic() {

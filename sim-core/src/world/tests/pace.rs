@@ -101,7 +101,7 @@ fn a_soft_object_takes_fewer_substeps_and_momentum_is_conserved() {
 }
 
 #[test]
-fn what_a_collision_does_hardly_depends_on_whose_substeps_are_longer() {
+fn a_collision_hardly_depends_on_whose_substeps_are_longer() {
     let ends = |fidelity| {
         let mut world = World::new(collision(fidelity)).expect("valid");
         run(&mut world, 18);
@@ -274,8 +274,9 @@ fn tank(fidelity: Fidelity) -> Scene {
     scene
 }
 
+/// And lets it in.
 #[test]
-fn water_takes_its_own_substeps_around_a_stiff_block_and_lets_it_in() {
+fn water_takes_its_own_substeps_around_a_stiff_block() {
     let ends = |fidelity| {
         let scene = tank(fidelity);
         let particles = scene.particles.position.len();
@@ -295,7 +296,7 @@ fn water_takes_its_own_substeps_around_a_stiff_block_and_lets_it_in() {
 }
 
 #[test]
-fn the_same_bits_for_any_threads_instructions_and_from_a_checkpoint() {
+fn same_bits_for_any_threads_isa_and_from_a_checkpoint() {
     let last = |threads: usize, isa: Isa, restored: bool| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.expect("threads").install(|| {

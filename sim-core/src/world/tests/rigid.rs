@@ -55,7 +55,7 @@ fn a_tumbling_brick_keeps_its_shape_and_its_momentum() {
 }
 
 #[test]
-fn a_rigid_ball_pushes_an_elastic_block_and_the_total_momentum_stays() {
+fn a_rigid_ball_pushes_an_elastic_block_and_momentum_stays() {
     let mut scene = empty(0.1);
     let rigid = elastic(Law::Rigid, 0.0, 0.0);
     add_box(&mut scene, rigid, [0.0; 3], 0.05, [6; 3]);

@@ -126,8 +126,9 @@ friction = {friction}
 }
 
 /// Measured: 0.9997 of the speed, 0.96 of the spin, as what presses a disk that turns lies in front of its middle.
+/// It loses speed and gains spin.
 #[test]
-fn a_soft_disk_that_slips_loses_speed_and_gains_spin_as_coulomb_says() {
+fn a_slipping_soft_disk_turns_as_coulomb_says() {
     for friction in [0.1, 0.2] {
         let (lost, gained) = slipped(friction);
         assert!((lost - 1.0).abs() < 0.002, "{friction}: lost {lost}");

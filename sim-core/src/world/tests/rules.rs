@@ -357,7 +357,7 @@ fn busy() -> (Scene, Vec<(usize, Action)>) {
 }
 
 #[test]
-fn boundaries_never_show_threads_or_instruction_sets_in_the_bits() {
+fn boundaries_never_show_threads_or_isa_in_the_bits() {
     let run = |isa: Isa, threads: usize| {
         let (scene, actions) = busy();
         let pool = rayon::ThreadPoolBuilder::new()

@@ -67,8 +67,9 @@ fn a_column_stands_loaded_by_its_weight_and_does_not_ring() {
     assert!(high - low < 0.01 * sag, "{} m", high - low);
 }
 
+/// What has a velocity begins with it.
 #[test]
-fn what_came_to_rest_sleeps_at_once_and_what_has_a_velocity_begins_with_it() {
+fn what_came_to_rest_sleeps_at_once() {
     let mut scene = column(0.5);
     scene.objects[0].fidelity = Fidelity::Auto;
     scene.contact.method = crate::scene::ContactMethod::TwoScale;

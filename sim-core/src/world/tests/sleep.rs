@@ -128,8 +128,9 @@ fn what_comes_near_wakes_the_sleeper_before_it_arrives() {
     panic!("nobody woke");
 }
 
+/// And so is waking.
 #[test]
-fn sleep_and_waking_are_the_same_on_every_machine_and_after_a_restart() {
+fn sleep_is_the_same_on_every_machine_and_after_a_restart() {
     let run = |isa: Isa, restart: bool| {
         let mut world = World::with_isa(two_boxes(0.05), isa).expect("valid");
         let mut hashes = vec![u64::from(fall_asleep(&mut world))];
@@ -193,8 +194,9 @@ fn gravity_wakes_all_and_a_moving_collider_what_it_comes_near() {
     assert_eq!(levels, [Level::Mpm; 2]);
 }
 
+/// One that models everything in full.
 #[test]
-fn sleepers_of_a_checkpoint_are_awake_in_a_scene_that_models_all_in_full() {
+fn sleepers_of_a_checkpoint_are_awake_in_a_full_scene() {
     let mut world = World::new(two_boxes(0.05)).expect("valid");
     fall_asleep(&mut world);
     let mut scene = two_boxes(0.05);

@@ -150,8 +150,9 @@ fn what_matter_stores_comes_back_with_it() {
     assert!(difference.abs() < 1e-3, "{difference}");
 }
 
+/// For any threads and instruction sets.
 #[test]
-fn bodies_that_stand_in_are_the_same_on_every_machine_and_after_a_restart() {
+fn rigid_proxies_are_the_same_everywhere_and_after_a_restart() {
     let run = |isa: Isa, restart: bool| {
         let mut world = World::with_isa(auto(), isa).expect("valid");
         let mut hashes = Vec::new();
@@ -172,7 +173,7 @@ fn bodies_that_stand_in_are_the_same_on_every_machine_and_after_a_restart() {
 }
 
 #[test]
-fn an_object_of_fidelity_rigid_moves_like_one_of_a_rigid_material() {
+fn fidelity_rigid_moves_like_a_rigid_material() {
     let mut stated = World::new(thrown(Fidelity::Rigid, Law::NeoHookean)).expect("valid");
     let mut material = World::new(thrown(Fidelity::Mpm, Law::Rigid)).expect("valid");
     for _ in 0..90 {
@@ -184,8 +185,9 @@ fn an_object_of_fidelity_rigid_moves_like_one_of_a_rigid_material() {
     assert_eq!(stated.positions(), material.positions());
 }
 
+/// One that asks for matter in full.
 #[test]
-fn a_checkpoint_of_a_stand_in_goes_on_in_full_where_the_scene_asks_for_that() {
+fn a_checkpoint_of_a_rigid_proxy_goes_on_in_a_full_scene() {
     let mut world = World::new(auto()).expect("valid");
     let levels: Vec<Level> = (0..12)
         .map(|_| world.step(FRAME, &[]).objects[0].level)
