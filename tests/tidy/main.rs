@@ -1,5 +1,6 @@
-//! House rules that a machine can check: dependency direction, file headers and sizes, dead code, doc paths.
+//! House rules that a machine can check: dependency direction, licences, file headers and sizes, dead code, documents.
 
+mod dependencies;
 mod docs;
 mod edges;
 mod sources;
