@@ -138,7 +138,7 @@ fn a_killed_writer_loses_no_finished_chunk() {
         let mut writer = RecordingWriter::create(&path, &options(Compression::None)).unwrap();
         RUN.begin(&mut writer);
         (0..killed_after).for_each(|step| RUN.step(&mut writer, step));
-        std::mem::forget(writer);
+        let _unfinished = std::mem::ManuallyDrop::new(writer);
         let (report, steps) = bench.recover(&std::fs::read(&path).unwrap());
         assert!(!report.was_intact);
         assert_eq!((report.attachments, report.metadata), (5, 1));
