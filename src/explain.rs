@@ -9,14 +9,16 @@ use std::{
 };
 
 use anyhow::Context;
+use cosplat_scene::{
+    assets::ply,
+    diagram::diagram,
+    scene_file::{AssetReport, AssetSource},
+    summary::{Extent, ObjectSummary, SceneSummary},
+};
 use cosplat_server::load::{LoadedScene, load_scene_with};
 use cosplat_sim_core::{
     World,
-    assets::ply,
-    diagram::diagram,
     scene::{ColliderShape, ProbeKind, Scene, Surface},
-    scene_file::{AssetReport, AssetSource},
-    summary::{Extent, ObjectSummary, SceneSummary},
 };
 use precision::PrecisionHint;
 use serde::Serialize;

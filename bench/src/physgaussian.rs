@@ -7,11 +7,11 @@ use std::{fmt, path::PathBuf, sync::atomic::Ordering, time::Instant};
 
 use anyhow::{Context, bail};
 use cosplat_physgaussian::{self as import, Options};
-use cosplat_sim_core::{
-    Scene, World,
+use cosplat_scene::{
     assets::{ReadReport, ply},
     scene_file::{SceneFile, build},
 };
+use cosplat_sim_core::{Scene, World};
 use serde::Serialize;
 
 use crate::{progress, signals};

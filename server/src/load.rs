@@ -6,12 +6,11 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use cosplat_sim_core::{
-    Scene,
+use cosplat_scene::{
     assets::{self, Gaussians, ReadReport},
-    scene::TriangleMesh,
     scene_file::{BuildReport, SceneErrors, SceneFile, build_with_meshes},
 };
+use cosplat_sim_core::{Scene, scene::TriangleMesh};
 
 use crate::settings::{self, SettingError};
 
@@ -134,10 +133,8 @@ fn read_asset(path: &Path) -> Result<(Gaussians, ReadReport), Box<dyn Error + Se
 
 #[cfg(test)]
 mod tests {
-    use cosplat_sim_core::{
-        assets::{generate, ply},
-        scene::ColliderShape,
-    };
+    use cosplat_scene::assets::{generate, ply};
+    use cosplat_sim_core::scene::ColliderShape;
 
     use super::*;
 

@@ -5,13 +5,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use cosplat_server::load::{LoadedScene, load_scene, load_text};
-use cosplat_sim_core::{
+use cosplat_scene::{
     assets::{self, Gaussians},
-    scene::{Fidelity, Scene},
     scene_file::{Axis, DropOptions, SceneErrors, SceneFile, drop_scene, guess_up},
     summary::SceneSummary,
 };
+use cosplat_server::load::{LoadedScene, load_scene, load_text};
+use cosplat_sim_core::scene::{Fidelity, Scene};
 
 fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))

@@ -1,20 +1,15 @@
-//! Material-point solver, scenes and splat assets of cosplat.
+//! Material-point solver of cosplat: a [`Scene`] of typed constants, and the [`World`] that steps it.
 //!
-//! Reading order is execution order: an asset is read, a scene file is parsed, objects are filled with
-//! particles and Gaussians bound to them, and the [`World`] steps them.
-//! This crate knows no transport, opens no file and prints nothing.
+//! This crate knows no file format and no transport, opens no file and prints nothing.
 
-pub mod assets;
-pub mod binding;
 mod bodies;
 mod coherence;
 mod colliders;
 pub mod command;
 mod contact;
 mod contact_com;
-pub mod diagram;
+pub mod distance;
 pub mod expression;
-pub mod fill;
 mod grid;
 pub mod kinematics;
 pub mod mat3;
@@ -28,10 +23,8 @@ pub mod probe;
 pub mod reference;
 pub mod report;
 pub mod scene;
-pub mod scene_file;
 pub mod simd;
 mod step;
-pub mod summary;
 #[cfg(test)]
 mod test_scenes;
 mod world;

@@ -285,53 +285,57 @@ fn first_within<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene_file::{SceneFile, build};
+    use crate::{
+        expression::Expression,
+        materials::Law,
+        scene::{Aabb, Probe, TurnedBox},
+        test_scenes::{add_box, elastic, empty},
+    };
 
-    const TEXT: &str = r#"version = 1
-dx = 0.1
-[[objects]]
-name = "box"
-shape = { kind = "box", size = [0.4, 0.4, 0.4] }
-material = { law = "neo_hookean", youngs_modulus_pa = 1e5, poisson_ratio = 0.3, density_kg_m3 = 500 }
-[[probes]]
-name = "size"
-kind = "extent"
-object = "box"
-[[probes]]
-name = "most"
-kind = "extent"
-object = "box"
-share = 0.8
-[[probes]]
-name = "inside"
-kind = "point"
-position = [0, 0, 0]
-[[probes]]
-name = "nowhere"
-kind = "point"
-position = [5, 0, 0]
-[[probes]]
-name = "corner"
-kind = "material_point"
-object = "box"
-position = [1, 1, 1]
-[[probes]]
-name = "moved"
-kind = "deviation"
-object = "box"
-position = ["X + 0.03*t", "Y", "Z - 0.04*t"]
-[[probes]]
-name = "half"
-kind = "deviation"
-object = "box"
-box = { min = [0, -1, -1], max = [1, 1, 1] }
-position = ["X", "Y", "Z"]
-"#;
+    /// A box of 8^3 particles about the origin, and probes of every kind.
+    fn scene() -> Scene {
+        let mut scene = empty(0.1);
+        let mut material = elastic(Law::NeoHookean, 1e5, 0.3);
+        material.density = 500.0;
+        add_box(&mut scene, material, [-0.2; 3], 0.05, [8; 3]);
+        let field = |texts: [&str; 3]| {
+            VectorField::new(texts.map(|text| Expression::parse(text).expect("a formula")))
+        };
+        let extent = |share| ProbeKind::Extent { object: 0, share };
+        let deviation = |texts, bounds: Option<Aabb>| ProbeKind::Deviation {
+            object: 0,
+            position: field(texts),
+            bounds: bounds.map(TurnedBox::from),
+        };
+        let half = Aabb {
+            min: [0.0, -1.0, -1.0],
+            max: [1.0; 3],
+        };
+        let corner = ProbeKind::MaterialPoint {
+            object: 0,
+            position: [1.0; 3],
+        };
+        let probes = [
+            ("size", extent(1.0)),
+            ("most", extent(0.8)),
+            ("inside", ProbeKind::Point { position: [0.0; 3] }),
+            ("nowhere", ProbeKind::Point { position: [5.0; 3] }),
+            ("corner", corner),
+            ("moved", deviation(["X + 0.03*t", "Y", "Z - 0.04*t"], None)),
+            ("half", deviation(["X", "Y", "Z"], Some(half))),
+        ];
+        scene.probes = probes
+            .map(|(name, kind)| Probe {
+                name: name.into(),
+                kind,
+            })
+            .into();
+        scene
+    }
 
     #[test]
     fn probes_measure_what_they_say() {
-        let file = SceneFile::parse(TEXT).expect("valid");
-        let (scene, _) = build(&file, &mut |_| unreachable!("no assets")).expect("builds");
+        let scene = scene();
         let count = scene.particles.position.len();
         let particles = ParticleArrays {
             volume: &scene.particles.volume,
@@ -351,19 +355,19 @@ position = ["X", "Y", "Z"]
                 "size", "most", "inside", "nowhere", "corner", "moved", "half"
             ]
         );
-        // Particles sit half a spacing (0.025 m) inside the faces, give or take a tenth of the spacing.
+        // Particles sit half a spacing (0.025 m) inside the faces.
         let Some(Measured::Extent { min, max }) = values[0].1 else {
             panic!("{values:?}")
         };
         for a in 0..3 {
-            assert!((min[a] + 0.175).abs() <= 0.0051 && (max[a] - 0.175).abs() <= 0.0051);
+            assert!((min[a] + 0.175).abs() < 1e-12 && (max[a] - 0.175).abs() < 1e-12);
         }
         // A fifth is beyond each face: one of the eight layers and a part of the next.
         let Some(Measured::Extent { min, max }) = values[1].1 else {
             panic!("{values:?}")
         };
         for a in 0..3 {
-            assert!((min[a] + 0.125).abs() <= 0.0051 && (max[a] - 0.125).abs() <= 0.0051);
+            assert!((min[a] + 0.125).abs() < 1e-12 && (max[a] - 0.125).abs() < 1e-12);
         }
         let Some(Measured::Point {
             velocity, density, ..
@@ -385,7 +389,7 @@ position = ["X", "Y", "Z"]
             panic!("{values:?}")
         };
         assert!(
-            position.iter().all(|x| (x - 0.175).abs() <= 0.0051),
+            position.iter().all(|x| (x - 0.175).abs() < 1e-12),
             "{position:?}"
         );
         assert_eq!(deformation[0][0], 2.0);

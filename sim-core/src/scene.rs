@@ -3,6 +3,7 @@
 mod boundaries;
 mod coherence;
 mod contact;
+mod gaussians;
 mod turned;
 
 use std::ops::Range;
@@ -10,9 +11,10 @@ use std::ops::Range;
 pub use boundaries::*;
 pub use coherence::*;
 pub use contact::*;
+pub use gaussians::*;
 pub use turned::*;
 
-use crate::{assets::Gaussians, expression::VectorField, materials::Material};
+use crate::{expression::VectorField, materials::Material};
 
 /// How many particles each Gaussian is bound to.
 pub const BINDING_NEIGHBORS: usize = 8;
@@ -175,7 +177,7 @@ impl Object {
     }
 
     /// Whether some of it moves as a body.
-    pub(crate) fn has_rigid_matter(&self) -> bool {
+    pub fn has_rigid_matter(&self) -> bool {
         let regions = self.regions.iter().map(|region| &region.material);
         let mut materials = std::iter::once(&self.material).chain(regions);
         self.fidelity == Fidelity::Rigid || materials.any(|material| material.law.is_rigid())

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use anyhow::Context;
-use cosplat_server::load::load_text;
-use cosplat_sim_core::{
-    Scene, assets,
-    scene::Fidelity,
+use cosplat_scene::{
+    assets,
     scene_file::{Axis, DropOptions, drop_scene},
 };
+use cosplat_server::load::load_text;
+use cosplat_sim_core::{Scene, scene::Fidelity};
 
 use super::Files;
 

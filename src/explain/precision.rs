@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Write as _};
 
-use cosplat_sim_core::summary::SceneSummary;
+use cosplat_scene::summary::SceneSummary;
 use serde::Serialize;
 
 /// Cases, cells along the smallest object, relative errors: written by `cosplat bench precision --write`.

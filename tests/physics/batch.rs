@@ -134,7 +134,7 @@ fn explain_says_what_the_scene_weighs_and_draws_it() {
     assert!((mass - 4.272566).abs() < 1e-5, "{mass}");
     assert_eq!(said["colliders"][0]["surface"], "separate");
     let bytes = std::fs::read(&picture).expect("the picture exists");
-    let (drawn, _) = cosplat_sim_core::assets::read("scene.ply", &bytes).expect("a splat");
+    let (drawn, _) = cosplat_scene::assets::read("scene.ply", &bytes).expect("a splat");
     let shown = said["gaussians"].as_u64().expect("a count") as usize;
     assert!(drawn.len() > shown + 500, "{} of {shown}", drawn.len());
 }

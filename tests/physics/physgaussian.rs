@@ -110,8 +110,8 @@ fn a_bad_configuration_ends_with_status_2_and_every_error() {
     let config = folder.path().join("config.json");
     std::fs::write(&config, r#"{"nu": 0.7, "E": [1]}"#).expect("written");
     let model = folder.path().join("point_cloud.ply");
-    let ply = cosplat_sim_core::assets::generate::builtin("vase").expect("known");
-    std::fs::write(&model, cosplat_sim_core::assets::ply::write(&ply)).expect("written");
+    let ply = cosplat_scene::assets::generate::builtin("vase").expect("known");
+    std::fs::write(&model, cosplat_scene::assets::ply::write(&ply)).expect("written");
     let output = cosplat(&[
         "import",
         shown(&config),

@@ -27,7 +27,9 @@ fn names_a_path(token: &str) -> bool {
         "scenes",
         ".ci",
     ];
-    is_path && !rest.is_empty() && known.contains(&first)
+    // The crate `scene`, not a stream or a file of a recording of that name.
+    let of_crate = first == "scene" && (rest.starts_with("src") || rest.starts_with("tests"));
+    is_path && !rest.is_empty() && (of_crate || known.contains(&first))
 }
 
 /// Inline code spans and link targets of a Markdown text, outside fenced blocks.

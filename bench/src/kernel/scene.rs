@@ -1,8 +1,8 @@
 //! The measured scene: a jittered block of particles falls, spinning, onto a slipping floor.
 
+use cosplat_scene::assets::Gaussians;
 use cosplat_sim_core::{
     Scene,
-    assets::Gaussians,
     materials::{Law, Material},
     scene::{
         BINDING_NEIGHBORS, Binding, Collider, ColliderShape, Object, Pose, RestParticles, Surface,

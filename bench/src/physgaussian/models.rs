@@ -1,6 +1,6 @@
 //! The six sample scenes of PhysGaussian: their published settings, and geometry that stands in for their captures.
 
-use cosplat_sim_core::assets::{Gaussians, Paint, generate, generate::Style};
+use cosplat_scene::assets::{Gaussians, Paint, generate, generate::Style};
 use glam::{DQuat, DVec3};
 use serde_json::Value;
 

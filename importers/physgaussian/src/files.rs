@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use cosplat_sim_core::assets::{self, AssetError};
+use cosplat_scene::assets::{self, AssetError};
 
 use crate::{ImportErrors, Imported, Options, import};
 
@@ -158,7 +158,7 @@ fn seen_from(file: &Path, folder: &Path) -> Result<String, ImportError> {
 
 #[cfg(test)]
 mod tests {
-    use cosplat_sim_core::assets::{generate, ply};
+    use cosplat_scene::assets::{generate, ply};
 
     use super::*;
 

@@ -16,7 +16,7 @@ mod scene;
 #[cfg(test)]
 mod tests;
 
-use cosplat_sim_core::{
+use cosplat_scene::{
     assets::Gaussians,
     fill::{FillOptions, fill},
 };

@@ -1,6 +1,6 @@
 //! The preprocessing chain: opacity filter, rotations, simulated part, normalisation to `scale` about (1, 1, 1).
 
-use cosplat_sim_core::assets::Gaussians;
+use cosplat_scene::assets::Gaussians;
 use glam::{DQuat, DVec3};
 
 use crate::{config::Config, notes::Notes};

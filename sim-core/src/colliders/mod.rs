@@ -186,13 +186,6 @@ impl Boundaries {
         }
     }
 
-    /// Signed distance of a point from a collider where that is at time 0 [units].
-    pub fn height(&self, id: usize, x: [f64; 3]) -> f64 {
-        let body = &self.bodies[id];
-        let rest = pose_at(&body.rest, &body.motion, 0.0).in_units(self.unit);
-        body.shape.distance(rest.inverse_point(x)).value
-    }
-
     /// Whether a body is in one place, always.
     fn is_fixed(&self, id: usize, paths: &Paths) -> bool {
         let body = &self.bodies[id];

@@ -55,7 +55,7 @@ pub(crate) fn rotation_vector([x, y, z, w]: [f64; 4]) -> [f64; 3] {
 
 impl Pose {
     /// World position of a point of the collider's frame.
-    pub(crate) fn point(&self, x: [f64; 3]) -> [f64; 3] {
+    pub fn point(&self, x: [f64; 3]) -> [f64; 3] {
         let r = rotate(self.rotation, x);
         std::array::from_fn(|a| r[a] + self.translation[a])
     }

@@ -2,11 +2,32 @@
 
 use super::*;
 use crate::{
-    assets::Gaussians,
-    binding::bind,
     materials::Law,
+    scene::{BINDING_NEIGHBORS, Binding, Gaussians},
     test_scenes::{add_box, elastic, empty},
 };
+
+/// Binds every Gaussian to its nearest particles, the nearer the more.
+fn nearest(scene: &Scene) -> Binding {
+    let bound = scene.gaussians.position.iter().map(|center| {
+        let squared =
+            |p: &[f64; 3]| -> f64 { (0..3).map(|a| (p[a] - f64::from(center[a])).powi(2)).sum() };
+        let mut order: Vec<(f64, u32)> = scene
+            .particles
+            .position
+            .iter()
+            .map(squared)
+            .zip(0..)
+            .collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let near: [(f64, u32); BINDING_NEIGHBORS] = std::array::from_fn(|n| order[n]);
+        let weight = near.map(|(squared, _)| 1.0 / (1e-4 + squared));
+        let sum: f64 = weight.iter().sum();
+        (near.map(|(_, id)| id), weight.map(|w| (w / sum) as f32))
+    });
+    let (particle, weight) = bound.unzip();
+    Binding { particle, weight }
+}
 
 /// A box of 4^3 particles away from the origin, with `gaussians` anisotropic Gaussians in and around it.
 fn scene(gaussians: usize) -> Scene {
@@ -36,12 +57,7 @@ fn scene(gaussians: usize) -> Scene {
         ..Gaussians::default()
     };
     scene.objects[0].gaussians = 0..gaussians;
-    scene.binding = bind(
-        &scene.gaussians.position,
-        &scene.particles.position,
-        0.05,
-        0,
-    );
+    scene.binding = nearest(&scene);
     scene
 }
 

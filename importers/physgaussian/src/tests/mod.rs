@@ -1,6 +1,6 @@
 //! Every key is understood or said not to be; every correction, and its repetition with `--compat`, has its test.
 
-use cosplat_sim_core::{
+use cosplat_scene::{
     assets::{Gaussians, ReadReport, generate},
     scene_file::{SceneFile, build},
 };

@@ -5,7 +5,7 @@ mod flight;
 mod impacts;
 mod resting;
 mod shapes;
-mod splats;
+mod uneven;
 
 use super::{
     body::Body,

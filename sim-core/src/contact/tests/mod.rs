@@ -1,6 +1,5 @@
 //! Laws of contact between deformable objects.
 
-mod balls;
 mod bits;
 mod closed;
 mod disks;

@@ -1,0 +1,549 @@
+//! [`SceneFile`] and its assets to a [`Scene`]: place, select, fill, bind, assemble.
+
+use std::{collections::HashMap, error::Error};
+
+use cosplat_sim_core::scene::{Aabb, Fidelity, Object, Scene, TriangleMesh};
+use glam::{DQuat, DVec3};
+
+use super::{
+    boundaries, checks, contact,
+    edit::{append, bounds, subset, transform},
+    error::{At, Finding, SceneErrors},
+    formed,
+    ids::ObjectIds,
+    placement::Rigid,
+    probes, regions,
+    report::{AssetReport, BuildReport},
+    sampling::{self, Body, Looks, Rest, Sampled},
+    select::{Placed, longest_side},
+    spec::*,
+};
+use crate::assets::{Gaussians, ReadReport, generate};
+
+/// Reads the asset file that a scene file names.
+pub type Load<'a> =
+    dyn FnMut(&str) -> Result<(Gaussians, ReadReport), Box<dyn Error + Send + Sync>> + 'a;
+
+/// Reads the triangle mesh file that a scene file names.
+pub type LoadMesh<'a> = dyn FnMut(&str) -> Result<TriangleMesh, Box<dyn Error + Send + Sync>> + 'a;
+
+/// One object to be, with its geometry in its own frame.
+struct Part<'f> {
+    spec: &'f ObjectSpec,
+    name: String,
+    body: usize,
+    world_from_body: Rigid,
+}
+
+/// Builds the scene that a file describes; `load` reads the asset files. A mesh is an error: see [`build_with_meshes`].
+///
+/// # Errors
+/// Everything that is wrong with the assets, selections and sizes, each with line and field.
+pub fn build(file: &SceneFile, load: &mut Load) -> Result<(Scene, BuildReport), SceneErrors> {
+    build_with_meshes(file, load, &mut |path| {
+        Err(format!("there is nothing to read {path} with").into())
+    })
+}
+
+/// Like [`build`]; `load_mesh` reads the files of meshes.
+///
+/// # Errors
+/// Those of [`build`], and everything that is wrong with the meshes.
+pub fn build_with_meshes(
+    file: &SceneFile,
+    load: &mut Load,
+    load_mesh: &mut LoadMesh,
+) -> Result<(Scene, BuildReport), SceneErrors> {
+    let mut builder = Builder {
+        file,
+        errors: Vec::new(),
+        report: BuildReport {
+            warnings: file.warnings.clone(),
+            ..BuildReport::default()
+        },
+        bodies: Vec::new(),
+        known: HashMap::new(),
+        selections: selections(file),
+        parts: Vec::new(),
+    };
+    let assets: Vec<_> = file.assets.iter().map(|a| builder.place(a, load)).collect();
+    for spec in &file.objects {
+        builder.add(spec, &assets, load_mesh);
+    }
+    builder.check_names();
+    SceneErrors::check(std::mem::take(&mut builder.errors))?;
+    builder.report_unselected(&assets);
+    let dx = builder.dx()?;
+    let mut scene = builder.assemble(dx);
+    let errors = &mut builder.errors;
+    scene.colliders = boundaries::build_colliders(file, load_mesh, errors);
+    let ids = ObjectIds::new(&scene.objects);
+    scene.probes = probes::build(&file.probes, &ids, errors);
+    scene.contact = contact::build(&file.contact, &ids, errors);
+    scene.conditions = boundaries::build_conditions(&file.conditions, &ids, errors);
+    SceneErrors::check(std::mem::take(&mut builder.errors))?;
+    let mut report = builder.report;
+    let places: Vec<&At> = builder.parts.iter().map(|p| &p.spec.at).collect();
+    checks::check(&scene, file, &places, &mut report)?;
+    Ok((scene, report))
+}
+
+struct Builder<'f> {
+    file: &'f SceneFile,
+    errors: Vec<Finding>,
+    report: BuildReport,
+    bodies: Vec<Body>,
+    /// Bodies by what makes them.
+    known: HashMap<String, usize>,
+    /// Per asset what objects select of it.
+    selections: Vec<Vec<&'f Select>>,
+    parts: Vec<Part<'f>>,
+}
+
+/// Bodies with equal keys, printed, are equal: clones are filled once.
+#[derive(Debug)]
+#[expect(dead_code, reason = "read by being printed")]
+struct BodyKey<'f> {
+    geometry: &'f Geometry,
+    shaping: (Axis, Size, Anchor),
+    rest: Option<Rest>,
+    /// Number of the part of a split object.
+    part: usize,
+}
+
+/// What becomes of a body while objects are made of it.
+#[derive(Default)]
+enum Made {
+    /// Nothing needs it any more.
+    #[default]
+    Used,
+    Body(Body),
+    /// Sampled, and the rotation of the body's frame.
+    Sampled(Sampled, DQuat),
+}
+
+/// A placed asset and the rotation that its placement applied.
+type PlacedAsset = Option<(Placed, DQuat)>;
+
+impl<'f> Builder<'f> {
+    fn error(&mut self, at: &At, message: impl Into<String>) {
+        self.errors.push(Finding::new(at, message));
+    }
+
+    /// Reads an asset, leaves out what is nearly transparent and applies the asset's own placement.
+    fn place(&mut self, spec: &AssetSpec, load: &mut Load) -> PlacedAsset {
+        let loaded = match &spec.source {
+            AssetSource::Path(path) => load(path).map_err(|e| e.to_string()),
+            AssetSource::Builtin(name) => generate::builtin(name)
+                .map(|g| (g, ReadReport::default()))
+                .map_err(|e| e.to_string()),
+        };
+        let (all, read) = loaded.map_err(|e| self.error(&spec.at, e)).ok()?;
+        if read.dropped.total() > 0 {
+            let message = format!(
+                "{} of {} Gaussians of the file are bad and left out: {}",
+                read.dropped.total(),
+                read.count,
+                read.dropped
+            );
+            self.report.warnings.push(Finding::new(&spec.at, message));
+        }
+        let keep = |&i: &usize| f64::from(all.opacity[i]) >= spec.min_opacity;
+        let kept: Vec<usize> = (0..all.len()).filter(keep).collect();
+        let mut gaussians = subset(&all, &kept);
+        let Some(raw) = bounds(&gaussians) else {
+            let count = all.len();
+            let message = format!(
+                "none of its {count} Gaussians reaches `min_opacity`, which is {}",
+                spec.min_opacity
+            );
+            self.error(&spec.at, message);
+            return None;
+        };
+        let up = self.shape(&spec.placement, &mut gaussians, &spec.at)?;
+        let rigid = spec.placement.rigid();
+        transform(&mut gaussians, rigid.rotation, 1.0, rigid.translation);
+        self.report.assets.push(AssetReport {
+            name: spec.name.clone(),
+            source: spec.source.clone(),
+            gaussians: all.len(),
+            transparent: all.len() - kept.len(),
+            raw_bounds: raw,
+            placed_bounds: bounds(&gaussians).unwrap_or(raw),
+        });
+        let index = kept.iter().map(|&i| i as u64).collect();
+        Some((Placed { gaussians, index }, rigid.rotation * up))
+    }
+
+    /// Applies `up`, `scale` or `height`, and `anchor`; the rotation is that of `up`.
+    fn shape(&mut self, placement: &Placement, g: &mut Gaussians, at: &At) -> Option<DQuat> {
+        let raw = bounds(g)?;
+        let factor = placement.factor(&raw);
+        if !(factor.is_finite() && factor > 0.0) {
+            self.error(
+                at,
+                "is flat along its up axis: give `scale` instead of `height`",
+            );
+            return None;
+        }
+        let up = placement.up.to_world_up();
+        transform(g, up, factor, DVec3::ZERO);
+        let anchor = placement.anchor_of(&bounds(g)?);
+        transform(g, DQuat::IDENTITY, 1.0, -anchor);
+        Some(up)
+    }
+
+    /// Adds the part or, for split objects, the parts of an object.
+    fn add(&mut self, spec: &'f ObjectSpec, assets: &[PlacedAsset], load_mesh: &mut LoadMesh) {
+        let rest = match (spec.fidelity, &spec.geometry) {
+            (Fidelity::Static, _) => None,
+            (_, Geometry::Shape { .. } | Geometry::Mesh { .. }) => Some(Rest::Formed),
+            (_, Geometry::Asset { .. }) => Some(match spec.particles {
+                ParticleMode::Filled { closed_below } => Rest::Filled { closed_below },
+                ParticleMode::PerGaussian => Rest::PerGaussian,
+            }),
+        };
+        let placement = &spec.placement;
+        let key = |part| {
+            let key = BodyKey {
+                geometry: &spec.geometry,
+                shaping: (placement.up, placement.size, placement.anchor),
+                rest,
+                part,
+            };
+            // Debug prints numbers to the last bit.
+            format!("{key:?}")
+        };
+        let bodies = match &spec.geometry {
+            Geometry::Shape { .. } | Geometry::Mesh { .. } => match formed::body(spec, load_mesh) {
+                Ok(body) => body.into_iter().collect(),
+                Err(message) => return self.error(&spec.geometry_at, message),
+            },
+            Geometry::Asset {
+                asset,
+                select,
+                split,
+            } => {
+                // An asset that failed to load has been reported.
+                let Some((placed, rotation)) = &assets[*asset] else {
+                    return;
+                };
+                let chosen = match select {
+                    None => Ok((0..placed.gaussians.len()).collect()),
+                    Some(select) => placed
+                        .select(select, &self.selections[*asset])
+                        .map_err(|message| self.error(&spec.geometry_at, message)),
+                };
+                let Ok(chosen) = chosen else { return };
+                let parts = match split {
+                    None => vec![chosen],
+                    Some(split) => match placed.split(&chosen, *split) {
+                        Ok(parts) => parts,
+                        Err(message) => return self.error(&spec.at, message),
+                    },
+                };
+                self.asset_bodies(spec, placed, *rotation, &parts)
+            }
+        };
+        let split = spec.is_split();
+        for (n, (body, world_from_body)) in bodies.into_iter().enumerate() {
+            let next = self.bodies.len();
+            let number = *self.known.entry(key(n)).or_insert(next);
+            if number == next {
+                self.bodies.push(Body { rest, ..body });
+            }
+            let name = if split {
+                format!("{}_{n}", spec.name)
+            } else {
+                spec.name.clone()
+            };
+            self.parts.push(Part {
+                spec,
+                name,
+                body: number,
+                world_from_body,
+            });
+        }
+    }
+
+    /// Bodies of the parts of an asset. All parts of a split object are shaped about their common box, so that
+    /// they stay together.
+    fn asset_bodies(
+        &mut self,
+        spec: &ObjectSpec,
+        placed: &Placed,
+        rotation: DQuat,
+        parts: &[Vec<usize>],
+    ) -> Vec<(Body, Rigid)> {
+        let mut all = subset(&placed.gaussians, &parts.concat());
+        let Some(up) = self.shape(&spec.placement, &mut all, &spec.at) else {
+            return Vec::new();
+        };
+        let mut first = 0;
+        let mut bodies = Vec::new();
+        for part in parts {
+            let range: Vec<usize> = (first..first + part.len()).collect();
+            first += part.len();
+            let gaussians = subset(&all, &range);
+            let Some(bounds) = bounds(&gaussians) else {
+                continue;
+            };
+            let body = Body {
+                looks: Looks::Captured(gaussians),
+                rest: None,
+                bounds,
+                body_from_asset: up * rotation,
+            };
+            bodies.push((body, spec.placement.rigid()));
+        }
+        bodies
+    }
+
+    /// Splitting makes names; none of them may be taken.
+    fn check_names(&mut self) {
+        let mut taken: HashMap<&str, &Part> = HashMap::new();
+        for part in &self.parts {
+            let Some(other) = taken.get(part.name.as_str()) else {
+                taken.insert(&part.name, part);
+                continue;
+            };
+            let message = format!(
+                "object `{}` exists already: `{}` of line {} makes it by splitting",
+                part.name, other.spec.name, other.spec.at.line
+            );
+            self.errors.push(Finding::new(&part.spec.at, message));
+        }
+    }
+
+    /// Warns about Gaussians of an asset that no object shows, and about those that two selections share.
+    fn report_unselected(&mut self, assets: &[PlacedAsset]) {
+        let mut whole = vec![false; assets.len()];
+        for object in &self.file.objects {
+            if let Geometry::Asset { asset, select, .. } = &object.geometry
+                && !object.is_clone
+            {
+                whole[*asset] |= select.is_none();
+            }
+        }
+        for (a, placed) in assets.iter().enumerate() {
+            let Some((placed, _)) = placed else { continue };
+            let mut users = vec![0u32; placed.gaussians.len()];
+            let selections = &self.selections[a];
+            for select in selections {
+                for i in placed.select(select, selections).unwrap_or_default() {
+                    users[i] += 1;
+                }
+            }
+            let unused = users.iter().filter(|u| **u == 0).count();
+            let shared = users.iter().filter(|u| **u > 1).count();
+            let at = &self.file.assets[a].at;
+            if !whole[a] && unused > 0 {
+                let message = format!(
+                    "{unused} of {} Gaussians belong to no object and are not shown: \
+                     an object with `select = {{ rest = true }}` and `fidelity = \"static\"` would show them",
+                    users.len()
+                );
+                self.report.warnings.push(Finding::new(at, message));
+            }
+            if shared > 0 {
+                let message = format!(
+                    "{shared} of {} Gaussians are selected by more than one object",
+                    users.len()
+                );
+                self.report.warnings.push(Finding::new(at, message));
+            }
+        }
+    }
+
+    /// Grid cell size [m].
+    fn dx(&mut self) -> Result<f64, SceneErrors> {
+        let simulated = |part: &&Part| part.spec.fidelity != Fidelity::Static;
+        let sides = self.parts.iter().filter(simulated);
+        let smallest = sides
+            .map(|p| longest_side(&self.bodies[p.body].bounds))
+            .fold(f64::INFINITY, f64::min);
+        let dx = match self.file.resolution {
+            Resolution::Dx(dx) => dx,
+            // A scene without simulated objects has a grid that nothing uses.
+            Resolution::CellsPerObject(_) if smallest == f64::INFINITY => 0.01,
+            Resolution::CellsPerObject(cells) => smallest / cells,
+        };
+        let mut cells = 0.0;
+        for part in self.parts.iter().filter(simulated) {
+            let b = &self.bodies[part.body].bounds;
+            cells += (0..3)
+                .map(|a| (b.max[a] - b.min[a]) / dx + 1.0)
+                .product::<f64>();
+        }
+        if !(dx > 0.0 && cells < sampling::MAX_CELLS) {
+            let message = format!(
+                "cells of {dx:.3e} m make {cells:.3e} cells in the boxes of the simulated objects, \
+                 expected less than {:.0e}: make them larger",
+                sampling::MAX_CELLS
+            );
+            let at = &self.file.resolution_at;
+            return Err(SceneErrors(vec![Finding::new(at, message)]));
+        }
+        Ok(dx)
+    }
+
+    fn assemble(&mut self, dx: f64) -> Scene {
+        let file = self.file;
+        let numerics = sampling::Numerics {
+            dx,
+            particles_per_cell: file.particles_per_cell,
+            jitter: file.jitter,
+            seed: file.seed,
+        };
+        let widths = self.bodies.iter().map(|body| body.looks.widths());
+        let (sh_degree, feature_dim) = widths.fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
+        let mut scene = Scene {
+            name: file.name.clone(),
+            gravity: file.gravity,
+            dx,
+            frame_rate: file.frame_rate,
+            cfl: file.cfl,
+            tolerance: file.tolerance,
+            seed: file.seed,
+            domain: Aabb {
+                min: [0.0; 3],
+                max: [0.0; 3],
+            },
+            objects: Vec::new(),
+            contact: Default::default(),
+            colliders: Vec::new(),
+            pinned_regions: file.pinned_regions.clone(),
+            conditions: Default::default(),
+            particles: Default::default(),
+            gaussians: Gaussians {
+                sh_degree,
+                feature_dim,
+                ..Gaussians::default()
+            },
+            binding: Default::default(),
+            probes: Vec::new(),
+        };
+        self.fill(&mut scene, &numerics);
+        scene.domain = file.domain.unwrap_or_else(|| default_domain(&scene));
+        scene
+    }
+
+    /// Samples the bodies and puts the objects that are made of them into the scene.
+    fn fill(&mut self, scene: &mut Scene, numerics: &sampling::Numerics) {
+        // A body is kept from its first object to its last: one at a time where each has its own.
+        let mut left = vec![0usize; self.bodies.len()];
+        for part in &self.parts {
+            left[part.body] += 1;
+        }
+        let mut bodies: Vec<_> = self.bodies.drain(..).map(Made::Body).collect();
+        for part in &self.parts {
+            let made = &mut bodies[part.body];
+            let (sampled, body_from_asset) = match std::mem::take(made) {
+                Made::Body(body) => {
+                    let done = sampling::sample(body.looks, body.rest, numerics);
+                    if let Some(warning) = done.as_ref().ok().and_then(|d| d.warning.as_ref()) {
+                        let message = format!("object `{}`: {warning}", part.name);
+                        let warnings = &mut self.report.warnings;
+                        warnings.push(Finding::new(&part.spec.at, message));
+                    }
+                    let failed = |message| self.errors.push(Finding::new(&part.spec.at, message));
+                    (
+                        done.map_err(failed).unwrap_or_default(),
+                        body.body_from_asset,
+                    )
+                }
+                Made::Sampled(sampled, body_from_asset) => (sampled, body_from_asset),
+                Made::Used => continue,
+            };
+            self.report.fills.push(sampled.fill);
+            push(scene, part, &sampled, body_from_asset);
+            left[part.body] -= 1;
+            if left[part.body] > 0 {
+                *made = Made::Sampled(sampled, body_from_asset);
+            }
+            let errors = regions::arrange(scene, &part.spec.regions, numerics.dx);
+            self.errors.extend(errors);
+        }
+    }
+}
+
+/// Per asset the selections that objects make from it; those of clones are their source's.
+fn selections(file: &SceneFile) -> Vec<Vec<&Select>> {
+    let mut selections = vec![Vec::new(); file.assets.len()];
+    for object in file.objects.iter().filter(|object| !object.is_clone) {
+        if let Geometry::Asset {
+            asset,
+            select: Some(select),
+            ..
+        } = &object.geometry
+        {
+            selections[*asset].push(select);
+        }
+    }
+    selections
+}
+
+/// Appends one object to the scene.
+fn push(scene: &mut Scene, part: &Part, sampled: &Sampled, body_from_asset: DQuat) {
+    let spec = part.spec;
+    let Rigid {
+        rotation,
+        translation,
+    } = part.world_from_body;
+    let (first_particle, first_gaussian) = (scene.particles.position.len(), scene.gaussians.len());
+    let particles = &sampled.particles;
+    let moved = particles
+        .position
+        .iter()
+        .map(|&p| part.world_from_body.point(p));
+    scene.particles.position.extend(moved);
+    scene.particles.volume.extend_from_slice(&particles.volume);
+    let mut gaussians = sampled.gaussians.clone();
+    transform(&mut gaussians, rotation, 1.0, translation);
+    append(&mut scene.gaussians, &gaussians);
+    let shifted = sampled.binding.particle.iter();
+    let shifted = shifted.map(|slots| slots.map(|p| p + first_particle as u32));
+    scene.binding.particle.extend(shifted);
+    scene
+        .binding
+        .weight
+        .extend_from_slice(&sampled.binding.weight);
+    let [x, y, z] = spec.angular_velocity;
+    let spin = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
+    let gradient = |i: usize, j: usize| spec.velocity_gradient[i][j] + spin[i][j];
+    scene.objects.push(Object {
+        name: part.name.clone(),
+        material: spec.material.clone(),
+        regions: Vec::new(),
+        surface: spec.surface,
+        coherence: spec.coherence,
+        fidelity: spec.fidelity,
+        particles: first_particle..scene.particles.position.len(),
+        gaussians: first_gaussian..scene.gaussians.len(),
+        world_from_asset: (rotation * body_from_asset)
+            .normalize()
+            .as_quat()
+            .to_array(),
+        linear_velocity: spec.linear_velocity,
+        velocity_gradient: std::array::from_fn(|i| std::array::from_fn(|j| gradient(i, j))),
+        velocity: spec.velocity.clone(),
+        body_force: spec.body_force.clone(),
+    });
+}
+
+/// The box of everything simulated, grown by ten times its diagonal to every side: room to fall and fly.
+fn default_domain(scene: &Scene) -> Aabb {
+    let particles = super::edit::bounds_of(scene.particles.position.iter().copied());
+    let Some(b) = particles.or_else(|| bounds(&scene.gaussians)) else {
+        return Aabb {
+            min: [-1.0; 3],
+            max: [1.0; 3],
+        };
+    };
+    let diagonal = DVec3::from(b.max).distance(DVec3::from(b.min));
+    let room = 10.0 * diagonal.max(scene.dx);
+    Aabb {
+        min: b.min.map(|x| x - room),
+        max: b.max.map(|x| x + room),
+    }
+}

@@ -1,0 +1,292 @@
+//! Looks at a finished scene for what is impossible or merely suspicious.
+
+use std::collections::HashSet;
+
+use cosplat_sim_core::{
+    distance::SignedDistance,
+    scene::{Aabb, ContactMethod, Fidelity, Object, Scene, Selection},
+};
+
+use super::{
+    edit::bounds_of,
+    error::{At, Finding, SceneErrors},
+    report::BuildReport,
+    spec::{Resolution, SceneFile},
+};
+use crate::fill::FillReport;
+
+/// Part of an object's particles that may lie inside another object before it is called overlap.
+const TOUCHING: f64 = 0.03;
+/// Cells across the thinnest side of what bends. A bar 2 cells thick swings 5 % too slowly and loses 3.9 % of its way each
+/// period, one of 4 cells 2 % and 1.6 %.
+const FEW_CELLS: f64 = 4.0;
+/// Largest component of an initial velocity [m/s].
+const MAX_SPEED: f64 = 1e4;
+/// Largest component of a body force per mass at time 0 [m/s^2].
+const MAX_ACCELERATION: f64 = 1e9;
+
+/// Adds warnings to the report; `at` is the place of each object in the file.
+pub(super) fn check(
+    scene: &Scene,
+    file: &SceneFile,
+    at: &[&At],
+    report: &mut BuildReport,
+) -> Result<(), SceneErrors> {
+    let mut errors = Vec::new();
+    let surfaces: Vec<SignedDistance> = scene
+        .colliders
+        .iter()
+        .map(SignedDistance::at_start)
+        .collect();
+    let hollow: Vec<Finding> = scene
+        .objects
+        .iter()
+        .zip(at)
+        .zip(&report.fills)
+        .filter_map(|((object, at), fill)| {
+            Some(Finding::new(at, thin_walled(object, fill.as_ref()?)?))
+        })
+        .collect();
+    report.warnings.extend(hollow);
+    let mut warn = |at: &At, message: String| report.warnings.push(Finding::new(at, message));
+    for (object, at) in scene.objects.iter().zip(at) {
+        let positions = &scene.particles.position[object.particles.clone()];
+        let outside = positions
+            .iter()
+            .filter(|p| !scene.domain.contains(**p))
+            .count();
+        if outside > 0 {
+            let message = format!(
+                "object `{}`: {outside} of {} particles lie outside the domain {:.4?} to {:.4?}",
+                object.name,
+                positions.len(),
+                scene.domain.min,
+                scene.domain.max
+            );
+            errors.push(Finding::new(at, message));
+        }
+        for (key, field, largest) in [
+            ("velocity", &object.velocity, MAX_SPEED),
+            ("body_force", &object.body_force, MAX_ACCELERATION),
+        ] {
+            let Some(field) = field else { continue };
+            let allowed = |v: &f64| v.abs() <= largest;
+            let bad = |x: &&[f64; 3]| !field.at(**x, 0.0).iter().all(allowed);
+            if let Some(x) = positions.iter().find(bad) {
+                let value = field.at(*x, 0.0);
+                let message = format!(
+                    "object `{}`: {key} is {value:?} at {x:.4?} and time 0, expected at most {largest:?} along each axis",
+                    object.name
+                );
+                errors.push(Finding::new(at, message));
+            }
+        }
+        let spheres = scene.contact.method == ContactMethod::ComSphere;
+        if spheres && object.fidelity != Fidelity::Static && object.has_rigid_matter() {
+            let message = format!(
+                "object `{}` is rigid, and contact = \"com_sphere\" is for objects that deform; \
+                 expected \"two_scale\", \"multi_field\" or \"single_field\"",
+                object.name
+            );
+            errors.push(Finding::new(at, message));
+        }
+        if let Some(message) = thin(scene, object, file) {
+            warn(at, message);
+        }
+        for (collider, surface) in scene.colliders.iter().zip(&surfaces) {
+            let height = |p: &[f64; 3]| surface.at(*p).0;
+            let depths = positions.iter().map(height).filter(|h| *h < 0.0);
+            let (count, deepest) = depths.fold((0, 0.0f64), |(n, d), h| (n + 1, d.min(h)));
+            if count > 0 {
+                warn(
+                    at,
+                    format!(
+                        "object `{}`: {count} of {} particles start inside collider `{}`, up to {:.4} m deep",
+                        object.name,
+                        positions.len(),
+                        collider.name,
+                        -deepest
+                    ),
+                );
+            }
+        }
+    }
+    for (i, shared) in overlaps(scene) {
+        warn(at[i], shared);
+    }
+    for (n, region) in scene.pinned_regions.iter().enumerate() {
+        let held = scene
+            .particles
+            .position
+            .iter()
+            .any(|p| region.bounds.contains(*p));
+        if !held {
+            let at = At {
+                field: format!("pinned_regions[{n}]"),
+                ..At::default()
+            };
+            warn(&at, "holds no particle of any object".into());
+        }
+    }
+    let empty = |selection: &Selection| selection.particles(scene).is_empty();
+    let (specs, found) = (&file.conditions, &scene.conditions);
+    let prescribed = specs.prescribed.iter().zip(&found.prescribed);
+    let impulses = specs.impulses.iter().zip(&found.impulses);
+    let releases = specs.releases.iter().zip(&found.releases);
+    let selections = prescribed
+        .map(|(spec, motion)| (&spec.0, &motion.selection))
+        .chain(impulses.map(|(spec, impulse)| (&spec.0, &impulse.selection)))
+        .chain(releases.map(|(spec, release)| (&spec.0, &release.selection)));
+    for (spec, _) in selections.filter(|(_, selection)| empty(selection)) {
+        warn(&spec.at, "selects no particle of any object".into());
+    }
+    SceneErrors::check(errors)
+}
+
+/// The warning about a splat object in which filling found little inside.
+fn thin_walled(object: &Object, fill: &FillReport) -> Option<String> {
+    let FillReport {
+        solid_volume,
+        thin_volume,
+        ..
+    } = *fill;
+    let thin = thin_volume / (solid_volume + thin_volume);
+    (thin > 0.5).then(|| {
+        format!(
+            "object `{}`: {:.0} % of its volume is in parts thinner than the grid resolves: \
+             they move as a shell of about one particle",
+            object.name,
+            100.0 * thin
+        )
+    })
+}
+
+/// The warning about an object that the grid cannot resolve, or only just.
+fn thin(scene: &Scene, object: &Object, file: &SceneFile) -> Option<String> {
+    let b = bounds_of(
+        scene.particles.position[object.particles.clone()]
+            .iter()
+            .copied(),
+    )?;
+    let sides: [f64; 3] = std::array::from_fn(|a| b.max[a] - b.min[a]);
+    // The particles end half a spacing inside the surface on both sides.
+    let volume: f64 = scene.particles.volume[object.particles.clone()]
+        .iter()
+        .sum();
+    let spacing = (volume / object.particles.len() as f64).cbrt();
+    let side = sides.into_iter().fold(f64::INFINITY, f64::min) + spacing;
+    let name = &object.name;
+    // Jitter takes up to 4 % off a side of just 2 dx, which is meant to pass.
+    if side < 2.0 * scene.dx * 0.95 {
+        return Some(format!(
+            "object `{name}` is {side:.4} m thin, less than 2 dx = {:.4} m: the grid cannot resolve it",
+            2.0 * scene.dx
+        ));
+    }
+    let bends = !object.has_rigid_matter() && object.material.law.is_solid();
+    // Of many particles some are as far out as jitter brings them. A tenth is for surfaces that are curved.
+    let cells = (side - 2.0 * file.jitter * spacing) / scene.dx;
+    if !bends || cells >= FEW_CELLS * 0.9 {
+        return None;
+    }
+    let finer = FEW_CELLS / cells;
+    let remedy = match file.resolution {
+        Resolution::Dx(dx) => format!("dx = {:.2e}", dx / finer),
+        Resolution::CellsPerObject(n) => format!("cells_per_object = {}", (n * finer).ceil()),
+    };
+    let count = scene.particles.position.len() as f64;
+    Some(format!(
+        "object `{name}` is {cells:.1} cells thick where it is thinnest: it bends too softly and loses what swings; \
+         `{remedy}` makes that {FEW_CELLS} cells, with about {:.0} particles in the scene in place of {count}, and {:.0} times \
+         the work",
+        count * finer.powi(3),
+        finer.powi(4)
+    ))
+}
+
+/// Pairs of objects that share space, as the later object's index and the warning.
+fn overlaps(scene: &Scene) -> Vec<(usize, String)> {
+    let simulated: Vec<usize> = (0..scene.objects.len())
+        .filter(|&i| scene.objects[i].fidelity != Fidelity::Static)
+        .collect();
+    let boxes: Vec<Option<Aabb>> = scene
+        .objects
+        .iter()
+        .map(|o| {
+            bounds_of(
+                scene.particles.position[o.particles.clone()]
+                    .iter()
+                    .copied(),
+            )
+        })
+        .collect();
+    let boxes: Vec<(usize, Aabb)> = simulated
+        .into_iter()
+        .filter_map(|o| Some((o, boxes[o]?)))
+        .collect();
+    let mut found = Vec::new();
+    for [i, j] in meeting(&boxes) {
+        let shared = shared_particles(scene, i, j);
+        let count = scene.objects[j].particles.len();
+        if shared as f64 > TOUCHING * count as f64 {
+            let (a, b) = (&scene.objects[i].name, &scene.objects[j].name);
+            found.push((
+                j,
+                format!("objects `{a}` and `{b}` overlap: {shared} of {count} particles of `{b}` lie among those of `{a}`"),
+            ));
+        }
+    }
+    found
+}
+
+/// Pairs of boxes that meet, the lower number first, in the order of the higher: sort and sweep along the axis on which
+/// they are spread widest.
+fn meeting(boxes: &[(usize, Aabb)]) -> Vec<[usize; 2]> {
+    let all = bounds_of(boxes.iter().flat_map(|(_, b)| [b.min, b.max]));
+    let width = |a: usize| all.map_or(0.0, |all| all.max[a] - all.min[a]);
+    let axis = (0..3).fold(0, |best, a| if width(a) > width(best) { a } else { best });
+    let mut order: Vec<&(usize, Aabb)> = boxes.iter().collect();
+    order.sort_by(|a, b| a.1.min[axis].total_cmp(&b.1.min[axis]));
+    let mut pairs = Vec::new();
+    let mut open: Vec<&(usize, Aabb)> = Vec::new();
+    for next in order {
+        open.retain(|(_, b)| b.max[axis] >= next.1.min[axis]);
+        for (i, b) in &open {
+            let apart = (0..3).any(|a| b.max[a] < next.1.min[a] || next.1.max[a] < b.min[a]);
+            if !apart {
+                pairs.push([*i.min(&next.0), *i.max(&next.0)]);
+            }
+        }
+        open.push(next);
+    }
+    pairs.sort_by_key(|&[i, j]| [j, i]);
+    pairs
+}
+
+/// Particles of `j` that lie inside `i`: their cell and its six neighbours hold particles of `i`. Objects that
+/// only touch, as the parts of one asset do, share no more than a layer of cells.
+fn shared_particles(scene: &Scene, i: usize, j: usize) -> usize {
+    let spacing = |o: usize| {
+        let range = scene.objects[o].particles.clone();
+        let volume: f64 = scene.particles.volume[range.clone()].iter().sum();
+        (volume / range.len() as f64).cbrt()
+    };
+    // Wide enough that no cell inside an object is empty, however its lattice is turned.
+    let size = 1.5 * spacing(i).max(spacing(j));
+    let cell = |p: &[f64; 3]| p.map(|x| (x / size).floor() as i64);
+    let range = |o: usize| &scene.particles.position[scene.objects[o].particles.clone()];
+    let mut cells: HashSet<[i64; 3]> = HashSet::new();
+    for p in range(i) {
+        cells.insert(cell(p));
+    }
+    let inside = |p: &&[f64; 3]| {
+        let here = cell(p);
+        let near = |axis: usize, step: i64| {
+            let mut near = here;
+            near[axis] += step;
+            cells.contains(&near)
+        };
+        cells.contains(&here) && (0..3).all(|a| near(a, -1) && near(a, 1))
+    };
+    range(j).iter().filter(inside).count()
+}

@@ -1,0 +1,76 @@
+//! Small operations on sets of Gaussians: subset, append, move, box.
+
+use cosplat_sim_core::scene::Aabb;
+use glam::{DQuat, DVec3};
+
+use crate::assets::Gaussians;
+
+/// Box of points; none for no points.
+pub(crate) fn bounds_of(points: impl Iterator<Item = [f64; 3]>) -> Option<Aabb> {
+    points.fold(None, |found, p| {
+        let found = found.unwrap_or(Aabb { min: p, max: p });
+        Some(Aabb {
+            min: std::array::from_fn(|i| found.min[i].min(p[i])),
+            max: std::array::from_fn(|i| found.max[i].max(p[i])),
+        })
+    })
+}
+
+/// Box of Gaussian centres; none for no Gaussians.
+pub(super) fn bounds(gaussians: &Gaussians) -> Option<Aabb> {
+    bounds_of(gaussians.position.iter().map(|p| p.map(f64::from)))
+}
+
+/// Rotates, scales, then translates Gaussians. Spherical harmonics stay in the frame they were captured in.
+pub(super) fn transform(g: &mut Gaussians, rotation: DQuat, factor: f64, translation: DVec3) {
+    for p in &mut g.position {
+        let world = rotation * (DVec3::from(p.map(f64::from)) * factor) + translation;
+        *p = world.as_vec3().to_array();
+    }
+    for s in &mut g.scale {
+        *s = s.map(|s| (f64::from(s) * factor) as f32);
+    }
+    for q in &mut g.rotation {
+        let local = DQuat::from_array(q.map(f64::from));
+        *q = (rotation * local).normalize().as_quat().to_array();
+    }
+}
+
+/// The Gaussians at these indices.
+pub(super) fn subset(g: &Gaussians, indices: &[usize]) -> Gaussians {
+    let rows = |values: &[f32], stride: usize| -> Vec<f32> {
+        let row = |&i: &usize| &values[i * stride..(i + 1) * stride];
+        indices.iter().flat_map(row).copied().collect()
+    };
+    Gaussians {
+        position: indices.iter().map(|&i| g.position[i]).collect(),
+        scale: indices.iter().map(|&i| g.scale[i]).collect(),
+        rotation: indices.iter().map(|&i| g.rotation[i]).collect(),
+        opacity: indices.iter().map(|&i| g.opacity[i]).collect(),
+        sh: rows(&g.sh, g.sh_stride()),
+        sh_degree: g.sh_degree,
+        feature: rows(&g.feature, g.feature_dim as usize),
+        feature_dim: g.feature_dim,
+    }
+}
+
+/// Appends `more`, whose spherical harmonics and features are not longer than those of `all`; what is missing
+/// is zero.
+pub(crate) fn append(all: &mut Gaussians, more: &Gaussians) {
+    let padded = |values: &[f32], from: usize, to: usize| -> Vec<f32> {
+        let mut padded = Vec::with_capacity(more.len() * to);
+        for i in 0..more.len() {
+            padded.extend_from_slice(&values[i * from..(i + 1) * from]);
+            padded.resize((i + 1) * to, 0.0);
+        }
+        padded
+    };
+    all.sh
+        .extend(padded(&more.sh, more.sh_stride(), all.sh_stride()));
+    let (from, to) = (more.feature_dim as usize, all.feature_dim as usize);
+    all.feature.extend(padded(&more.feature, from, to));
+    all.position.extend_from_slice(&more.position);
+    all.scale.extend_from_slice(&more.scale);
+    all.rotation.extend_from_slice(&more.rotation);
+    all.opacity.extend_from_slice(&more.opacity);
+}

@@ -1,0 +1,169 @@
+//! Groups the Gaussians of an asset into objects: by index, semantic id, box, connection.
+
+use std::collections::{BTreeMap, HashMap};
+
+use cosplat_sim_core::scene::Aabb;
+
+use super::{
+    edit::bounds,
+    spec::{Link, Select, Split},
+};
+use crate::assets::Gaussians;
+
+/// An asset placed in the world, less its nearly transparent Gaussians.
+pub(super) struct Placed {
+    pub gaussians: Gaussians,
+    /// Index of each Gaussian in the asset.
+    pub index: Vec<u64>,
+}
+
+impl Placed {
+    /// Positions in `gaussians` that a selection names; `others` are the asset's other selections.
+    pub fn select(&self, select: &Select, others: &[&Select]) -> Result<Vec<usize>, String> {
+        let all = 0..self.gaussians.len();
+        let position = |i: usize| self.gaussians.position[i].map(f64::from);
+        let chosen: Vec<usize> = match select {
+            Select::Ranges(ranges) => {
+                let inside = |i: u64| ranges.iter().any(|r| (r[0]..r[1]).contains(&i));
+                all.filter(|&i| inside(self.index[i])).collect()
+            }
+            Select::Ids(ids) => {
+                let id = self.ids()?;
+                all.filter(|&i| ids.contains(&id[i])).collect()
+            }
+            Select::Boxes(boxes) => {
+                let inside = |p| boxes.iter().any(|b| b.contains(p));
+                all.filter(|&i| inside(position(i))).collect()
+            }
+            Select::Component(n, link) => {
+                let mut components = self.components(link)?;
+                if *n >= components.len() {
+                    let count = components.len();
+                    return Err(format!("component {n} does not exist: there are {count}"));
+                }
+                components.swap_remove(*n)
+            }
+            Select::Rest => {
+                let mut taken = vec![false; self.gaussians.len()];
+                for other in others.iter().filter(|o| !matches!(o, Select::Rest)) {
+                    for i in self.select(other, &[])? {
+                        taken[i] = true;
+                    }
+                }
+                all.filter(|&i| !taken[i]).collect()
+            }
+        };
+        if chosen.is_empty() {
+            return Err(self.nothing());
+        }
+        Ok(chosen)
+    }
+
+    /// Why nothing was found, with what would be there.
+    fn nothing(&self) -> String {
+        let count = self.gaussians.len();
+        let place = bounds(&self.gaussians).map_or(String::new(), |b| {
+            format!(", which fill the box {:.4?} to {:.4?}", b.min, b.max)
+        });
+        format!("selects none of the asset's {count} Gaussians{place}")
+    }
+
+    /// The parts of `chosen`, in a fixed order.
+    pub fn split(&self, chosen: &[usize], split: Split) -> Result<Vec<Vec<usize>>, String> {
+        match split {
+            Split::Components(link) => self.components_of(chosen, &link),
+            Split::Ids => {
+                let id = self.ids()?;
+                let mut parts: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
+                for &i in chosen {
+                    parts.entry(id[i]).or_default().push(i);
+                }
+                Ok(parts.into_values().collect())
+            }
+        }
+    }
+
+    /// Semantic ids, rounded.
+    fn ids(&self) -> Result<Vec<u64>, String> {
+        let dim = self.gaussians.feature_dim;
+        if dim != 1 {
+            return Err(format!(
+                "needs an asset with one semantic id per Gaussian (property f_sem_0): \
+                 its feature vectors have length {dim}, expected 1"
+            ));
+        }
+        let round = |&f: &f32| if f >= 0.0 { f.round() as u64 } else { u64::MAX };
+        Ok(self.gaussians.feature.iter().map(round).collect())
+    }
+
+    fn components(&self, link: &Link) -> Result<Vec<Vec<usize>>, String> {
+        let all: Vec<usize> = (0..self.gaussians.len()).collect();
+        self.components_of(&all, link)
+    }
+
+    /// Connected components, largest first. Gaussians are connected when their centres lie in the same or in
+    /// touching cells of the link distance.
+    fn components_of(&self, chosen: &[usize], link: &Link) -> Result<Vec<Vec<usize>>, String> {
+        let size = link.distance.unwrap_or_else(|| {
+            let b = bounds(&self.gaussians);
+            let longest = b.map_or(0.0, |b| longest_side(&b));
+            // A fiftieth bridges the gaps between the Gaussians of a surface and keeps clear objects apart.
+            (longest / 50.0).max(1e-9)
+        });
+        let cell =
+            |i: usize| self.gaussians.position[i].map(|x| (f64::from(x) / size).floor() as i64);
+        // Cells are numbered in the order of their first Gaussian: the map's own order plays no part.
+        let mut cells: HashMap<[i64; 3], usize> = HashMap::new();
+        let mut keys = Vec::new();
+        let cell_of: Vec<usize> = chosen
+            .iter()
+            .map(|&i| {
+                *cells.entry(cell(i)).or_insert_with_key(|key| {
+                    keys.push(*key);
+                    keys.len() - 1
+                })
+            })
+            .collect();
+        let mut label = vec![usize::MAX; keys.len()];
+        let mut count = 0;
+        for first in 0..keys.len() {
+            if label[first] != usize::MAX {
+                continue;
+            }
+            label[first] = count;
+            let mut open = vec![first];
+            while let Some(at) = open.pop() {
+                for offset in 0..27 {
+                    let step = [offset % 3, offset / 3 % 3, offset / 9].map(|s| s - 1);
+                    let near = std::array::from_fn(|a| keys[at][a].saturating_add(step[a]));
+                    if let Some(&near) = cells.get(&near)
+                        && label[near] == usize::MAX
+                    {
+                        label[near] = count;
+                        open.push(near);
+                    }
+                }
+            }
+            count += 1;
+        }
+        let mut parts = vec![Vec::new(); count];
+        for (&i, &c) in chosen.iter().zip(&cell_of) {
+            parts[label[c]].push(i);
+        }
+        let largest = parts.iter().map(Vec::len).max().unwrap_or(0);
+        parts.retain(|p| p.len() >= link.min_gaussians);
+        if parts.is_empty() {
+            return Err(format!(
+                "finds no connected component of {} Gaussians (`min_gaussians`): the largest has {largest}",
+                link.min_gaussians
+            ));
+        }
+        parts.sort_by_key(|p| (usize::MAX - p.len(), p[0]));
+        Ok(parts)
+    }
+}
+
+/// Longest side of a box [m].
+pub(super) fn longest_side(b: &Aabb) -> f64 {
+    (0..3).map(|a| b.max[a] - b.min[a]).fold(0.0, f64::max)
+}
