@@ -3,11 +3,9 @@
 //! Scenes are run by this very program: a figure never comes from another build than the one that prints it.
 
 mod chart;
-mod fidelity;
 mod kernel;
 mod machine;
 mod page;
-mod physgaussian;
 mod precision;
 mod scenes;
 mod stability;
@@ -36,9 +34,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum What {
     Documents(Documents),
-    Fidelity(fidelity::Args),
     Kernel(kernel::Args),
-    Physgaussian(physgaussian::Args),
     Precision(precision::Args),
     Scenes(scenes::Args),
     Stability(stability::Args),
@@ -93,9 +89,7 @@ fn main() -> ExitCode {
     cosplat::start_logging();
     cosplat::exit_code(match Cli::parse().what {
         What::Documents(args) => documents(&args.folder),
-        What::Fidelity(args) => fidelity::run(&args),
         What::Kernel(args) => kernel::run(&args),
-        What::Physgaussian(args) => physgaussian::run(&args),
         What::Precision(args) => precision::run(&args),
         What::Scenes(args) => scenes::run(&args),
         What::Stability(args) => stability::run(&args),

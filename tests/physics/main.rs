@@ -6,6 +6,7 @@ mod determinism;
 mod free_fall;
 mod incline;
 mod physgaussian;
+mod samples;
 mod sayable;
 
 use std::process::{Command, Output};

@@ -5,7 +5,15 @@ use std::{
     process::{Command, Output},
 };
 
+use cosplat_physgaussian::{Options, import};
+use cosplat_scene::{
+    assets::{ReadReport, generate, ply},
+    scene_file::{SceneFile, build},
+};
+use cosplat_sim_core::World;
 use serde_json::Value;
+
+use crate::samples::SAMPLES;
 
 fn cosplat(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_cosplat"))
@@ -29,53 +37,45 @@ fn shown(path: &Path) -> &str {
     path.to_str().expect("temporary paths are text")
 }
 
+/// 5 ms of each, ten of the wolf's hundred thousand substeps per millisecond: the whole runs are in docs/physgaussian.md.
 #[test]
 fn the_six_sample_settings_run() {
-    // 5 ms of each, ten of the wolf's hundred thousand substeps per millisecond: the whole runs are in
-    // docs/physgaussian.md.
-    let rows = succeeds(&["bench", "physgaussian", "--duration", "0.005", "--json"]);
-    let expected = [
-        ("ficus", 50),
-        ("pillow2sofa", 50),
-        ("plane", 50),
-        ("tear_bread", 50),
-        ("vasedeck", 50),
-        ("wolf", 250),
-    ];
-    assert_eq!(rows.len(), expected.len());
-    for (row, (name, fixed)) in rows.iter().zip(expected) {
-        assert_eq!(row["scene"], name);
-        assert_eq!(row["fixed_substeps"], fixed, "{row}");
-        assert!(
-            (row["seconds"].as_f64().expect("a number") - 0.005).abs() < 1e-9,
-            "{row}"
-        );
-        for field in ["left_domain", "quarantined", "rollbacks"] {
-            assert_eq!(row[field], 0, "{field}: {row}");
-        }
-        assert!(row["particles"].as_u64().expect("a count") > 5_000, "{row}");
-        assert!(row["substeps"].as_u64().expect("a count") >= 1, "{row}");
+    const DURATION: f64 = 0.005;
+    for (sample, fixed) in SAMPLES.iter().zip([50.0, 50.0, 50.0, 50.0, 50.0, 250.0]) {
+        let name = sample.name;
+        let model = sample.model();
+        let options = Options {
+            name: name.into(),
+            asset: format!("{name}.ply"),
+            compat: false,
+            e_multiplier: None,
+        };
+        let imported =
+            import(sample.config, &model, &options).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let part = DURATION / imported.duration;
+        assert_eq!(imported.fixed_substeps as f64 * part, fixed, "{name}");
+        let file = SceneFile::parse(&imported.scene).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let mut load = |_: &str| Ok((model.clone(), ReadReport::default()));
+        let (scene, _) = build(&file, &mut load).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert!(scene.particles.position.len() > 5_000, "{name}");
+        let mut world = World::new(scene).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let report = world.step(DURATION, &[]);
+        assert!((report.sim_time - DURATION).abs() < 1e-9, "{name}");
+        assert!(report.substeps >= 1 && report.rollbacks == 0, "{name}");
+        assert!(report.left_domain.is_empty(), "{name}");
+        assert!(report.quarantined.is_empty(), "{name}");
     }
 }
 
 #[test]
 fn an_imported_scene_is_simulated() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let input = shown(folder.path());
-    let bench = [
-        "bench",
-        "physgaussian",
-        "--scene",
-        "vasedeck",
-        "--duration",
-        "0.001",
-        "--json",
-        "-o",
-        input,
-    ];
-    succeeds(&bench);
     let file = |name: &str| folder.path().join(name);
     let (config, model, out) = (file("vasedeck.json"), file("vasedeck.ply"), file("out"));
+    let sample = SAMPLES.iter().find(|sample| sample.name == "vasedeck");
+    let sample = sample.expect("listed");
+    std::fs::write(&config, sample.config).expect("written");
+    std::fs::write(&model, ply::write(&sample.model())).expect("written");
     let said = succeeds(&[
         "import",
         shown(&config),
@@ -110,8 +110,8 @@ fn a_bad_configuration_ends_with_status_2_and_every_error() {
     let config = folder.path().join("config.json");
     std::fs::write(&config, r#"{"nu": 0.7, "E": [1]}"#).expect("written");
     let model = folder.path().join("point_cloud.ply");
-    let ply = cosplat_scene::assets::generate::builtin("vase").expect("known");
-    std::fs::write(&model, cosplat_scene::assets::ply::write(&ply)).expect("written");
+    let ply = generate::builtin("vase").expect("known");
+    std::fs::write(&model, ply::write(&ply)).expect("written");
     let output = cosplat(&[
         "import",
         shown(&config),

@@ -26,9 +26,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         &[
             "cosplat",
             "cosplat-sim-core",
-            "cosplat-scene",
             "cosplat-ipc",
-            "cosplat-physgaussian",
             "cosplat-server",
             "cosplat-recorder",
         ],

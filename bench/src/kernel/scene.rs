@@ -1,11 +1,11 @@
 //! The measured scene: a jittered block of particles falls, spinning, onto a slipping floor.
 
-use cosplat_scene::assets::Gaussians;
 use cosplat_sim_core::{
     Scene,
     materials::{Law, Material},
     scene::{
-        BINDING_NEIGHBORS, Binding, Collider, ColliderShape, Object, Pose, RestParticles, Surface,
+        BINDING_NEIGHBORS, Binding, Collider, ColliderShape, Gaussians, Object, Pose,
+        RestParticles, Surface,
     },
 };
 

@@ -17,32 +17,32 @@ pub struct Sample {
 pub const SAMPLES: [Sample; 6] = [
     Sample {
         name: "ficus",
-        config: include_str!("../../../scenes/physgaussian/ficus.json"),
+        config: include_str!("../../scenes/physgaussian/ficus.json"),
         parts: ficus,
     },
     Sample {
         name: "pillow2sofa",
-        config: include_str!("../../../scenes/physgaussian/pillow2sofa.json"),
+        config: include_str!("../../scenes/physgaussian/pillow2sofa.json"),
         parts: pillow2sofa,
     },
     Sample {
         name: "plane",
-        config: include_str!("../../../scenes/physgaussian/plane.json"),
+        config: include_str!("../../scenes/physgaussian/plane.json"),
         parts: plane,
     },
     Sample {
         name: "tear_bread",
-        config: include_str!("../../../scenes/physgaussian/tear_bread.json"),
+        config: include_str!("../../scenes/physgaussian/tear_bread.json"),
         parts: tear_bread,
     },
     Sample {
         name: "vasedeck",
-        config: include_str!("../../../scenes/physgaussian/vasedeck.json"),
+        config: include_str!("../../scenes/physgaussian/vasedeck.json"),
         parts: vasedeck,
     },
     Sample {
         name: "wolf",
-        config: include_str!("../../../scenes/physgaussian/wolf.json"),
+        config: include_str!("../../scenes/physgaussian/wolf.json"),
         parts: wolf,
     },
 ];
@@ -56,8 +56,8 @@ struct Parts {
 
 impl Sample {
     /// The model as its capture would have it: turned back, in other units, elsewhere.
-    pub fn model(&self) -> anyhow::Result<Gaussians> {
-        let config: Value = serde_json::from_str(self.config)?;
+    pub fn model(&self) -> Gaussians {
+        let config: Value = serde_json::from_str(self.config).expect("JSON");
         let list = |key: &str| {
             let values = config[key].as_array().into_iter().flatten();
             values.filter_map(Value::as_f64).collect::<Vec<_>>()
@@ -75,7 +75,7 @@ impl Sample {
         }
         let (factor, origin) = capture;
         let back = rotation.inverse();
-        Ok(moved(model, back, factor, back * DVec3::from(origin)))
+        moved(model, back, factor, back * DVec3::from(origin))
     }
 }
 
