@@ -12,10 +12,10 @@ use anyhow::Context;
 use cosplat_scene::{
     assets::ply,
     diagram::diagram,
+    load::{LoadedScene, load_scene_with},
     scene_file::{AssetReport, AssetSource},
     summary::{Extent, ObjectSummary, SceneSummary},
 };
-use cosplat_server::load::{LoadedScene, load_scene_with};
 use cosplat_sim_core::{
     World,
     scene::{ColliderShape, ProbeKind, Scene, Surface},

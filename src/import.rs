@@ -6,7 +6,7 @@ use cosplat_physgaussian::{
     Note, NoteKind,
     files::{Written, import_files},
 };
-use cosplat_server::load::load_scene;
+use cosplat_scene::load::load_scene;
 use serde::Serialize;
 
 use crate::say;

@@ -86,7 +86,7 @@ pub fn exit_code(outcome: anyhow::Result<()>) -> ExitCode {
         Err(error) => {
             note!("error: {error:#}");
             // Like a wrong command line: the input has to change before another try makes sense.
-            let bad_input = error.is::<cosplat_server::load::LoadError>()
+            let bad_input = error.is::<cosplat_scene::load::LoadError>()
                 || error.is::<cosplat_physgaussian::files::ImportError>();
             ExitCode::from(if bad_input { 2 } else { 1 })
         }

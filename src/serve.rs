@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use cosplat_ipc::Domain;
+use cosplat_scene::load::load_scene;
 use cosplat_server::{
-    load::load_scene,
     pace::Pace,
     serve::{ServeOptions, ServeSummary, serve},
 };

@@ -10,7 +10,7 @@ use std::{
 };
 
 use anyhow::{Context, bail};
-use cosplat_server::load::load_scene_with;
+use cosplat_scene::load::load_scene_with;
 use cosplat_sim_core::{
     ContactEpisode, DtLimit, Isa, ObjectState, ReferenceWorld, Scene, StepReport, Work,
     moments::{Matter, matter},

@@ -10,7 +10,7 @@ use std::{
 };
 
 use anyhow::{Context, ensure};
-use cosplat_server::load::{LoadedScene, load_scene, load_text};
+use cosplat_scene::load::{LoadedScene, load_scene, load_text};
 
 use crate::{machine::Run, page, progress};
 use kernel_rate::KernelRates;

@@ -2,11 +2,13 @@
 //!
 //! Reading order is execution order: an asset is read, a scene file is parsed, objects are filled with particles and
 //! Gaussians bound to them; a summary and a diagram tell what came of it.
-//! Bytes are given to this crate by its caller: it opens no file, prints nothing, and knows nothing of time.
+//! [`load`] alone opens files; nothing here prints, and nothing knows how a scene is stepped.
 
 pub mod assets;
 pub mod binding;
 pub mod diagram;
 pub mod fill;
+pub mod load;
 pub mod scene_file;
+pub mod settings;
 pub mod summary;

@@ -6,6 +6,7 @@ use cosplat_ipc::{
     schema::{self as wire, GaussianRest, GaussianState, ObjectInfo, SceneHeader, Status},
     server::SceneBlocks,
 };
+use cosplat_scene::load::LoadedScene;
 use cosplat_sim_core::{
     Scene, StepReport, World,
     pose::Poses,
@@ -15,7 +16,6 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
     convert::{base_colors, gaussian_objects, gaussians_as_poses, object_info, object_to_wire},
-    load::LoadedScene,
     serve::ServeSummary,
 };
 

@@ -12,13 +12,13 @@ use cosplat_ipc::{
     schema::{self as wire, FrameHeader},
     server::{CreateError, FrameLoan, LoanRefused, PoolPlan, PublishError, Reply, ServerPorts},
 };
+use cosplat_scene::load::LoadedScene;
 use cosplat_sim_core::{CheckpointError, StepReport, World, WorldError, notices::Notices};
 
 use crate::{
     allowance::Allowance,
     checkpoints::CheckpointFolder,
     ingest::Ingest,
-    load::LoadedScene,
     pace::{Pace, Pacer},
     publish::{Output, SceneBuffers},
     steering::Permission,

@@ -12,7 +12,8 @@ use cosplat_renderer::{
     Camera, Harmonics, Image, camera::up_from_gravity, client::BACKGROUND, mp4::Mp4Writer, picture,
     png::write_png,
 };
-use cosplat_server::{load::load_text, publish::Output};
+use cosplat_scene::load::load_text;
+use cosplat_server::publish::Output;
 use cosplat_sim_core::{Scene, World};
 use glam::Vec3;
 use serde::Serialize;

@@ -5,9 +5,9 @@ use std::path::Path;
 use anyhow::Context;
 use cosplat_scene::{
     assets,
+    load::load_text,
     scene_file::{Axis, DropOptions, drop_scene},
 };
-use cosplat_server::load::load_text;
 use cosplat_sim_core::{Scene, scene::Fidelity};
 
 use super::Files;

@@ -16,17 +16,14 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("clients/renderer", &["cosplat-ipc"]),
     ("clients/recorder", &["cosplat-ipc"]),
     ("clients/controller", &["cosplat-ipc"]),
-    // The server only in tests: what was imported loads.
-    (
-        "importers/physgaussian",
-        &["cosplat-scene", "cosplat-server"],
-    ),
+    ("importers/physgaussian", &["cosplat-scene"]),
     (
         "bench",
         &[
             "cosplat",
             "cosplat-sim-core",
             "cosplat-ipc",
+            "cosplat-scene",
             "cosplat-server",
             "cosplat-recorder",
         ],
@@ -43,7 +40,6 @@ const FENCED: &[(&str, &[&str])] = &[
         "toml",
         &[
             "scene",
-            "server",
             "clients/controller",
             "importers/physgaussian",
             "bench",

@@ -12,7 +12,7 @@ use std::{
 };
 
 use anyhow::{Context, bail};
-use cosplat_server::load::load_text;
+use cosplat_scene::load::load_text;
 use cosplat_sim_core::{ReferenceWorld, Scene, World};
 use serde::Serialize;
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use cosplat_server::load::load_text;
+use cosplat_scene::load::load_text;
 use cosplat_sim_core::{
     Scene,
     materials::{Law, Material},

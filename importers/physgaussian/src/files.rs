@@ -190,7 +190,7 @@ mod tests {
             written.imported.scene
         );
         let loaded =
-            cosplat_server::load::load_scene(&written.scene).unwrap_or_else(|e| panic!("{e}"));
+            cosplat_scene::load::load_scene(&written.scene).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(loaded.scene.name, "config");
     }
 

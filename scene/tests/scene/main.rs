@@ -6,6 +6,7 @@ mod filling;
 mod frictions;
 mod pieces;
 mod rolling;
+mod shipped;
 mod splats;
 
 use std::{

@@ -7,10 +7,10 @@ use std::{
 
 use cosplat_scene::{
     assets::{self, Gaussians},
+    load::{LoadedScene, load_scene, load_text},
     scene_file::{Axis, DropOptions, SceneErrors, SceneFile, drop_scene, guess_up},
     summary::SceneSummary,
 };
-use cosplat_server::load::{LoadedScene, load_scene, load_text};
 use cosplat_sim_core::scene::{Fidelity, Scene};
 
 fn root() -> &'static Path {

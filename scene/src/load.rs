@@ -6,13 +6,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use cosplat_scene::{
-    assets::{self, Gaussians, ReadReport},
-    scene_file::{BuildReport, SceneErrors, SceneFile, build_with_meshes},
-};
 use cosplat_sim_core::{Scene, scene::TriangleMesh};
 
-use crate::settings::{self, SettingError};
+use crate::{
+    assets::{self, Gaussians, ReadReport},
+    scene_file::{BuildReport, SceneErrors, SceneFile, build_with_meshes},
+    settings::{self, SettingError},
+};
 
 /// A scene file, built.
 #[derive(Clone, Debug)]
@@ -133,10 +133,10 @@ fn read_asset(path: &Path) -> Result<(Gaussians, ReadReport), Box<dyn Error + Se
 
 #[cfg(test)]
 mod tests {
-    use cosplat_scene::assets::{generate, ply};
     use cosplat_sim_core::scene::ColliderShape;
 
     use super::*;
+    use crate::assets::{generate, ply};
 
     const TEXT: &str = r#"version = 1
 [[objects]]
