@@ -3,6 +3,8 @@
 //! Processes of a [`Domain`] see each other's sessions. A [`ServerPorts`] serves a session; a [`Client`]
 //! attaches to it.
 
+#[cfg(test)]
+mod bindings;
 pub mod client;
 #[cfg(test)]
 mod documentation;

@@ -6,6 +6,7 @@ mod wire {
     mod commands;
     mod crash;
     mod examples;
+    mod header;
     mod impostors;
     mod limits;
     mod refusals;

@@ -1,0 +1,548 @@
+/* Wire types of cosplat for C11 and C++11; docs/wire-format.md says what they mean.
+ *
+ * Written from the Rust types by `COSPLAT_UPDATE_DOCS=1 cargo test -p cosplat-ipc --lib bindings`; a test keeps it equal
+ * to them. SPDX-License-Identifier: MIT OR Apache-2.0 */
+
+#ifndef COSPLAT_H
+#define COSPLAT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+#define COSPLAT_ASSERT static_assert
+#define COSPLAT_ALIGNOF alignof
+#define COSPLAT_ALIGNAS alignas
+#else
+#define COSPLAT_ASSERT _Static_assert
+#define COSPLAT_ALIGNOF _Alignof
+#define COSPLAT_ALIGNAS _Alignas
+#endif
+
+/** Hash of the layout of all types: a server with another one in its hello must not be read. */
+#define COSPLAT_SCHEMA_HASH UINT64_C(0x0c2d81f506ad0dc2)
+/** `Command::kind`: add `vector` [N s] to the momentum of `object`. */
+#define COSPLAT_COMMAND_IMPULSE UINT32_C(1)
+/** Impulse `vector` [N s] on the particles of `object` within `radius` of `point`. */
+#define COSPLAT_COMMAND_IMPULSE_AT UINT32_C(2)
+/** Give `object` the velocity `vector` [m/s] and the spin `point` [rad/s]. */
+#define COSPLAT_COMMAND_SET_VELOCITY UINT32_C(3)
+/** Give `object`, or one region of it, the material `material`; mass stays. */
+#define COSPLAT_COMMAND_SET_MATERIAL UINT32_C(4)
+/** Set gravity to `vector` [m/s^2]. */
+#define COSPLAT_COMMAND_SET_GRAVITY UINT32_C(5)
+/** Stop stepping before the next step. */
+#define COSPLAT_COMMAND_PAUSE UINT32_C(6)
+/** Step again. */
+#define COSPLAT_COMMAND_RESUME UINT32_C(7)
+/** Back to the initial state. */
+#define COSPLAT_COMMAND_RESET UINT32_C(8)
+/** Shut the server down cleanly. */
+#define COSPLAT_COMMAND_STOP UINT32_C(9)
+/** Move collider number `object` so that at the end of the frame its origin is at `vector` [m], turned by the rotation vector `point` [rad]. */
+#define COSPLAT_COMMAND_MOVE_COLLIDER UINT32_C(10)
+/** Hold the particles of `object` that are within `radius` of `point` now; all of them when `radius` is 0. */
+#define COSPLAT_COMMAND_PIN UINT32_C(11)
+/** Let go what `COMMAND_PIN` holds of `object`. */
+#define COSPLAT_COMMAND_RELEASE UINT32_C(12)
+/** Write a checkpoint of the state before `apply_at_step`; the answer's `reason` is the file's path. */
+#define COSPLAT_COMMAND_CHECKPOINT UINT32_C(13)
+/** The command takes effect at `applied_at_step`. */
+#define COSPLAT_ACK_ACCEPTED UINT32_C(1)
+/** The command is refused and changes nothing; see `reason`. */
+#define COSPLAT_ACK_REFUSED UINT32_C(2)
+/** Commands that one request and one journal message hold at most. */
+#define COSPLAT_MAX_COMMANDS ((size_t)32)
+/** The state was set back to the initial one in this step. */
+#define COSPLAT_FRAME_FLAG_RESET UINT32_C(1)
+/** The server was paused when it sent this frame: no step follows before it is resumed. A pause that comes later is told by `status` alone. */
+#define COSPLAT_FRAME_FLAG_PAUSED UINT32_C(2)
+/** This is the last frame of the session. */
+#define COSPLAT_FRAME_FLAG_LAST UINT32_C(4)
+/** Major version of the wire contract; part of every service and type name. */
+#define COSPLAT_WIRE_VERSION UINT32_C(1)
+/** The server is stepping. */
+#define COSPLAT_SERVER_RUNNING UINT32_C(1)
+/** The server is paused. */
+#define COSPLAT_SERVER_PAUSED UINT32_C(2)
+/** The server is shutting down. */
+#define COSPLAT_SERVER_STOPPING UINT32_C(3)
+
+/** Who serves the session. Service and type name carry no version, and this layout never changes. */
+struct cosplat_hello {
+    /** The server's `WIRE_VERSION`. */
+    uint32_t wire_version;
+    /** The server's process id. */
+    uint32_t pid;
+    /** Hash of the server's layout table. */
+    uint64_t schema_hash;
+    /** Grows with every start of a server. */
+    uint64_t epoch;
+    /** Release of the server, UTF-8, zero-padded. */
+    char server_version[24];
+    /** Zero. */
+    uint64_t reserved[2];
+};
+#define COSPLAT_HELLO_TYPE_NAME "cosplat.Hello"
+COSPLAT_ASSERT(sizeof(struct cosplat_hello) == 64, "cosplat_hello");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_hello) == 8, "cosplat_hello");
+COSPLAT_ASSERT(offsetof(struct cosplat_hello, wire_version) == 0, "cosplat_hello");
+COSPLAT_ASSERT(offsetof(struct cosplat_hello, pid) == 4, "cosplat_hello");
+COSPLAT_ASSERT(offsetof(struct cosplat_hello, schema_hash) == 8, "cosplat_hello");
+COSPLAT_ASSERT(offsetof(struct cosplat_hello, epoch) == 16, "cosplat_hello");
+COSPLAT_ASSERT(offsetof(struct cosplat_hello, server_version) == 24, "cosplat_hello");
+COSPLAT_ASSERT(offsetof(struct cosplat_hello, reserved) == 48, "cosplat_hello");
+
+/** One Gaussian: one cache line. */
+struct cosplat_gaussian_state {
+    /** Centre [m], world frame. */
+    COSPLAT_ALIGNAS(64) float position[3];
+    /** Base colour and opacity, RGBA, 0..=255, not premultiplied. */
+    uint8_t color[4];
+    /** Covariance xx xy xz yy yz zz [m^2], world frame. */
+    float covariance[6];
+    /** Object id. */
+    uint32_t object;
+    /** Index of this Gaussian in the `scene` blocks. */
+    uint32_t index;
+    /** World-from-asset rotation (polar part of F times the placement), unit quaternion xyzw: evaluate the spherical harmonics of the `scene` blocks in the view direction turned back by it. */
+    float rotation[4];
+};
+#define COSPLAT_GAUSSIAN_STATE_TYPE_NAME "cosplat.v1.GaussianState"
+COSPLAT_ASSERT(sizeof(struct cosplat_gaussian_state) == 64, "cosplat_gaussian_state");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_gaussian_state) == 64, "cosplat_gaussian_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_gaussian_state, position) == 0, "cosplat_gaussian_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_gaussian_state, color) == 12, "cosplat_gaussian_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_gaussian_state, covariance) == 16, "cosplat_gaussian_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_gaussian_state, object) == 40, "cosplat_gaussian_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_gaussian_state, index) == 44, "cosplat_gaussian_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_gaussian_state, rotation) == 48, "cosplat_gaussian_state");
+
+/** User header of `frame`. */
+struct cosplat_frame_header {
+    /** Step count; consecutive frames differ by 1, anything else is a gap. */
+    uint64_t step;
+    /** Simulated time at the end of the step [s]. */
+    double sim_time;
+    /** Size of the last substep [s]. */
+    double dt;
+    /** Identifies the published scene; a client that sees a new epoch re-reads it. */
+    uint64_t epoch;
+    /** Hash of the complete simulation state. */
+    uint64_t state_hash;
+    /** `CLOCK_MONOTONIC` when the frame was sent [ns]. */
+    uint64_t publish_ns;
+    /** Gaussians in this frame. */
+    uint32_t count;
+    /** Substeps in this step. */
+    uint32_t substeps;
+    /** `FRAME_FLAG_*`. */
+    uint32_t flags;
+    /** Zero. */
+    uint32_t reserved[5];
+};
+#define COSPLAT_FRAME_HEADER_TYPE_NAME "cosplat.v1.FrameHeader"
+COSPLAT_ASSERT(sizeof(struct cosplat_frame_header) == 80, "cosplat_frame_header");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_frame_header) == 8, "cosplat_frame_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, step) == 0, "cosplat_frame_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, sim_time) == 8, "cosplat_frame_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, dt) == 16, "cosplat_frame_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, epoch) == 24, "cosplat_frame_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, state_hash) == 32, "cosplat_frame_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, publish_ns) == 40, "cosplat_frame_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, count) == 48, "cosplat_frame_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, substeps) == 52, "cosplat_frame_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, flags) == 56, "cosplat_frame_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, reserved) == 60, "cosplat_frame_header");
+
+/** One object. */
+struct cosplat_object_state {
+    /** Object id. */
+    uint32_t id;
+    /** How it is modelled at present: 1 static, 2 MPM, 3 asleep, 4 rigid, 6 nothing is left of it. */
+    uint32_t fidelity;
+    /** Mass [kg]. */
+    double mass;
+    /** Centre of mass [m]. */
+    double com[3];
+    /** Rotation since rest, unit quaternion xyzw. */
+    double rotation[4];
+    /** Velocity of the centre of mass [m/s]. */
+    double linear_velocity[3];
+    /** Angular velocity [rad/s]. */
+    double angular_velocity[3];
+    /** Inertia about the centre of mass xx xy xz yy yz zz [kg m^2]. */
+    double inertia[6];
+    /** Effective radius [m]. */
+    double radius;
+    /** Kinetic energy [J]. */
+    double kinetic_energy;
+    /** Elastic energy [J]. */
+    double elastic_energy;
+    /** Impulse from colliders and other objects during the step [N s]. */
+    double contact_impulse[3];
+};
+#define COSPLAT_OBJECT_STATE_TYPE_NAME "cosplat.v1.ObjectState"
+COSPLAT_ASSERT(sizeof(struct cosplat_object_state) == 216, "cosplat_object_state");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_object_state) == 8, "cosplat_object_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_state, id) == 0, "cosplat_object_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_state, fidelity) == 4, "cosplat_object_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_state, mass) == 8, "cosplat_object_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_state, com) == 16, "cosplat_object_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_state, rotation) == 40, "cosplat_object_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_state, linear_velocity) == 72, "cosplat_object_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_state, angular_velocity) == 96, "cosplat_object_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_state, inertia) == 120, "cosplat_object_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_state, radius) == 168, "cosplat_object_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_state, kinetic_energy) == 176, "cosplat_object_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_state, elastic_energy) == 184, "cosplat_object_state");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_state, contact_impulse) == 192, "cosplat_object_state");
+
+/** User header of `objects`. */
+struct cosplat_objects_header {
+    /** Step count, as in `frame`. */
+    uint64_t step;
+    /** Simulated time [s]. */
+    double sim_time;
+    /** As in `frame`. */
+    uint64_t epoch;
+    /** Objects in this message. */
+    uint32_t count;
+    /** Zero. */
+    uint32_t reserved;
+};
+#define COSPLAT_OBJECTS_HEADER_TYPE_NAME "cosplat.v1.ObjectsHeader"
+COSPLAT_ASSERT(sizeof(struct cosplat_objects_header) == 32, "cosplat_objects_header");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_objects_header) == 8, "cosplat_objects_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, step) == 0, "cosplat_objects_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, sim_time) == 8, "cosplat_objects_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, epoch) == 16, "cosplat_objects_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, count) == 24, "cosplat_objects_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, reserved) == 28, "cosplat_objects_header");
+
+/** One Gaussian at rest (block `scene/gaussians`). */
+struct cosplat_gaussian_rest {
+    /** Centre [m]. */
+    float position[3];
+    /** Opacity, 0..=1. */
+    float opacity;
+    /** Standard deviations along the local axes [m]. */
+    float scale[3];
+    /** Object id. */
+    uint32_t object;
+    /** World-from-local rotation, unit quaternion xyzw. */
+    float rotation[4];
+};
+#define COSPLAT_GAUSSIAN_REST_TYPE_NAME "cosplat.v1.GaussianRest"
+COSPLAT_ASSERT(sizeof(struct cosplat_gaussian_rest) == 48, "cosplat_gaussian_rest");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_gaussian_rest) == 4, "cosplat_gaussian_rest");
+COSPLAT_ASSERT(offsetof(struct cosplat_gaussian_rest, position) == 0, "cosplat_gaussian_rest");
+COSPLAT_ASSERT(offsetof(struct cosplat_gaussian_rest, opacity) == 12, "cosplat_gaussian_rest");
+COSPLAT_ASSERT(offsetof(struct cosplat_gaussian_rest, scale) == 16, "cosplat_gaussian_rest");
+COSPLAT_ASSERT(offsetof(struct cosplat_gaussian_rest, object) == 28, "cosplat_gaussian_rest");
+COSPLAT_ASSERT(offsetof(struct cosplat_gaussian_rest, rotation) == 32, "cosplat_gaussian_rest");
+
+/** One object (block `scene/objects`). */
+struct cosplat_object_info {
+    /** Object id. */
+    uint32_t id;
+    /** How the scene asks for it: 1 static, 2 MPM, 3 automatic, 4 rigid. */
+    uint32_t fidelity;
+    /** Particles of the object. */
+    uint32_t particle_count;
+    /** Index of its first Gaussian. */
+    uint32_t gaussian_first;
+    /** Gaussians of the object. */
+    uint32_t gaussian_count;
+    /** Constitutive law, as in `MaterialSpec`. */
+    uint32_t law;
+    /** Young's modulus [Pa]. */
+    double youngs_modulus;
+    /** Poisson's ratio. */
+    double poisson_ratio;
+    /** Density [kg/m^3]. */
+    double density;
+    /** Name, UTF-8, zero-padded. */
+    char name[64];
+    /** Material name, UTF-8, zero-padded. */
+    char material[32];
+};
+#define COSPLAT_OBJECT_INFO_TYPE_NAME "cosplat.v1.ObjectInfo"
+COSPLAT_ASSERT(sizeof(struct cosplat_object_info) == 144, "cosplat_object_info");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_object_info) == 8, "cosplat_object_info");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_info, id) == 0, "cosplat_object_info");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_info, fidelity) == 4, "cosplat_object_info");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_info, particle_count) == 8, "cosplat_object_info");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_info, gaussian_first) == 12, "cosplat_object_info");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_info, gaussian_count) == 16, "cosplat_object_info");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_info, law) == 20, "cosplat_object_info");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_info, youngs_modulus) == 24, "cosplat_object_info");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_info, poisson_ratio) == 32, "cosplat_object_info");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_info, density) == 40, "cosplat_object_info");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_info, name) == 48, "cosplat_object_info");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_info, material) == 112, "cosplat_object_info");
+
+/** User header of every `scene` block. */
+struct cosplat_scene_header {
+    /** Identifies this publication of the scene. */
+    uint64_t epoch;
+    /** Hash of the scene; equal for equal scenes, also after a restart. */
+    uint64_t scene_hash;
+    /** Published frames per simulated second [1/s]. */
+    double frame_rate;
+    /** Grid cell size [m]. */
+    double dx;
+    /** Initial gravity [m/s^2]. */
+    double gravity[3];
+    /** Box to look at [m]: what moves, at rest, without outliers, down to a floor nearby; smallest corner. */
+    float bounds_min[3];
+    /** Largest corner [m]. */
+    float bounds_max[3];
+    /** Gaussians in the scene. */
+    uint32_t gaussian_count;
+    /** Particles in the scene. */
+    uint32_t particle_count;
+    /** Objects in the scene. */
+    uint32_t object_count;
+    /** Spherical-harmonics degree, 0..=3 (block `scene/sh`: `[gaussian][coefficient][rgb]` f32). */
+    uint32_t sh_degree;
+    /** Semantic feature length, 0 = none (block `scene/features`: `[gaussian][feature_dim]` f32). */
+    uint32_t feature_dim;
+    /** Zero. */
+    uint32_t reserved;
+};
+#define COSPLAT_SCENE_HEADER_TYPE_NAME "cosplat.v1.SceneHeader"
+COSPLAT_ASSERT(sizeof(struct cosplat_scene_header) == 104, "cosplat_scene_header");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_scene_header) == 8, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, epoch) == 0, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, scene_hash) == 8, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, frame_rate) == 16, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, dx) == 24, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, gravity) == 32, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, bounds_min) == 56, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, bounds_max) == 68, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, gaussian_count) == 80, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, particle_count) == 84, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, object_count) == 88, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, sh_degree) == 92, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, feature_dim) == 96, "cosplat_scene_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, reserved) == 100, "cosplat_scene_header");
+
+/** Law and parameters of a material; `docs/wire-format.md` lists the laws. */
+struct cosplat_material_spec {
+    /** Constitutive law, 1 to 9. */
+    uint32_t law;
+    /** 0 for the whole object, `n` for its region `n`, counted from 1. */
+    uint32_t region;
+    /** Young's modulus [Pa]; not read for fluid and rigid matter. */
+    double youngs_modulus;
+    /** Poisson's ratio; not read for fluid and rigid matter. */
+    double poisson_ratio;
+    /** What else the law needs, in the order of `docs/wire-format.md`; the rest zero. */
+    double parameters[4];
+};
+#define COSPLAT_MATERIAL_SPEC_TYPE_NAME "cosplat.v1.MaterialSpec"
+COSPLAT_ASSERT(sizeof(struct cosplat_material_spec) == 56, "cosplat_material_spec");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_material_spec) == 8, "cosplat_material_spec");
+COSPLAT_ASSERT(offsetof(struct cosplat_material_spec, law) == 0, "cosplat_material_spec");
+COSPLAT_ASSERT(offsetof(struct cosplat_material_spec, region) == 4, "cosplat_material_spec");
+COSPLAT_ASSERT(offsetof(struct cosplat_material_spec, youngs_modulus) == 8, "cosplat_material_spec");
+COSPLAT_ASSERT(offsetof(struct cosplat_material_spec, poisson_ratio) == 16, "cosplat_material_spec");
+COSPLAT_ASSERT(offsetof(struct cosplat_material_spec, parameters) == 24, "cosplat_material_spec");
+
+/** One order. Fields that a kind does not name are zero. */
+struct cosplat_command {
+    /** `COMMAND_*`. */
+    uint32_t kind;
+    /** Object id, or number of a collider; see the kinds. */
+    uint32_t object;
+    /** The sender's running number. */
+    uint64_t sequence;
+    /** Step at whose start it takes effect; 0 or a past step means the next one. */
+    uint64_t apply_at_step;
+    /** Main vector; see the kinds. */
+    double vector[3];
+    /** Point [m], or the second vector; see the kinds. */
+    double point[3];
+    /** Radius [m]. */
+    double radius;
+    /** For `COMMAND_SET_MATERIAL`. */
+    struct cosplat_material_spec material;
+};
+#define COSPLAT_COMMAND_TYPE_NAME "cosplat.v1.Command"
+COSPLAT_ASSERT(sizeof(struct cosplat_command) == 136, "cosplat_command");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_command) == 8, "cosplat_command");
+COSPLAT_ASSERT(offsetof(struct cosplat_command, kind) == 0, "cosplat_command");
+COSPLAT_ASSERT(offsetof(struct cosplat_command, object) == 4, "cosplat_command");
+COSPLAT_ASSERT(offsetof(struct cosplat_command, sequence) == 8, "cosplat_command");
+COSPLAT_ASSERT(offsetof(struct cosplat_command, apply_at_step) == 16, "cosplat_command");
+COSPLAT_ASSERT(offsetof(struct cosplat_command, vector) == 24, "cosplat_command");
+COSPLAT_ASSERT(offsetof(struct cosplat_command, point) == 48, "cosplat_command");
+COSPLAT_ASSERT(offsetof(struct cosplat_command, radius) == 72, "cosplat_command");
+COSPLAT_ASSERT(offsetof(struct cosplat_command, material) == 80, "cosplat_command");
+
+/** User header of a request with commands. */
+struct cosplat_command_header {
+    /** Random number that identifies the sender for the life of its process. */
+    uint64_t client;
+    /** Sender's process id. */
+    uint32_t pid;
+    /** Commands in the request. */
+    uint32_t count;
+};
+#define COSPLAT_COMMAND_HEADER_TYPE_NAME "cosplat.v1.CommandHeader"
+COSPLAT_ASSERT(sizeof(struct cosplat_command_header) == 16, "cosplat_command_header");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_command_header) == 8, "cosplat_command_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_command_header, client) == 0, "cosplat_command_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_command_header, pid) == 8, "cosplat_command_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_command_header, count) == 12, "cosplat_command_header");
+
+/** Answer to one command; a response holds one per command of the request, in the same order. */
+struct cosplat_ack {
+    /** Sequence of the command answered. */
+    uint64_t sequence;
+    /** Step at whose start it takes effect. */
+    uint64_t applied_at_step;
+    /** `ACK_*`. */
+    uint32_t status;
+    /** Zero. */
+    uint32_t reserved;
+    /** For refusals a sentence with expected and actual values, for checkpoints the path; UTF-8, zero-padded. */
+    char reason[168];
+};
+#define COSPLAT_ACK_TYPE_NAME "cosplat.v1.Ack"
+COSPLAT_ASSERT(sizeof(struct cosplat_ack) == 192, "cosplat_ack");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_ack) == 8, "cosplat_ack");
+COSPLAT_ASSERT(offsetof(struct cosplat_ack, sequence) == 0, "cosplat_ack");
+COSPLAT_ASSERT(offsetof(struct cosplat_ack, applied_at_step) == 8, "cosplat_ack");
+COSPLAT_ASSERT(offsetof(struct cosplat_ack, status) == 16, "cosplat_ack");
+COSPLAT_ASSERT(offsetof(struct cosplat_ack, reserved) == 20, "cosplat_ack");
+COSPLAT_ASSERT(offsetof(struct cosplat_ack, reason) == 24, "cosplat_ack");
+
+/** One entry of `journal`: a command as it was applied. */
+struct cosplat_applied_command {
+    /** Step at whose start it took effect. */
+    uint64_t step;
+    /** Who sent it. */
+    uint64_t client;
+    /** The command. */
+    struct cosplat_command command;
+};
+#define COSPLAT_APPLIED_COMMAND_TYPE_NAME "cosplat.v1.AppliedCommand"
+COSPLAT_ASSERT(sizeof(struct cosplat_applied_command) == 152, "cosplat_applied_command");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_applied_command) == 8, "cosplat_applied_command");
+COSPLAT_ASSERT(offsetof(struct cosplat_applied_command, step) == 0, "cosplat_applied_command");
+COSPLAT_ASSERT(offsetof(struct cosplat_applied_command, client) == 8, "cosplat_applied_command");
+COSPLAT_ASSERT(offsetof(struct cosplat_applied_command, command) == 16, "cosplat_applied_command");
+
+/** User header of `journal`. */
+struct cosplat_journal_header {
+    /** Step at whose start the commands took effect. */
+    uint64_t step;
+    /** As in `frame`. */
+    uint64_t epoch;
+    /** Commands journalled in this epoch before this message; a jump shows that messages were lost. */
+    uint64_t first;
+    /** Commands in this message. */
+    uint32_t count;
+    /** Zero. */
+    uint32_t reserved;
+};
+#define COSPLAT_JOURNAL_HEADER_TYPE_NAME "cosplat.v1.JournalHeader"
+COSPLAT_ASSERT(sizeof(struct cosplat_journal_header) == 32, "cosplat_journal_header");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_journal_header) == 8, "cosplat_journal_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_journal_header, step) == 0, "cosplat_journal_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_journal_header, epoch) == 8, "cosplat_journal_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_journal_header, first) == 16, "cosplat_journal_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_journal_header, count) == 24, "cosplat_journal_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_journal_header, reserved) == 28, "cosplat_journal_header");
+
+/** Newest status of the server. */
+struct cosplat_status {
+    /** Steps completed. */
+    uint64_t step;
+    /** Simulated time [s]. */
+    double sim_time;
+    /** `CLOCK_MONOTONIC` of this update [ns]; a client that sees it stand still calls the server dead. */
+    uint64_t heartbeat_ns;
+    /** Identifies the published scene. */
+    uint64_t epoch;
+    /** Steps per wall second, mean over about the last second [1/s]. */
+    double steps_per_second;
+    /** Simulated seconds per wall second, same window. */
+    double real_time_factor;
+    /** Particle-substeps executed / those of full MPM, since start. */
+    double modelled_fraction;
+    /** Smallest substep of the last step [s]. */
+    double dt;
+    /** Kinetic energy [J]. */
+    double kinetic_energy;
+    /** Elastic energy [J]. */
+    double elastic_energy;
+    /** Potential energy [J]. */
+    double potential_energy;
+    /** Linear momentum [kg m/s]. */
+    double linear_momentum[3];
+    /** Angular momentum about the origin [kg m^2/s]. */
+    double angular_momentum[3];
+    /** Frames published. */
+    uint64_t frames_published;
+    /** Frames not published because no memory was free. */
+    uint64_t frames_skipped;
+    /** Substeps rolled back. */
+    uint64_t rollbacks;
+    /** Particles that left the domain. */
+    uint64_t particles_left;
+    /** Particles quarantined. */
+    uint64_t particles_quarantined;
+    /** Commands accepted. */
+    uint64_t commands_accepted;
+    /** Commands refused. */
+    uint64_t commands_refused;
+    /** Hash of the state after the last step. */
+    uint64_t state_hash;
+    /** What limited `dt`: 0 frame, 1 sound speed, 2 velocity, 3 deformation. */
+    uint32_t dt_limit;
+    /** Object that limited `dt`; `u32::MAX` = none. */
+    uint32_t dt_object;
+    /** `SERVER_*`. */
+    uint32_t server_state;
+    /** Server's process id. */
+    uint32_t pid;
+    /** Readers of `frame`. */
+    uint32_t frame_readers;
+    /** Zero. */
+    uint32_t reserved;
+};
+#define COSPLAT_STATUS_TYPE_NAME "cosplat.v1.Status"
+COSPLAT_ASSERT(sizeof(struct cosplat_status) == 224, "cosplat_status");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_status) == 8, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, step) == 0, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, sim_time) == 8, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, heartbeat_ns) == 16, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, epoch) == 24, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, steps_per_second) == 32, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, real_time_factor) == 40, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, modelled_fraction) == 48, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, dt) == 56, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, kinetic_energy) == 64, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, elastic_energy) == 72, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, potential_energy) == 80, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, linear_momentum) == 88, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, angular_momentum) == 112, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, frames_published) == 136, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, frames_skipped) == 144, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, rollbacks) == 152, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, particles_left) == 160, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, particles_quarantined) == 168, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, commands_accepted) == 176, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, commands_refused) == 184, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, state_hash) == 192, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, dt_limit) == 200, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, dt_object) == 204, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, server_state) == 208, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, pid) == 212, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, frame_readers) == 216, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, reserved) == 220, "cosplat_status");
+
+#endif
