@@ -127,11 +127,12 @@ fn the_wire_format_document_shows_the_layout_of_the_code() {
 
 #[test]
 fn the_attach_document_shows_the_examples_as_they_are() {
-    for (name, language) in [
-        ("smallest_subscriber.rs", "rust"),
-        ("subscriber.py", "python"),
+    for (folder, name, language) in [
+        ("ipc/examples", "smallest_subscriber.rs", "rust"),
+        ("ipc/examples", "subscriber.py", "python"),
+        ("clients/python/examples", "frames.py", "python"),
     ] {
-        let example = fs::read_to_string(document("ipc/examples").join(name)).expect("an example");
+        let example = fs::read_to_string(document(folder).join(name)).expect("an example");
         assert!(example.lines().count() <= 60, "{name} is to stay small");
         let block = format!("```{language}\n{example}```\n");
         check("docs/attach-a-client.md", name, &block);

@@ -6,6 +6,7 @@ mod commands;
 mod crashes;
 mod demo;
 mod output;
+mod python;
 mod recording;
 mod restart;
 mod shutdown;

@@ -1,0 +1,133 @@
+"""A server of one's own, started and stopped with a session."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import itertools
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import IO, Literal
+
+from .domain import Domain
+from .errors import CosplatError, LaunchFailed, NoServer, OtherTransport, TimedOut
+from .orders import Stop
+from .session import Session
+
+_numbers = itertools.count(1)
+
+
+class LaunchedSession(Session):
+    """A session with the server that serves it, made by `launch`; `close` ends both."""
+
+    def __init__(self, name: str, domain: Domain, process: subprocess.Popen[bytes], words: IO[bytes]) -> None:
+        super().__init__(name, 0.05, domain, "python")
+        self._patience = 10.0
+        self.process = process
+        """The server."""
+        self._words = words
+
+    def close(self) -> None:
+        """Stops the server and leaves the session. Frames and scenes that are held stay as they are."""
+        if self.process.poll() is None:
+            with contextlib.suppress(CosplatError, ValueError):
+                self.send(Stop(), timeout=1.0)
+        super().close()
+        _end(self.process)
+        self._words.close()
+
+
+def launch(
+    scene: str | os.PathLike[str],
+    *,
+    session: str | None = None,
+    pace: Literal["realtime", "free"] = "realtime",
+    paused: bool = False,
+    threads: int = 0,
+    arguments: Sequence[str] = (),
+    program: str | os.PathLike[str] | None = None,
+    timeout: float = 60.0,
+    domain: Domain | None = None,
+) -> LaunchedSession:
+    """Starts `cosplat serve` on a scene and attaches; leaving the context, or `close`, stops it.
+
+    `scene` is a path, or the text of a scene file where it holds a line break. `session` is a name that nobody else uses
+    without. `program` is the command, by default the one that COSPLAT names, or `cosplat` on the path. `arguments` are
+    further ones of `cosplat serve`. `timeout` [s] is for loading the scene. Launched by the main thread, the server ends
+    with this process, however it ends.
+
+    Raises LaunchFailed with the server's words when it does not start.
+    """
+    domain = domain or Domain.from_env()
+    name = session or f"python-{os.getpid()}-{next(_numbers)}"
+    with contextlib.ExitStack() as stack:
+        if "\n" in str(scene):
+            file = stack.enter_context(tempfile.NamedTemporaryFile("w", suffix=".toml"))
+            file.write(str(scene))
+            file.flush()
+            scene = file.name
+        # A pipe that nobody reads would stop the server when it is full.
+        words = tempfile.TemporaryFile()
+        command = [_program(program), "serve", os.fspath(scene), "--session", name, "--pace", pace]
+        command += ["--threads", str(threads), *(["--paused"] if paused else []), *arguments]
+        environment = {**os.environ, "COSPLAT_DOMAIN": str(domain.root)}
+        try:
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=words,
+                stderr=words,
+                env=environment,
+                preexec_fn=_end_with_parent if threading.current_thread() is threading.main_thread() else None,
+            )
+        except OSError as error:
+            raise LaunchFailed(f"cannot start {command[0]}: {error}") from None
+        try:
+            return _attach(process, words, name, domain, timeout)
+        except BaseException:
+            _end(process)
+            words.close()
+            raise
+
+
+def _program(program: str | os.PathLike[str] | None) -> str:
+    named = program or os.environ.get("COSPLAT") or shutil.which("cosplat")
+    if not named:
+        raise LaunchFailed("no command `cosplat` on the path: `cargo install --path .`, or name it by COSPLAT or `program`")
+    return os.fspath(named)
+
+
+def _attach(
+    process: subprocess.Popen[bytes], words: IO[bytes], name: str, domain: Domain, timeout: float
+) -> LaunchedSession:
+    deadline = time.monotonic() + timeout
+    while True:
+        try:
+            return LaunchedSession(name, domain, process, words)
+        except (NoServer, TimedOut, OtherTransport):
+            if process.poll() is not None:
+                words.seek(0)
+                text = words.read().decode(errors="replace").strip()
+                raise LaunchFailed(f"the server ended with status {process.returncode}: {text}") from None
+            if time.monotonic() >= deadline:
+                raise LaunchFailed(f"the server did not serve within {timeout:.0f} s") from None
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    for ask in (process.poll, process.terminate, process.kill):
+        ask()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(5.0)
+            return
+
+
+def _end_with_parent() -> None:
+    pr_set_pdeathsig = 1
+    ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGTERM)

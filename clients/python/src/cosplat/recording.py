@@ -1,0 +1,299 @@
+"""Recordings read back: frames of any step, objects, journal, hashes. Needs the extra `recording`."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import wire
+from .errors import BadName, CosplatError, Malformed, RecordingDamaged
+from .scene import Scene
+from .streams import Frame, Objects
+from .wire import AppliedCommand, Command, FrameHeader, GaussianRest, GaussianState, MaterialSpec, ObjectInfo
+from .wire import ObjectsHeader, ObjectState, SceneHeader
+
+_POINT_FIELDS = (
+    *("x", "y", "z", "red", "green", "blue", "alpha"),
+    *("cov_xx", "cov_xy", "cov_xz", "cov_yy", "cov_yz", "cov_zz"),
+    *("object_id", "index", "rot_x", "rot_y", "rot_z", "rot_w"),
+)
+_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+
+
+class Recording:
+    """One run in a file of `cosplat record`; use it as a context manager, or call `close`.
+
+    What it gives is in memory of its own. `docs/recording-format.md` says what is in a file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], run: int = -1) -> None:
+        """Opens the run number `run` of a file: -1 for the last one; a file has several when its server was started anew.
+
+        Raises OSError when it cannot be read, RecordingDamaged when it is no recording, or one that nobody finished, and
+        BadName when it has no such run.
+        """
+        try:
+            import mcap.exceptions
+            import mcap.reader
+        except ImportError:
+            raise CosplatError("recordings need the package mcap: pip install 'cosplat[recording]'") from None
+        self.path = Path(path)
+        """The file."""
+        self._damage: type[Exception] = mcap.exceptions.McapError
+        self._file = self.path.open("rb")
+        try:
+            self._reader: Any = self._guarded(lambda: mcap.reader.SeekingReader(self._file, validate_crcs=True))
+            summary = self._guarded(self._reader.get_summary)
+            if summary is None or not summary.chunk_indexes and summary.statistics is None:
+                raise RecordingDamaged(f"{self.path} has no index: `cosplat recover {self.path}` makes one")
+            records = [r.metadata for r in self._guarded(lambda: list(self._reader.iter_metadata())) if r.name == "cosplat.run"]
+            epochs = [int(record["epoch"], 16) for record in records]
+            self.run_count = len(records)
+            """Runs in the file."""
+            if not -self.run_count <= run < self.run_count:
+                raise BadName(f"{self.path} has {self.run_count} runs, asked for number {run}")
+            self.metadata: dict[str, str] = dict(records[run])
+            """What the file says about the run; see the recording format."""
+            self.epoch = epochs[run]
+            """Identifies the run."""
+            self._records = records[: run % self.run_count + 1]
+            self._read_status()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def close(self) -> None:
+        """Closes the file."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self.steps)
+
+    def frame(self, step: int) -> Frame:
+        """The frame of a step, as it was published. Raises BadName when the step is not in the recording."""
+        time = self._time_of(step)
+        for _, data in self._messages("/gaussians", step, time):
+            return self._frame(step, data)
+        raise RecordingDamaged(f"{self.path}: the Gaussians of step {step} are missing")
+
+    def frames(self) -> Iterator[Frame]:
+        """All frames, in the order of the file."""
+        for sequence, data in self._messages("/gaussians"):
+            step = self._low_steps.get(sequence)
+            if step is not None:
+                yield self._frame(step, data)
+
+    def objects(self, step: int) -> Objects:
+        """The objects after a step. Raises BadName when the step is not in the recording."""
+        for _, data in self._messages("/objects", step, self._time_of(step)):
+            record = self._json("/objects", step, data)
+            if int(record["epoch"], 16) == self.epoch:
+                states = np.array([_values(ObjectState, entry) for entry in record["objects"]], ObjectState.dtype)
+                header = ObjectsHeader(record["step"], _number(record["sim_time"]), self.epoch, len(states))
+                return Objects(header, states, 0, False, self.names)
+        raise RecordingDamaged(f"{self.path}: the objects of step {step} are missing")
+
+    def journal(self) -> list[AppliedCommand]:
+        """The commands of the run, in the order in which they took effect."""
+        commands = []
+        first, last = self._span
+        for sequence, data in self._messages("/journal", None, first, last):
+            record = self._json("/journal", sequence, data)
+            material = MaterialSpec(*_values(MaterialSpec, record["material"]))
+            values = _values(Command, {**record, "material": material})
+            commands.append(AppliedCommand(record["step"], int(record["client"], 16), Command(*values)))
+        return commands
+
+    def gaps(self) -> list[dict[str, Any]]:
+        """Steps of the run that are not in the recording: `from_step`, `to_step`, `reason`."""
+        records = (self._json("/gaps", sequence, data) for sequence, data in self._messages("/gaps"))
+        return [record for record in records if int(record["epoch"], 16) == self.epoch]
+
+    def scene(self) -> Scene:
+        """The scene of the run. Raises RecordingDamaged when the file does not hold it."""
+        # Attachments follow the record of the first run that has their scene.
+        count = sum(record.get("scene_attached") == "true" for record in self._records)
+
+        def block(name: str, kind: np.dtype[Any]) -> NDArray[Any]:
+            return np.frombuffer(self.attachment(name, count - 1), kind)
+
+        values = {name: self._meta(name) for name in SceneHeader.dtype.names or ()}
+        header = SceneHeader(**values)
+        gaussians = block("scene/gaussians.bin", GaussianRest.dtype)
+        sh = block("scene/sh.bin", np.dtype("<f4"))
+        features: NDArray[np.float32] = np.empty(0, np.float32)
+        if header.feature_dim:
+            features = block("scene/features.bin", np.dtype("<f4"))
+        objects = block("scene/objects.bin", ObjectInfo.dtype)
+        source = self.attachment("scene.toml", count - 1).decode(errors="replace")
+        try:
+            return Scene(header, gaussians, sh, objects, features, source)
+        except Malformed as error:
+            raise RecordingDamaged(f"{self.path}: {error}") from None
+
+    def attachment(self, name: str, number: int = -1) -> bytes:
+        """A file inside the file; of several with that name the one of this number. Raises BadName."""
+        found = [a for a in self._guarded(lambda: list(self._reader.iter_attachments())) if a.name == name]
+        if not -len(found) <= number < len(found):
+            raise BadName(f"{self.path} has {len(found)} attachments named {name!r}, asked for number {number}")
+        data: bytes = found[number].data
+        return data
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the objects, by id."""
+        return [self.metadata[f"object.{number}.name"] for number in range(int(self.metadata["object_count"]))]
+
+    def _read_status(self) -> None:
+        """Reads the headers of all frames."""
+        self._headers: dict[int, FrameHeader] = {}
+        self._times: dict[int, int] = {}
+        messages = self._guarded(lambda: list(self._reader.iter_messages(["/status"], log_time_order=False)))
+        for _, _, message in messages:
+            record = self._json("/status", message.sequence, message.data)
+            if int(record["epoch"], 16) == self.epoch:
+                header = FrameHeader(*_values(FrameHeader, record))
+                self._headers[header.step] = header
+                self._times[header.step] = message.log_time
+        self._low_steps = {step % 2**32: step for step in self._headers}
+        times = self._times.values()
+        self._span = (int(self.metadata.get("log_time_ns", 0)), max(times, default=0))
+        self.steps: NDArray[np.uint64] = np.array(list(self._headers), np.uint64)
+        """Steps of the frames, in the order of the file."""
+        self.hashes: NDArray[np.uint64] = np.array([h.state_hash for h in self._headers.values()], np.uint64)
+        """Hashes of the state after these steps."""
+        self.sim_times: NDArray[np.float64] = np.array([h.sim_time for h in self._headers.values()])
+        """Simulated times at the ends of these steps [s]."""
+
+    def _time_of(self, step: int) -> int:
+        if step not in self._times:
+            held = f"{self.steps.min()} to {self.steps.max()}" if len(self) else "none"
+            raise BadName(f"step {step} is not in {self.path}, whose run has {held}")
+        return self._times[step]
+
+    def _messages(
+        self, topic: str, step: int | None = None, start: int | None = None, end: int | None = None
+    ) -> Iterator[tuple[int, bytes]]:
+        """Sequence numbers and bytes of a topic; of one `step` at the time `start`, or between two times."""
+        span = {} if start is None else {"starting_at": start, "ending_at": start if end is None else end}
+        messages = self._reader.iter_messages([topic], log_time_order=False, **span)
+        while (found := self._guarded(lambda: next(messages, None))) is not None:
+            message = found[2]
+            if step is None or message.sequence == step % 2**32:
+                yield message.sequence, message.data
+
+    def _frame(self, step: int, data: bytes) -> Frame:
+        try:
+            gaussians = _point_cloud(data)
+        except (IndexError, ValueError) as error:
+            raise RecordingDamaged(f"{self.path}: /gaussians of step {step}: {error}") from None
+        header = self._headers[step]
+        if len(gaussians) != header.count:
+            raise RecordingDamaged(
+                f"{self.path}: step {step} has {len(gaussians)} Gaussians, its /status says {header.count}"
+            )
+        return Frame(header, gaussians, 0, False, [])
+
+    def _json(self, topic: str, sequence: int, data: bytes) -> Any:
+        try:
+            return json.loads(data)
+        except ValueError as error:
+            raise RecordingDamaged(f"{self.path}: {topic} {sequence}: {error}") from None
+
+    def _meta(self, name: str) -> Any:
+        """A field of the scene's header in the words of the metadata."""
+        text = self.metadata[name]
+        kind = SceneHeader.dtype[name]
+        if kind.shape:
+            return np.array(json.loads(text), kind.base)
+        if name in ("epoch", "scene_hash"):
+            return int(text, 16)
+        return float(text) if kind.kind == "f" else int(text)
+
+    def _guarded(self, read: Any) -> Any:
+        """Runs a reader of mcap; its errors become ours."""
+        try:
+            return read()
+        except (self._damage, ValueError, EOFError) as error:
+            raise RecordingDamaged(f"{self.path} is damaged or no recording: {error!r}") from None
+
+
+def _number(value: float | None) -> float:
+    # JSON has no NaN and no infinity.
+    return float("nan") if value is None else value
+
+
+def _values(kind: type[wire.Record], record: dict[str, Any]) -> tuple[Any, ...]:
+    """The fields of a wire type from a JSON object of the same names."""
+    values = []
+    for name in kind.dtype.names or ():
+        value, field = record[name], kind.dtype[name]
+        if isinstance(value, str):
+            value = int(value, 16)
+        elif isinstance(value, list):
+            value = np.array([_number(number) for number in value], field.base)
+        elif field.kind == "f":
+            value = _number(value)
+        values.append(value)
+    return tuple(values)
+
+
+def _point_cloud(data: bytes) -> NDArray[np.void]:
+    """The Gaussians of a `foxglove.PointCloud`. Raises ValueError or IndexError when it is none of Gaussians."""
+    stride, names, points = 0, [], b""
+    for number, value in _protobuf(data):
+        if number == 4 and isinstance(value, bytes):
+            stride = int.from_bytes(value, "little")
+        elif number == 5 and isinstance(value, bytes):
+            names.append(next(bytes(v).decode() for n, v in _protobuf(value) if n == 1 and isinstance(v, bytes)))
+        elif number == 6 and isinstance(value, bytes):
+            points = value
+    if stride != GaussianState.dtype.itemsize or tuple(names) != _POINT_FIELDS:
+        raise ValueError(f"points of stride {stride} with the fields {names} are no Gaussians")
+    # A copy: arrays that nobody can write would be a surprise in a recording.
+    return np.frombuffer(points, GaussianState.dtype).copy()
+
+
+def _protobuf(data: bytes) -> Iterator[tuple[int, bytes | int]]:
+    """Field numbers and values of a protobuf message."""
+    at = 0
+
+    def varint() -> int:
+        nonlocal at
+        value = shift = 0
+        while True:
+            byte = data[at]
+            at += 1
+            value |= (byte & 0x7F) << shift
+            shift += 7
+            if byte < 0x80:
+                return value
+
+    while at < len(data):
+        key = varint()
+        kind = key & 7
+        if kind == _VARINT:
+            yield key >> 3, varint()
+            continue
+        length = {_FIXED64: 8, _FIXED32: 4}.get(kind)
+        if length is None:
+            if kind != _BYTES:
+                raise ValueError(f"protobuf of kind {kind}")
+            length = varint()
+        if at + length > len(data):
+            raise ValueError(f"a field of {length} bytes, {len(data) - at} are left")
+        yield key >> 3, data[at : at + length]
+        at += length

@@ -1,0 +1,241 @@
+"""The one module that speaks to iceoryx2 about services, and the only one that touches addresses.
+
+Memory leaves it as numpy arrays that cannot be written and keep their sample alive.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import os
+import time
+from typing import Any, TypeVar
+
+import iceoryx2 as iox2
+import numpy as np
+from numpy.typing import NDArray
+
+from . import wire
+from .domain import SHARED_MEMORY
+from .errors import TooManyHeld, TransportFailed
+
+R = TypeVar("R", bound=wire.Record)
+
+EVENT_REQUEST = 1
+# A message may come without a wake-up: history after joining.
+LONGEST_WAIT = 0.02
+
+
+class Absent(Exception):
+    """A service does not exist yet, or is about to come or to go: worth another try."""
+
+
+class Corrupted(Exception):
+    """Another release of iceoryx2 made a service, or its files are damaged."""
+
+
+_PASSING = ("DoesNotExist", "IsMarkedForDestruction", "HangsInCreation", "IsBeingCreated", "SystemInFlux")
+
+
+def structure(record: type[wire.Record]) -> type[ctypes.Structure]:
+    """A type with the name, size and alignment of a wire type, which is all that iceoryx2 compares."""
+    # A reader may ask for less than the 64 bytes of a Gaussian.
+    unit = ctypes.c_uint64 if record.alignment >= 8 else ctypes.c_uint32
+    count = record.dtype.itemsize // ctypes.sizeof(unit)
+    name = record.type_name
+    members = {"_fields_": [("words", unit * count)], "type_name": staticmethod(lambda: name)}
+    return type(record.__name__, (ctypes.Structure,), members)
+
+
+def _payload(element: type[wire.Record] | str) -> Any:
+    primitives = {"f32": ctypes.c_float, "u8": ctypes.c_uint8}
+    return primitives[element] if isinstance(element, str) else structure(element)
+
+
+def _opened(builder: Any, name: str) -> Any:
+    try:
+        return builder.open()
+    except Exception as error:
+        words = str(error)
+        if any(word in words for word in _PASSING):
+            raise Absent(f"{name} does not exist") from None
+        if "Corrupted" in words or "VersionMismatch" in words:
+            raise Corrupted(f"{name} is damaged") from None
+        raise TransportFailed(f"cannot open {name}: {words}") from None
+
+
+def pub_sub(node: Any, name: str, payload: type[wire.Record] | str, header: type[wire.Record] | None) -> Any:
+    """Opens a stream of slices."""
+    builder = node.service_builder(iox2.ServiceName.new(name)).publish_subscribe(iox2.Slice[_payload(payload)])
+    return _opened(builder if header is None else builder.user_header(structure(header)), name)
+
+
+def single(node: Any, name: str, payload: type[wire.Record]) -> Any:
+    """Opens a stream of single elements without header."""
+    builder = node.service_builder(iox2.ServiceName.new(name)).publish_subscribe(structure(payload))
+    return _opened(builder, name)
+
+
+def event(node: Any, name: str) -> Any:
+    """Opens an event service."""
+    return _opened(node.service_builder(iox2.ServiceName.new(name)).event(), name)
+
+
+def requests(
+    node: Any,
+    name: str,
+    request: type[wire.Record],
+    header: type[wire.Record],
+    response: type[wire.Record],
+    answer_header: type[wire.Record] | None,
+) -> Any:
+    """Opens a request-response service of slices."""
+    builder = node.service_builder(iox2.ServiceName.new(name))
+    builder = builder.request_response(iox2.Slice[structure(request)], iox2.Slice[structure(response)])
+    builder = builder.request_header(structure(header))
+    return _opened(builder if answer_header is None else builder.response_header(structure(answer_header)), name)
+
+
+def subscriber(service: Any, depth: int, history: int) -> Any:
+    """A queue of at most `depth` messages that begins with up to `history` old ones."""
+    static = service.static_config
+    depth = max(1, min(depth, static.subscriber_max_buffer_size))
+    builder = service.subscriber_builder().buffer_size(depth)
+    with _said("subscribe"):
+        return builder.history_request(min(history, static.history_size, depth)).create()
+
+
+def receive(port: Any, stream: str, max_held: int) -> Any:
+    """The next sample, or None. Raises TooManyHeld when the program holds `max_held` of them."""
+    try:
+        return port.receive()
+    except iox2.ReceiveError as error:
+        if "ExceedsMaxBorrows" not in str(error):
+            raise TransportFailed(f"cannot read {stream!r}: {error}") from None
+    # What is held by nothing but circles of references goes first.
+    gc.collect()
+    try:
+        return port.receive()
+    except iox2.ReceiveError:
+        raise TooManyHeld(
+            f"{max_held} messages of {stream!r} are held already: let go of one, or keep `frame.copy()` in its place"
+        ) from None
+
+
+class _Memory:
+    """Bytes of a sample, for numpy; as long as an array looks at them, the sample is alive."""
+
+    __slots__ = ("__array_interface__", "port", "sample")
+
+    def __init__(self, sample: Any, port: Any, size: int) -> None:
+        self.sample = sample
+        # Without it the publisher would take the memory back.
+        self.port = port
+        # True: the pages are read-only, and numpy lets nobody say otherwise.
+        memory = (sample.payload_ptr, True)
+        self.__array_interface__ = {"version": 3, "shape": (size,), "typestr": "|u1", "data": memory}
+
+
+def array(sample: Any, port: Any, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """The payload of a sample or response of `port` as a read-only array that owns both."""
+    count = sample.header.number_of_elements
+    if count == 0:
+        # There may be no address.
+        empty = np.empty(0, dtype)
+        empty.flags.writeable = False
+        return empty
+    return np.asarray(_Memory(sample, port, count * dtype.itemsize)).view(dtype)
+
+
+def fixed(sample: Any, record: type[R]) -> R:
+    """The payload of a sample of one element, copied."""
+    return _read(sample.payload_ptr, record)
+
+
+def header(sample: Any, record: type[R]) -> R:
+    """The user header of a sample or response, copied."""
+    return _read(sample.user_header_ptr, record)
+
+
+def _read(address: int, record: type[R]) -> R:
+    data = ctypes.string_at(address, record.dtype.itemsize)
+    element: np.void = np.frombuffer(data, record.dtype)[0]
+    return record.read(element)
+
+
+def listen(listener: Any, timeout: float) -> None:
+    """Sleeps until an event comes, for at most `timeout` [s]."""
+    # A socket takes a timeout that rounds to zero for "for ever".
+    if timeout < 1e-5:
+        listener.try_wait()
+    else:
+        with contextlib.suppress(iox2.ListenerWaitError):
+            listener.timed_wait(iox2.Duration.from_secs_f64(timeout))
+
+
+def sender(service: Any, max_elements: int) -> Any:
+    """A port for requests of up to `max_elements` elements, with all its memory set aside."""
+    builder = service.client_builder().initial_max_slice_len(max_elements)
+    with _said("send requests"):
+        port = builder.backpressure_strategy(iox2.BackpressureStrategy.DiscardData).create()
+    # iceoryx2 only reserves addresses: without this, a full mount kills the process at its first write.
+    for file in SHARED_MEMORY.glob(f"*_{port.id.value}.data"):
+        with file.open("r+b") as segment:
+            try:
+                os.posix_fallocate(segment.fileno(), 0, os.fstat(segment.fileno()).st_size)
+            except OSError as error:
+                raise TransportFailed(f"shared memory is full: {error}") from None
+    return port
+
+
+def send(port: Any, elements: NDArray[Any], head: NDArray[Any]) -> Any | None:
+    """Sends a request and returns what waits for its answer, or None when nobody has room for it."""
+    try:
+        request = port.loan_slice_uninit(len(elements))
+        ctypes.memmove(request.payload_ptr, elements.ctypes.data, elements.nbytes)
+        ctypes.memmove(request.user_header_ptr, head.ctypes.data, head.nbytes)
+        pending = request.assume_init().send()
+    except (iox2.LoanError, iox2.RequestSendError) as error:
+        if "ExceedsMaxActiveRequests" in str(error):
+            return None
+        raise TransportFailed(f"cannot send a request: {error}") from None
+    return pending if pending.number_of_server_connections > 0 else None
+
+
+def notify(notifier: Any) -> None:
+    """Wakes the server; a request is seen without it, too."""
+    with contextlib.suppress(iox2.NotifierNotifyError):
+        notifier.notify_with_custom_event_id(iox2.EventId.new(EVENT_REQUEST))
+
+
+def answer(pending: Any, listener: Any, timeout: float) -> Any | None:
+    """The response to a request; None when `timeout` [s] passes, or the server lets go of it, without one."""
+    deadline = time.monotonic() + timeout
+    while True:
+        # Asked first: what the server sends before it lets go of the request is there when it has.
+        is_open = pending.is_connected
+        response = pending.receive()
+        if response is not None:
+            return response
+        left = deadline - time.monotonic()
+        if not is_open or left <= 0:
+            return None
+        listen(listener, min(left, 0.05))
+
+
+@contextlib.contextmanager
+def _said(what: str) -> Any:
+    """Turns iceoryx2's words into a sentence with what they mean."""
+    meanings = {
+        "ExceedsMaxSupportedSubscribers": "all places for readers are taken: end a program that reads",
+        "ExceedsMaxSupportedClients": "all places for senders of commands are taken: end a program that sends",
+        "ExceedsMaxSupportedListeners": "all places for listeners are taken: end a program that reads",
+        "ExceedsMaxSupportedNotifiers": "all places for notifiers are taken: end a program that sends",
+    }
+    try:
+        yield
+    except Exception as error:
+        words = str(error)
+        meaning = next((m for word, m in meanings.items() if word in words), words)
+        raise TransportFailed(f"cannot {what}: {meaning}") from None

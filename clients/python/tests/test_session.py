@@ -1,0 +1,201 @@
+"""Stories of a session: what is read, what is ordered, and what happens when the server goes."""
+
+import time
+
+import cosplat
+import numpy as np
+import pytest
+from conftest import PATIENCE, Launch
+from cosplat import (
+    BadName,
+    Checkpoint,
+    Domain,
+    LaunchedSession,
+    Malformed,
+    MoveCollider,
+    Pause,
+    Pin,
+    Push,
+    Refused,
+    Release,
+    Reset,
+    Resume,
+    ServerLost,
+    SetGravity,
+    SetMaterial,
+    SetVelocity,
+    wire,
+)
+from stranger import Stranger, hello
+
+
+def test_a_loop_sees_every_step_and_ends_with_the_session(launch: Launch) -> None:
+    with launch(paused=True, arguments=["--duration", "1"]) as session:
+        reader = session.frames(64)
+        session.send(Resume())
+        frames = [(frame.step, frame.is_last, frame.is_new_run) for frame in reader]
+        # The last frame is sent once more when the server ends between two steps.
+        assert [step for step, _, _ in frames[:51]] == list(range(51))
+        assert frames[-1] == (50, True, False) and reader.missed == 0
+
+
+def test_positions_and_objects_of_a_step_agree(launch: Launch) -> None:
+    with launch(paused=True) as session:
+        frames, objects = session.frames(64), session.objects(64)
+        session.send(Resume())
+        for _ in range(20):
+            frame, states = frames.next(PATIENCE), objects.next(PATIENCE)
+            assert frame and states and frame.step == states.step and frame.sim_time == states.sim_time
+            left = states["left"]
+            assert left.id == states[0].id == 0
+            mean = frame.positions[frame.object_ids == left.id].mean(axis=0)
+            # Gaussians cover the surface of the box evenly, so their mean is near its centre of mass.
+            assert np.allclose(mean, left.com, atol=0.01)
+        assert states and np.array_equal(states.states["com"][1], states["right"].com)
+        with pytest.raises(BadName, match="object 'middle' does not exist: the scene has left, right"):
+            states["middle"]
+
+
+def test_the_scene_is_that_of_the_file(session: LaunchedSession) -> None:
+    scene = session.scene()
+    assert (scene.names, scene.colliders) == (["left", "right"], ["floor"])
+    assert scene.header.frame_rate == 50.0
+    assert 'name = "two blocks"' in scene.source
+    part = scene.gaussians_of("right")
+    assert (scene.gaussians["object"][part] == 1).all() and (scene.gaussians["object"] == 1).sum() == part.stop - part.start
+    frame = session.frames().next(PATIENCE)
+    assert frame and np.allclose(scene.gaussians["position"][frame.indices], frame.positions, atol=1e-6)
+
+
+def test_status_tells_how_it_goes(session: LaunchedSession) -> None:
+    status = session.status()
+    assert (status.step, status.server_state) == (0, wire.SERVER_PAUSED)
+    session.send(Resume())
+    while (status := session.status()).step < 5:
+        time.sleep(0.01)
+    assert status.server_state == wire.SERVER_RUNNING and status.kinetic_energy > 0
+
+
+def test_orders_are_applied_and_journalled(session: LaunchedSession) -> None:
+    journal, objects = session.journal(), session.objects(64)
+    orders = [
+        Push("left", (0, 1, 0)),
+        Push("left", (0, 1, 0), point=(-0.3, 0.3, 0), radius=0.1),
+        SetVelocity("right", (1, 0, 0), angular=(0, 0, 1)),
+        SetMaterial("right", "von_mises", 1e5, 0.3, {"yield_stress_pa": 1e3, "hardening_pa": 0}),
+        SetGravity((0, 0, 0)),
+        MoveCollider("floor", (0, -1, 0)),
+        Pin("left", (-0.3, 0.3, 0), 0.05, at_step=4),
+        Release("left", at_step=6),
+    ]
+    acks = session.send(*orders, Pause(at_step=9), Resume())
+    assert [ack.step for ack in acks] == [1, 1, 1, 1, 1, 1, 4, 6, 9, 1]
+    seen: list[tuple[int, wire.Command]] = []
+    while len(seen) < len(orders):
+        message = journal.next(PATIENCE)
+        assert message
+        seen += [(entry.step, entry.command) for entry in message.commands]
+    assert [step for step, _ in seen] == [1, 1, 1, 1, 1, 1, 4, 6]
+    assert [command.sequence for _, command in seen] == list(range(1, 9))
+    assert seen[3][1].material.parameters.tolist() == [1e3, 0, 0, 0]
+    states = next(message for message in objects if message.step == 2)
+    # A push of 1 N s twice on 8.56 kg; a velocity is what was ordered.
+    assert states["left"].linear_velocity[1] > 0.2
+    assert states["right"].linear_velocity == pytest.approx([1, 0, 0], abs=1e-3)
+
+
+def test_a_refusal_says_why_and_what_was_accepted(session: LaunchedSession) -> None:
+    with pytest.raises(Refused, match="impulse is NaN, expected a finite number") as error:
+        session.send(Push("left", (0, 1, 0)), Push(1, (np.nan, 0, 0)), Pause())
+    assert [ack.accepted for ack in error.value.acks] == [True, False, True]
+    with pytest.raises(BadName, match="object 'middle' does not exist: the scene has left, right"):
+        session.send(Push("middle", (0, 1, 0)))
+    with pytest.raises(BadName, match="object 2 does not exist"):
+        session.send(Push(2, (0, 1, 0)))
+    with pytest.raises(BadName, match="collider 'left' does not exist: the scene has floor"):
+        session.send(MoveCollider("left", (0, 1, 0)))
+    with pytest.raises(BadName, match="law 'steel' does not exist"):
+        session.send(SetMaterial("left", "steel"))
+    with pytest.raises(BadName, match=r"has the parameters \['yield_stress_pa', 'softening'\], found \['softening'\]"):
+        session.send(SetMaterial("left", "plasticine", 1.0, 0.3, {"softening": 1.0}))
+    with pytest.raises(ValueError, match=r"impulse has shape \(2,\), expected \(3,\)"):
+        session.send(Push("left", (0, 1)))
+    with pytest.raises(ValueError, match="33 orders in one request, expected at most 32"):
+        session.send(*[Pause()] * 33)
+    assert session.send() == []
+
+
+def test_a_checkpoint_is_answered_with_its_path(launch: Launch, tmp_path: object) -> None:
+    with launch(paused=True, arguments=["--checkpoints", str(tmp_path)]) as session:
+        [ack] = session.send(Checkpoint())
+        assert ack.reason.startswith(str(tmp_path))
+
+
+def test_a_reset_is_marked_on_its_frame(session: LaunchedSession) -> None:
+    reader = session.frames(64)
+    session.send(Resume(), Reset(at_step=5))
+    assert next(frame.step for frame in reader if frame.is_reset) == 5
+
+
+def test_a_closed_session_gives_its_places_back(session: LaunchedSession) -> None:
+    with cosplat.connect(session.name, timeout=PATIENCE) as second:
+        frame = second.frames().next(PATIENCE)
+        assert frame
+        while session.status().frame_readers != 1:
+            time.sleep(0.01)
+    # What is held stays, and its place with it.
+    assert np.isfinite(frame.positions).all()
+    del frame
+    while session.status().frame_readers != 0:
+        time.sleep(0.01)
+    with pytest.raises(ValueError, match="is closed"):
+        second.frames()
+
+
+def test_a_reader_carries_on_with_the_next_server(launch: Launch) -> None:
+    with launch(session="same", paused=True) as first:
+        with cosplat.connect("same", timeout=PATIENCE) as session:
+            frames, objects = session.frames(), session.objects()
+            one, before = frames.next(PATIENCE), objects.next(PATIENCE)
+            assert one and before and session.send(Pause())
+            first.process.kill()
+            first.process.wait()
+            with launch(session="same", paused=True) as second:
+                two, after = frames.next(PATIENCE), objects.next(PATIENCE)
+                assert two and two.is_new_run and two.epoch > one.epoch and two.missed == 0
+                assert after and after["right"].id == 1
+                assert session.scene().header.epoch == two.epoch
+                assert session.send(Pause())
+                assert session.hello.pid == second.process.pid
+
+
+def test_a_loop_over_a_killed_server_raises(session: LaunchedSession) -> None:
+    reader = session.frames()
+    assert reader.next(PATIENCE)
+    session.process.kill()
+    session.process.wait()
+    with pytest.raises(ServerLost, match="gave no sign of life"):
+        for _ in reader:
+            pass
+
+
+def test_other_publishers_are_ignored(domain: Domain) -> None:
+    with Stranger(domain, "shared", hello()) as server, cosplat.connect("shared", timeout=PATIENCE) as session:
+        reader = session.frames(64)
+        impostor = Stranger(domain, "shared", None)
+        impostor.publish(step=1, elements=1, epoch=99)
+        server.publish(step=2, elements=1)
+        frame = reader.next(PATIENCE)
+        assert frame and (frame.step, frame.epoch) == (2, 5)
+        assert reader.next(0.1) is None
+
+
+def test_a_frame_that_contradicts_itself_is_skipped(domain: Domain) -> None:
+    with Stranger(domain, "odd", hello()) as server, cosplat.connect("odd", timeout=PATIENCE) as session:
+        reader = session.frames(64)
+        server.publish(step=1, elements=3, count=4)
+        server.publish(step=2, elements=3)
+        with pytest.raises(Malformed, match="announces 4 elements and holds 3"):
+            reader.next(PATIENCE)
+        frame = reader.next(PATIENCE)
+        assert frame and frame.step == 2
