@@ -1,10 +1,12 @@
-//! Results: rows, gates, the table.
+//! Results: rows, gates, the table of claims and the files of all rows.
 
-use std::fmt::Write;
+use std::{fmt::Write, fs, path::Path};
 
+use anyhow::Context;
 use serde::Serialize;
 
-use super::Case;
+use super::case::Group;
+use crate::chart::csv;
 
 /// How far a measured value may be from its reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +36,28 @@ impl Gate {
     }
 }
 
+impl Gate {
+    /// How much of the gate a value uses up: 1 at its edge, more beyond, nothing at the reference.
+    fn used(self, measured: f64, reference: f64) -> f64 {
+        let share = |off: f64, gate: f64| match (off == 0.0, gate == 0.0) {
+            (true, _) => 0.0,
+            (false, true) => f64::INFINITY,
+            (false, false) => off / gate,
+        };
+        let used = match self {
+            Self::Relative(gate) => share((measured - reference).abs(), gate * reference.abs()),
+            Self::Absolute(gate) => share((measured - reference).abs(), gate),
+            Self::AtLeast(gate) if measured > 0.0 => gate / measured,
+            Self::AtLeast(_) => f64::INFINITY,
+            Self::AtMost(gate) => share(measured.max(0.0), gate),
+            Self::Between(low, high) => {
+                share((measured - 0.5 * (low + high)).abs(), 0.5 * (high - low))
+            }
+        };
+        if used.is_nan() { f64::INFINITY } else { used }
+    }
+}
+
 impl std::fmt::Display for Gate {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -50,6 +74,8 @@ impl std::fmt::Display for Gate {
 /// One measured quantity of a case.
 #[derive(Clone, Debug)]
 pub struct Row {
+    /// The line of the page that it belongs to.
+    pub claim: &'static str,
     /// What is measured, with its unit.
     pub quantity: String,
     /// What it should be.
@@ -94,6 +120,7 @@ impl Row {
 pub struct Line<'a> {
     case: &'static str,
     number: u8,
+    claim: &'static str,
     quantity: &'a str,
     reference: f64,
     source: &'static str,
@@ -106,10 +133,11 @@ pub struct Line<'a> {
 
 impl<'a> Line<'a> {
     /// The line of a row.
-    pub fn new(case: &Case, row: &'a Row) -> Self {
+    pub fn new(group: &Group, row: &'a Row) -> Self {
         Self {
-            case: case.name,
-            number: case.number,
+            case: group.name,
+            number: group.number,
+            claim: row.claim,
             quantity: &row.quantity,
             reference: row.reference,
             source: row.source,
@@ -122,40 +150,68 @@ impl<'a> Line<'a> {
     }
 }
 
-/// A case with its rows and the seconds it took.
-pub type Result<'a> = (&'a Case, Vec<Row>, f64);
+/// A group with its rows and the seconds it took.
+pub type Result<'a> = (&'a Group, Vec<Row>, f64);
 
-/// The rows as a Markdown table.
-pub fn table(results: &[Result<'_>]) -> String {
-    let mut text = String::from(
-        "| case | quantity | reference | source | measured | gate | |\n| --- | --- | --- | --- | --- | --- | --- |\n",
-    );
-    let mut reasons = String::new();
-    let mut failures = 0;
-    for (case, rows, _) in results {
-        for row in rows {
-            let verdict = if row.passes() { "pass" } else { "**fails**" };
-            let (reference, measured) = (short(row.reference), short(row.measured));
-            let _ = writeln!(
-                text,
-                "| {} {} | {} | {reference} | {} | {measured} | {} | {verdict} |",
-                case.number, case.name, row.quantity, row.source, row.gate
-            );
-            failures += usize::from(!row.passes());
-            if let (false, Some(reason)) = (row.passes(), row.known_failure) {
-                let _ = writeln!(
-                    reasons,
-                    "- {} {}, {}: {reason}",
-                    case.number, case.name, row.quantity
-                );
-            }
+/// Rows of a group by their claim, in the order in which claims first occur.
+fn by_claim(rows: &[Row]) -> Vec<Vec<&Row>> {
+    let mut claims: Vec<Vec<&Row>> = Vec::new();
+    for row in rows {
+        match claims.iter_mut().find(|of| of[0].claim == row.claim) {
+            Some(of) => of.push(row),
+            None => claims.push(vec![row]),
         }
     }
-    let rows: usize = results.iter().map(|(_, rows, _)| rows.len()).sum();
+    claims
+}
+
+/// One line per claim as a Markdown table: how many of its rows pass, and the one that uses up most of its gate.
+pub fn table(results: &[Result<'_>]) -> String {
+    let mut text = String::from(
+        "| case | claim | rows that pass | nearest to its gate | of | gate | from |\n\
+         | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    let mut reasons = String::new();
+    let (mut claims, mut rows, mut failures) = (0, 0, 0);
+    for (group, of_group, _) in results {
+        for of_claim in by_claim(of_group) {
+            let pass = of_claim.iter().filter(|row| row.passes()).count();
+            let used = |row: &&&Row| row.gate.used(row.measured, row.reference);
+            let Some(worst) = of_claim.iter().max_by(|a, b| used(a).total_cmp(&used(b))) else {
+                continue;
+            };
+            let verdict = match pass == of_claim.len() {
+                true => format!("{pass}"),
+                false => format!("**{pass} of {}**", of_claim.len()),
+            };
+            let _ = writeln!(
+                text,
+                "| {} {} | {} | {verdict} | {} | {} | {} | {} |",
+                group.number,
+                group.name,
+                worst.claim,
+                short(worst.measured),
+                short(worst.reference),
+                worst.gate,
+                worst.source
+            );
+            let mut told: Vec<&str> = Vec::new();
+            for row in of_claim.iter().filter(|row| !row.passes()) {
+                if let Some(reason) = row.known_failure.filter(|reason| !told.contains(reason)) {
+                    told.push(reason);
+                    let (number, name) = (group.number, group.name);
+                    reasons += &folded(&format!("- {number} {name}, {}: {reason}", row.claim));
+                }
+            }
+            claims += 1;
+            rows += of_claim.len();
+            failures += of_claim.len() - pass;
+        }
+    }
     let seconds: f64 = results.iter().map(|(_, _, seconds)| seconds).sum();
     let _ = writeln!(
         text,
-        "\n{} cases, {rows} rows, {failures} of them fail; {seconds:.0} s.",
+        "\n{} cases, {claims} claims, {rows} rows, {failures} of them fail; {seconds:.0} s.",
         results.len()
     );
     if !reasons.is_empty() {
@@ -164,9 +220,69 @@ pub fn table(results: &[Result<'_>]) -> String {
     text
 }
 
-/// The page, in the folder of documents, and its part that holds the table.
+/// A list item of Markdown, in lines of at most 140 columns.
+fn folded(item: &str) -> String {
+    let (mut text, mut width) = (String::new(), 0);
+    for word in item.split(' ') {
+        let length = word.chars().count();
+        if width > 0 && width + 1 + length > 140 {
+            text += "\n  ";
+            width = 2;
+        } else if width > 0 {
+            text.push(' ');
+            width += 1;
+        }
+        text += word;
+        width += length;
+    }
+    text.push('\n');
+    text
+}
+
+/// Writes all rows of each group into a file of its name.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn write_rows(folder: &Path, results: &[Result<'_>]) -> anyhow::Result<()> {
+    let shown = |path: &Path| path.display().to_string();
+    fs::create_dir_all(folder).with_context(|| format!("cannot make {}", shown(folder)))?;
+    for (group, rows, _) in results {
+        let path = folder.join(format!("{}.csv", group.name));
+        let lines: Vec<Vec<String>> = rows.iter().map(fields).collect();
+        fs::write(&path, csv(&HEADER, &lines))
+            .with_context(|| format!("cannot write {}", shown(&path)))?;
+    }
+    Ok(())
+}
+
+const HEADER: [&str; 8] = [
+    "claim",
+    "quantity",
+    "reference",
+    "source",
+    "measured",
+    "gate",
+    "verdict",
+    "command",
+];
+
+fn fields(row: &Row) -> Vec<String> {
+    vec![
+        row.claim.into(),
+        row.quantity.clone(),
+        short(row.reference),
+        row.source.into(),
+        short(row.measured),
+        row.gate.to_string(),
+        if row.passes() { "pass" } else { "fails" }.into(),
+        row.command.clone(),
+    ]
+}
+
+/// The page, in the folder of documents, its part that holds the table, and the folder of all rows.
 pub const PAGE: &str = "validation.md";
 pub const PART: &str = "cosplat bench validate";
+pub const ROWS: &str = "validation";
 
 /// A gate without the digits of its arithmetic.
 fn rounded(gate: f64) -> String {
@@ -224,16 +340,65 @@ mod tests {
     }
 
     #[test]
-    fn a_known_failure_that_passes_is_a_surprise() {
-        let mut row = Row {
+    fn a_gate_is_used_up_at_its_edge() {
+        for (gate, half, edge) in [
+            (Gate::Relative(0.1), 2.1, 1.8),
+            (Gate::Absolute(0.1), 1.95, 2.1),
+            (Gate::AtLeast(3.0), 6.0, 3.0),
+            (Gate::AtMost(3.0), 1.5, 3.0),
+            (Gate::Between(1.0, 3.0), 2.5, 1.0),
+        ] {
+            assert!((gate.used(half, 2.0) - 0.5).abs() < 1e-12, "{gate}");
+            assert!((gate.used(edge, 2.0) - 1.0).abs() < 1e-12, "{gate}");
+            assert_eq!(gate.used(f64::NAN, 2.0), f64::INFINITY, "{gate}");
+        }
+        assert_eq!(Gate::Absolute(0.0).used(2.0, 2.0), 0.0);
+        assert_eq!(Gate::AtMost(0.0).used(0.0, 0.0), 0.0);
+        assert_eq!(Gate::AtMost(0.0).used(1.0, 0.0), f64::INFINITY);
+    }
+
+    fn row(claim: &'static str, measured: f64) -> Row {
+        Row {
+            claim,
             quantity: "height [m]".into(),
             reference: 1.0,
-            source: "",
-            measured: 1.0,
+            source: "mechanics",
+            measured,
             gate: Gate::Relative(0.01),
             known_failure: Some("the grid is coarse"),
             command: String::new(),
-        };
+        }
+    }
+
+    #[test]
+    fn a_claim_has_one_line_and_shows_its_worst_row() {
+        let group = &crate::validate::cases::ALL[1];
+        let rows = vec![row("a", 1.0), row("b", 1.0), row("a", 1.1), row("a", 1.05)];
+        let text = table(&[(group, rows, 2.0)]);
+        let lines: Vec<&str> = text.lines().skip(2).collect();
+        assert_eq!(
+            lines[0],
+            "| 2 free_fall | a | **1 of 3** | 1.1000 | 1.0000 | ± 1 % | mechanics |"
+        );
+        assert_eq!(
+            lines[1],
+            "| 2 free_fall | b | 1 | 1.0000 | 1.0000 | ± 1 % | mechanics |"
+        );
+        assert_eq!(lines[3], "1 cases, 2 claims, 4 rows, 2 of them fail; 2 s.");
+        assert_eq!(text.matches("the grid is coarse").count(), 1);
+    }
+
+    #[test]
+    fn long_reasons_are_folded() {
+        let text = folded(&format!("- {}", "word ".repeat(60).trim_end()));
+        assert!(text.lines().count() > 1);
+        assert!(text.lines().all(|line| line.len() <= 140));
+        assert!(text.lines().skip(1).all(|line| line.starts_with("  word")));
+    }
+
+    #[test]
+    fn a_known_failure_that_passes_is_a_surprise() {
+        let mut row = row("fall", 1.0);
         assert!(
             row.surprise("fall")
                 .is_some_and(|s| s.contains("known to fail"))
