@@ -2,6 +2,11 @@
 //!
 //! Scenes are run by this very program: a figure never comes from another build than the one that prints it.
 
+#![allow(
+    unsafe_code,
+    reason = "vector instructions in the yardstick of the kernel"
+)]
+
 mod chart;
 mod kernel;
 mod machine;

@@ -3,6 +3,11 @@
 //! Processes of a [`Domain`] see each other's sessions. A [`ServerPorts`] serves a session; a [`Client`]
 //! attaches to it.
 
+#![allow(
+    unsafe_code,
+    reason = "loans are filled in place, and services of dead nodes removed by name"
+)]
+
 #[cfg(test)]
 mod bindings;
 pub mod client;

@@ -2,6 +2,11 @@
 //!
 //! This crate knows no file format and no transport, opens no file and prints nothing.
 
+#![allow(
+    unsafe_code,
+    reason = "vector instructions, and particles that threads share by index"
+)]
+
 mod bodies;
 mod coherence;
 mod colliders;

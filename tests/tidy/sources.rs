@@ -53,6 +53,44 @@ fn no_file_is_longer_than_the_cap() {
     assert_clean("file too long", &findings);
 }
 
+/// Longest name of a test, in characters: conditions stand in a line above.
+const MAX_NAME: usize = 60;
+
+/// Names of tests of a source that are too long.
+fn long_names(text: &str) -> Vec<&str> {
+    let mut is_test = false;
+    let mut findings = Vec::new();
+    for line in text.lines().map(str::trim_start) {
+        is_test |= line.starts_with("#[test]");
+        let Some(rest) = line.strip_prefix("fn ") else {
+            continue;
+        };
+        let name = rest.split('(').next().unwrap_or_default();
+        if is_test && name.len() > MAX_NAME {
+            findings.push(name);
+        }
+        is_test = false;
+    }
+    findings
+}
+
+#[test]
+fn names_of_tests_have_at_most_60_characters() {
+    let mut findings = Vec::new();
+    for (file, text) in sources() {
+        let names = long_names(&text);
+        findings.extend(names.iter().map(|name| format!("{file}: {name}")));
+    }
+    assert_clean("name of a test too long", &findings);
+}
+
+#[test]
+fn the_rule_for_names_looks_at_tests_alone() {
+    let long = "a".repeat(MAX_NAME + 1);
+    let text = format!("#[test]\nfn {long}() {{}}\nfn {long}() {{}}\n#[test]\nfn b() {{}}");
+    assert_eq!(long_names(&text), [long.as_str()]);
+}
+
 #[test]
 fn no_code_is_commented_out() {
     assert_clean("commented-out code", &lines_where(is_commented_code));

@@ -1,5 +1,10 @@
 //! Stories about recordings: written, read back, cut off, damaged, repaired, read by others.
 
+#![allow(
+    clippy::unwrap_used,
+    reason = "helpers of tests, where a panic is the message"
+)]
+
 mod recording {
     pub mod damage;
     pub mod elsewhere;

@@ -4,6 +4,8 @@
 //! direction, [`project`] turns it into an ellipse in pixels, [`raster`] sorts and blends the ellipses; [`client`] does
 //! so for the frames of a running session and hands the pictures to [`png`](mod@png) and [`mp4`].
 
+#![allow(unsafe_code, reason = "vector instructions")]
+
 pub mod camera;
 pub mod client;
 mod courtesy;

@@ -1,5 +1,10 @@
 //! The renderer against a server that the test plays: scene and frames over shared memory, files out.
 
+#![allow(
+    clippy::unwrap_used,
+    reason = "helpers of tests, where a panic is the message"
+)]
+
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;

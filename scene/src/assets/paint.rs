@@ -130,8 +130,9 @@ fn harmonics([x, y, z]: [f32; 3]) -> [f32; 9] {
 mod tests {
     use super::*;
 
+    /// And never darkens.
     #[test]
-    fn highlight_is_brightest_in_the_mirror_direction_and_never_darkens() {
+    fn highlight_is_brightest_in_the_mirror_direction() {
         let glaze = Paint::Glaze {
             body: [0.5; 3],
             band: [0.5; 3],

@@ -133,7 +133,7 @@ fn values_are_activated() {
 }
 
 #[test]
-fn spherical_harmonics_go_from_channel_major_to_coefficient_major() {
+fn harmonics_go_from_channel_major_to_coefficient_major() {
     let rest = (0..9)
         .map(|i| format!("float f_rest_{i}"))
         .collect::<Vec<_>>();

@@ -297,8 +297,9 @@ mod tests {
         g
     }
 
+    /// And runs in real time.
     #[test]
-    fn a_dropped_splat_is_one_metre_high_above_a_floor_and_runs_in_real_time() {
+    fn a_dropped_splat_is_one_metre_high_above_a_floor() {
         let g = capture();
         let text = drop_scene(&g, "my \"vase\".ply", &DropOptions::default())
             .unwrap_or_else(|e| panic!("{e}"));

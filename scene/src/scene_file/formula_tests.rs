@@ -53,8 +53,9 @@ fn a_body_force_moves_matter_as_its_formula_says() {
     }
 }
 
+/// As one that does.
 #[test]
-fn a_force_is_the_same_bits_whether_or_not_its_formula_names_the_place() {
+fn a_formula_that_names_no_place_gives_the_same_bits() {
     let mut worlds = ["", " + 0*X"].map(|place| {
         let force = format!("body_force = [\"2*sin(3*t){place}\", \"-1\", \"exp(-t)/7{place}\"]\n");
         World::new(scene(&force).expect("valid")).expect("valid")

@@ -139,8 +139,9 @@ fn seen(scene: &Scene) -> cosplat_sim_core::scene::Aabb {
     bounds_of(scene.gaussians.position.iter().map(|p| p.map(f64::from))).expect("visible")
 }
 
+/// In this order.
 #[test]
-fn placement_turns_up_scales_anchors_rotates_and_moves_in_this_order() {
+fn placement_is_up_scale_anchor_rotation_translation() {
     // Up along -y, the vase stands on its lip; then it is a metre high, on its "bottom", and lies on its side.
     let scene = placed(
         "up = \"-y\"\nheight = 1.0\nanchor = \"bottom\"\nrotation_deg = [0, 0, 90]\ntranslation = [0, 5, 0]",

@@ -308,8 +308,9 @@ mod tests {
         );
     }
 
+    /// Sudden softening is refused.
     #[test]
-    fn strength_beyond_stiffness_is_suspicious_and_sudden_softening_refused() {
+    fn strength_beyond_stiffness_is_suspicious() {
         let text = "{ law = \"von_mises\", youngs_modulus_pa = 1e5, poisson_ratio = 0.3, density_kg_m3 = 2000, \
                     yield_stress_pa = 2.5e8, hardening_pa = 0 }";
         let (_, warnings) = material(text).expect("valid");

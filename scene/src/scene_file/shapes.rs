@@ -398,8 +398,9 @@ mod tests {
         }
     }
 
+    /// At every resolution.
     #[test]
-    fn balls_and_drums_have_the_inertia_of_their_shape_at_every_resolution() {
+    fn balls_and_drums_have_the_inertia_of_their_shape() {
         for cells in [5.0, 7.3, 12.0, 20.0] {
             for shape in [SHAPES[1], SHAPES[2], SHAPES[3]] {
                 let spacing = 2.0 * shape.bounds().max[0] / cells;

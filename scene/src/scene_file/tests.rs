@@ -64,8 +64,9 @@ fn ball_with(lines: &str) -> String {
     BALL.replace("dx = 0.05", lines)
 }
 
+/// Resolution, density, step and tolerance.
 #[test]
-fn quality_sets_resolution_density_step_and_tolerance_and_keys_of_the_file_win() {
+fn quality_sets_four_keys_and_those_of_the_file_win() {
     for (name, quality) in Quality::ALL {
         let file = SceneFile::parse(&ball_with(&format!("quality = {name:?}")))
             .unwrap_or_else(|e| panic!("{e}"));

@@ -37,10 +37,11 @@ fn frames_of(file: &[u8]) -> Vec<(u64, usize, usize)> {
         }
         let chunk_end = (chunk.chunk_start_offset + chunk.chunk_length) as usize;
         let data = chunk.compressed_data_offset().unwrap();
-        for (channel, entries) in summary.read_message_indexes(file, chunk).unwrap() {
-            if channel.topic != GAUSSIANS_TOPIC {
-                continue;
-            }
+        let indexes = summary.read_message_indexes(file, chunk).unwrap();
+        let of_frames = indexes
+            .into_iter()
+            .filter(|(channel, _)| channel.topic == GAUSSIANS_TOPIC);
+        for (_, entries) in of_frames {
             for entry in entries {
                 let message = summary.seek_message(file, chunk, &entry).unwrap();
                 // Opcode, length, header, content.
