@@ -30,9 +30,45 @@ fn replaced(path: &Path, parts: &[(&str, String)]) -> anyhow::Result<String> {
         let missing = || format!("{} lacks the lines {begin} and {end}", path.display());
         let (head, rest) = page.split_once(&begin).with_context(missing)?;
         let (_, tail) = rest.split_once(&end).with_context(missing)?;
-        page = format!("{head}{begin}\n\n{}\n\n{end}{tail}", text.trim_end());
+        page = format!(
+            "{head}{begin}\n\n{}\n\n{end}{tail}",
+            folded(text.trim_end())
+        );
     }
     Ok(page)
+}
+
+/// Widest line of prose, in characters.
+const COLUMNS: usize = 140;
+
+/// Folds prose; rows of tables, headings and pictures stay as they are.
+fn folded(text: &str) -> String {
+    let is_prose = |line: &str| !line.starts_with(['|', '#', '!', ' ']);
+    let lines = text.lines().map(|line| match is_prose(line) {
+        true => folded_line(line),
+        false => line.to_owned(),
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// A paragraph, or an item of a list, in several lines. Code is not broken.
+fn folded_line(line: &str) -> String {
+    let indent = if line.starts_with("- ") { "  " } else { "" };
+    let (mut text, mut width, mut in_code) = (String::new(), 0, false);
+    for word in line.split(' ') {
+        let length = word.chars().count();
+        if width > 0 && !in_code && width + 1 + length > COLUMNS {
+            text = text + "\n" + indent;
+            width = indent.len();
+        } else if width > 0 {
+            text.push(' ');
+            width += 1;
+        }
+        text += word;
+        width += length;
+        in_code ^= word.matches('`').count() % 2 == 1;
+    }
+    text
 }
 
 #[cfg(test)]
@@ -53,5 +89,26 @@ mod tests {
         );
         let error = check(&path, &["one", "two"]).expect_err("there is no second part");
         assert!(error.to_string().contains("<!-- begin: two -->"), "{error}");
+    }
+
+    #[test]
+    fn prose_is_folded_and_tables_are_not() {
+        let words = "word ".repeat(40);
+        let text = format!("{words}\n| {words}|\n- {words}`{words}`");
+        let folded = folded(text.trim_end());
+        let lines: Vec<&str> = folded.lines().collect();
+        assert_eq!(
+            folded.split_whitespace().count(),
+            text.split_whitespace().count()
+        );
+        assert!(lines[0].len() <= COLUMNS && lines[1].starts_with("word"));
+        assert!(lines.contains(&format!("| {words}|").as_str()));
+        // The second line of the item; what is code stays whole.
+        assert!(lines.iter().any(|line| line.starts_with("  word")));
+        assert!(
+            lines
+                .iter()
+                .any(|line| line.contains(&format!("`{words}`")))
+        );
     }
 }
