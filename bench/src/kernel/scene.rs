@@ -176,6 +176,30 @@ pub fn scene(material: Material, layout: &Layout, with_gaussians: bool) -> Scene
     }
 }
 
+/// Positions [cells] and velocities [cells/s] of the body's particles.
+fn motion(scene: &Scene) -> impl Iterator<Item = ([f32; 3], [f32; 3])> {
+    let object = &scene.objects[0];
+    let position = &scene.particles.position;
+    let count = position.len() as f64;
+    let mut centre = [0.0; 3];
+    for x in position {
+        for a in 0..3 {
+            centre[a] += x[a] / count;
+        }
+    }
+    position.iter().map(move |x| {
+        let v: [f64; 3] = std::array::from_fn(|a| {
+            let gradient = &object.velocity_gradient[a];
+            let turn: f64 = (0..3).map(|b| gradient[b] * (x[b] - centre[b])).sum();
+            object.linear_velocity[a] + turn
+        });
+        (
+            x.map(|x| (x / scene.dx) as f32),
+            v.map(|v| (v / scene.dx) as f32),
+        )
+    })
+}
+
 /// The same body for the yardstick; `None` for a law that it does not have.
 pub fn yardstick_of(scene: &Scene) -> Option<Box<dyn Yardstick>> {
     let object = &scene.objects[0];
@@ -186,25 +210,8 @@ pub fn yardstick_of(scene: &Scene) -> Option<Box<dyn Yardstick>> {
         dx: scene.dx,
         gravity: scene.gravity[2],
     };
-    let position = &scene.particles.position;
-    let count = position.len() as f64;
-    let mut centre = [0.0; 3];
-    for x in position {
-        for a in 0..3 {
-            centre[a] += x[a] / count;
-        }
-    }
+    let body = motion(scene);
     let gradient = object.velocity_gradient;
-    let body = position.iter().map(|x| {
-        let v: [f64; 3] = std::array::from_fn(|a| {
-            let turn: f64 = (0..3).map(|b| gradient[a][b] * (x[b] - centre[b])).sum();
-            object.linear_velocity[a] + turn
-        });
-        (
-            x.map(|x| (x / scene.dx) as f32),
-            v.map(|v| (v / scene.dx) as f32),
-        )
-    });
     let gradient = std::array::from_fn(|n| gradient[n / 3][n % 3] as f32);
     Some(match material.law {
         Law::FixedCorotated => {

@@ -227,11 +227,8 @@ pub fn table(rows: &[Row]) -> String {
     text
 }
 
-/// Picture and figures.
-///
-/// # Errors
-/// When they cannot be written.
-pub fn write(folder: &Path, rows: &[Row], here: &Run) -> anyhow::Result<()> {
+/// The picture of all rows.
+fn figure(rows: &[Row], here: &Run) -> Figure {
     let panel = |y: &str, of: fn(&Row) -> Option<f64>| {
         let series = |solver: &'static str| Series {
             name: solver.into(),
@@ -259,7 +256,7 @@ pub fn write(folder: &Path, rows: &[Row], here: &Run) -> anyhow::Result<()> {
             front: false,
         }
     };
-    let figure = Figure {
+    Figure {
         title: "Multiples of the smallest time step: a ball that bounces".into(),
         panels: vec![
             panel("mwRMSD, mean over frames [m]", |row| row.mwrmsd_mean_m),
@@ -269,7 +266,15 @@ pub fn write(folder: &Path, rows: &[Row], here: &Run) -> anyhow::Result<()> {
             "Against k = 1 with the same solver. Failed: COMD above 0.5 m or not a number. {}",
             here.caption(THREADS)
         )],
-    };
+    }
+}
+
+/// Picture and figures.
+///
+/// # Errors
+/// When they cannot be written.
+pub fn write(folder: &Path, rows: &[Row], here: &Run) -> anyhow::Result<()> {
+    let figure = figure(rows, here);
     let header = [
         "solver",
         "k",

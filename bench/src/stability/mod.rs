@@ -217,6 +217,69 @@ fn limits(quick: bool) -> Vec<(&'static str, f64, f64, f64)> {
         .collect()
 }
 
+/// All that is measured.
+struct Results {
+    maps: Vec<Found>,
+    limits: Vec<(&'static str, f64, f64, f64)>,
+    guarded: Vec<guard::Field>,
+    failures: Vec<catalogue::Measured>,
+}
+
+impl Results {
+    fn measure(quick: bool) -> anyhow::Result<Self> {
+        let bar = progress::bar("stability", 7);
+        let mut found = Vec::new();
+        for make in [maps::clusters, maps::blocks, maps::materials] {
+            found.push(Found::measure(make(quick)));
+            bar.inc(1);
+        }
+        found.push(Found::measure(maps::objects(quick)?));
+        bar.inc(1);
+        let limits = limits(quick);
+        bar.inc(1);
+        let guarded = guard::fields(quick)?;
+        bar.inc(1);
+        let failures = catalogue::measure(quick)?;
+        bar.finish_and_clear();
+        Ok(Self {
+            maps: found,
+            limits,
+            guarded,
+            failures,
+        })
+    }
+
+    /// One JSON object per line.
+    fn print(&self) {
+        for found in &self.maps {
+            for (panel, row, ratio, closed, fate) in found.fields() {
+                let line = json!({
+                    "map": found.map.name, "panel": panel, "row": row,
+                    "dt_over_dt_crit": ratio, "closed_form": closed, "outcome": fate.name(),
+                });
+                println!("{line}");
+            }
+        }
+        for (transfer, nu, closed, measured) in &self.limits {
+            println!(
+                "{}",
+                json!({"limit": transfer, "nu": nu, "closed_form": closed, "measured": measured})
+            );
+        }
+        for field in &self.guarded {
+            let found = field.found;
+            let line = json!({
+                "guard": field.scene, "transfer": field.transfer, "cfl": field.cfl, "rollbacks": found.rollbacks,
+                "quarantined": found.quarantined, "energy": found.energy, "not_a_number": found.lost,
+            });
+            println!("{line}");
+        }
+        for failure in &self.failures {
+            println!("{}", failure.json());
+        }
+    }
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -228,53 +291,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let start = Instant::now();
     let machine = Run::here();
-    let bar = progress::bar("stability", 7);
-    let mut maps = Vec::new();
-    for make in [maps::clusters, maps::blocks, maps::materials] {
-        maps.push(Found::measure(make(args.quick)));
-        bar.inc(1);
-    }
-    maps.push(Found::measure(maps::objects(args.quick)?));
-    bar.inc(1);
-    let limits = limits(args.quick);
-    bar.inc(1);
-    let guarded = guard::fields(args.quick)?;
-    bar.inc(1);
-    let failures = catalogue::measure(args.quick)?;
-    bar.finish_and_clear();
-
+    let results = Results::measure(args.quick)?;
     let tables = [
-        tables::limits(&limits),
-        tables::guard(&guarded),
-        tables::catalogue(&failures),
+        tables::limits(&results.limits),
+        tables::guard(&results.guarded),
+        tables::catalogue(&results.failures),
     ];
     if args.json {
-        for found in &maps {
-            for (panel, row, ratio, closed, fate) in found.fields() {
-                let line = json!({
-                    "map": found.map.name, "panel": panel, "row": row,
-                    "dt_over_dt_crit": ratio, "closed_form": closed, "outcome": fate.name(),
-                });
-                println!("{line}");
-            }
-        }
-        for (transfer, nu, closed, measured) in &limits {
-            println!(
-                "{}",
-                json!({"limit": transfer, "nu": nu, "closed_form": closed, "measured": measured})
-            );
-        }
-        for field in &guarded {
-            let found = field.found;
-            let line = json!({
-                "guard": field.scene, "transfer": field.transfer, "cfl": field.cfl, "rollbacks": found.rollbacks,
-                "quarantined": found.quarantined, "energy": found.energy, "not_a_number": found.lost,
-            });
-            println!("{line}");
-        }
-        for failure in &failures {
-            println!("{}", failure.json());
-        }
+        results.print();
     } else {
         for table in &tables {
             println!("{table}");
@@ -290,12 +314,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             let path = folder.join(name);
             fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
         };
-        for found in &maps {
+        for found in &results.maps {
             put(format!("{}.svg", found.map.name), found.picture(&caption)?)?;
             put(format!("{}.csv", found.map.name), found.csv())?;
         }
-        put("guard.svg".into(), guard_picture(&guarded, &caption)?)?;
-        put("guard.csv".into(), tables::guard_csv(&guarded))?;
+        put(
+            "guard.svg".into(),
+            guard_picture(&results.guarded, &caption)?,
+        )?;
+        put("guard.csv".into(), tables::guard_csv(&results.guarded))?;
         let made = format!("{caption} It took {seconds:.0} s.");
         let parts: Vec<_> = PARTS
             .into_iter()

@@ -79,37 +79,8 @@ impl<'a> Projection<'a> {
             0.5 * camera.height as f32 + self.focal * slope_y,
         ];
 
-        // Rows of (pixel from camera) * (camera from world), linearised at the centre. In double precision, because
-        // the thin axis of a wide splat is a small difference of large numbers.
-        // `max` and `min`, because `clamp` panics when a broken camera makes the limits NaN.
-        let [limit_x, limit_y] = self.slope_limit;
-        let [right, down, forward] = [
-            camera.world_from_camera.x_axis.as_dvec3(),
-            camera.world_from_camera.y_axis.as_dvec3(),
-            camera.world_from_camera.z_axis.as_dvec3(),
-        ];
-        let scale = f64::from(self.focal) / f64::from(view.z);
-        let row_x = (right - forward * f64::from(slope_x.max(-limit_x).min(limit_x))) * scale;
-        let row_y = (down - forward * f64::from(slope_y.max(-limit_y).min(limit_y))) * scale;
-        let [xx, xy, xz, yy, yz, zz] = gaussian.covariance.map(f64::from);
-        // Correlations above 1 belong to no Gaussian, even where their projection looks like one. The margin is for the
-        // rounding of thin shapes to f32; written so that NaN is left out, too.
-        let correlates =
-            |a: f64, b: f64, ab: f64| a >= 0.0 && b >= 0.0 && ab * ab <= 1.0001 * a * b;
-        if !(correlates(xx, yy, xy) && correlates(xx, zz, xz) && correlates(yy, zz, yz)) {
-            return None;
-        }
-        let apply = |v: DVec3| {
-            DVec3::new(
-                xx * v.x + xy * v.y + xz * v.z,
-                xy * v.x + yy * v.y + yz * v.z,
-                xz * v.x + yz * v.y + zz * v.z,
-            )
-        };
-        let (along_x, along_y) = (apply(row_x), apply(row_y));
-        let variance_x = row_x.dot(along_x) + LOW_PASS;
-        let variance_y = row_y.dot(along_y) + LOW_PASS;
-        let covariance = row_y.dot(along_x);
+        let rows = self.linearised([slope_x, slope_y], view.z);
+        let [variance_x, covariance, variance_y] = on_screen(gaussian.covariance, rows)?;
         let determinant = variance_x * variance_y - covariance * covariance;
         if !(variance_x > 0.0 && variance_y > 0.0 && determinant > 0.0 && determinant.is_finite()) {
             return None;
@@ -148,6 +119,49 @@ impl<'a> Projection<'a> {
             depth: view.z,
         })
     }
+
+    /// Rows of (pixel from camera) * (camera from world) for what is seen along these slopes at this depth. In double
+    /// precision, because the thin axis of a wide splat is a small difference of large numbers.
+    fn linearised(&self, [slope_x, slope_y]: [f32; 2], depth: f32) -> [DVec3; 2] {
+        // `max` and `min`, because `clamp` panics when a broken camera makes the limits NaN.
+        let [limit_x, limit_y] = self.slope_limit;
+        let world_from_camera = &self.camera.world_from_camera;
+        let [right, down, forward] = [
+            world_from_camera.x_axis.as_dvec3(),
+            world_from_camera.y_axis.as_dvec3(),
+            world_from_camera.z_axis.as_dvec3(),
+        ];
+        let scale = f64::from(self.focal) / f64::from(depth);
+        [
+            (right - forward * f64::from(slope_x.max(-limit_x).min(limit_x))) * scale,
+            (down - forward * f64::from(slope_y.max(-limit_y).min(limit_y))) * scale,
+        ]
+    }
+}
+
+/// A covariance xx xy xz yy yz zz as the rows of a projection show it, xx xy yy [pixel^2], widened by [`LOW_PASS`]; `None`
+/// where it is the covariance of no Gaussian.
+fn on_screen(covariance: [f32; 6], [row_x, row_y]: [DVec3; 2]) -> Option<[f64; 3]> {
+    let [xx, xy, xz, yy, yz, zz] = covariance.map(f64::from);
+    // Correlations above 1 belong to no Gaussian, even where their projection looks like one. The margin is for the
+    // rounding of thin shapes to f32; written so that NaN is left out, too.
+    let correlates = |a: f64, b: f64, ab: f64| a >= 0.0 && b >= 0.0 && ab * ab <= 1.0001 * a * b;
+    if !(correlates(xx, yy, xy) && correlates(xx, zz, xz) && correlates(yy, zz, yz)) {
+        return None;
+    }
+    let apply = |v: DVec3| {
+        DVec3::new(
+            xx * v.x + xy * v.y + xz * v.z,
+            xy * v.x + yy * v.y + yz * v.z,
+            xz * v.x + yz * v.y + zz * v.z,
+        )
+    };
+    let (along_x, along_y) = (apply(row_x), apply(row_y));
+    Some([
+        row_x.dot(along_x) + LOW_PASS,
+        row_y.dot(along_x),
+        row_y.dot(along_y) + LOW_PASS,
+    ])
 }
 
 impl Ellipse {

@@ -123,16 +123,11 @@ impl<'c> Conditions<'c> {
                 rotation,
                 translation,
             } => {
-                // The original turns left about its normal, by the right-hand rule: along -normal.
-                let angular = normal.map(|n| -rotation * n + 0.0);
-                let linear = normal.map(|n| translation * n + 0.0);
-                let keys = format!(
-                    "cylinder = {{ center = {center:?}, axis = {normal:?}, radius = {radius:?}, \
-                     half_height = {half_height:?} }}\nlinear_velocity = {linear:?} # translation_scale\n\
-                     angular_velocity = {angular:?} # rotation_scale, clockwise seen along -normal\n\
-                     center = {center:?}\n"
+                let cylinder = format!(
+                    "cylinder = {{ center = {center:?}, axis = {normal:?}, radius = {radius:?}, half_height = {half_height:?} }}"
                 );
-                self.block("prescribed", b, &keys);
+                let turning = turning(*center, *normal, *rotation, *translation);
+                self.block("prescribed", b, &format!("{cylinder}\n{turning}"));
             }
             What::Release {
                 axis,
@@ -450,4 +445,15 @@ impl<'c> Conditions<'c> {
 fn region(center: [f64; 3], half: [f64; 3]) -> String {
     let (min, max) = corners(center, half);
     format!("box = {{ min = {min:?}, max = {max:?} }} # point -+ size, at rest\n")
+}
+
+/// The keys of a turn about an axis; the original turns left about its normal, by the right-hand rule: along -normal.
+fn turning(center: [f64; 3], normal: [f64; 3], rotation: f64, translation: f64) -> String {
+    let angular = normal.map(|n| -rotation * n + 0.0);
+    let linear = normal.map(|n| translation * n + 0.0);
+    format!(
+        "linear_velocity = {linear:?} # translation_scale\n\
+         angular_velocity = {angular:?} # rotation_scale, clockwise seen along -normal\n\
+         center = {center:?}\n"
+    )
 }

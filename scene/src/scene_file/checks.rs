@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use cosplat_sim_core::{
     distance::SignedDistance,
-    scene::{Aabb, ContactMethod, Fidelity, Object, Scene, Selection},
+    scene::{Aabb, Collider, ContactMethod, Fidelity, Object, Scene, Selection},
 };
 
 use super::{
@@ -50,97 +50,110 @@ pub(super) fn check(
     report.warnings.extend(hollow);
     let mut warn = |at: &At, message: String| report.warnings.push(Finding::new(at, message));
     for (object, at) in scene.objects.iter().zip(at) {
-        let positions = &scene.particles.position[object.particles.clone()];
-        let outside = positions
-            .iter()
-            .filter(|p| !scene.domain.contains(**p))
-            .count();
-        if outside > 0 {
-            let message = format!(
-                "object `{}`: {outside} of {} particles lie outside the domain {:.4?} to {:.4?}",
-                object.name,
-                positions.len(),
-                scene.domain.min,
-                scene.domain.max
-            );
-            errors.push(Finding::new(at, message));
-        }
-        for (key, field, largest) in [
-            ("velocity", &object.velocity, MAX_SPEED),
-            ("body_force", &object.body_force, MAX_ACCELERATION),
-        ] {
-            let Some(field) = field else { continue };
-            let allowed = |v: &f64| v.abs() <= largest;
-            let bad = |x: &&[f64; 3]| !field.at(**x, 0.0).iter().all(allowed);
-            if let Some(x) = positions.iter().find(bad) {
-                let value = field.at(*x, 0.0);
-                let message = format!(
-                    "object `{}`: {key} is {value:?} at {x:.4?} and time 0, expected at most {largest:?} along each axis",
-                    object.name
-                );
-                errors.push(Finding::new(at, message));
-            }
-        }
-        let spheres = scene.contact.method == ContactMethod::ComSphere;
-        if spheres && object.fidelity != Fidelity::Static && object.has_rigid_matter() {
-            let message = format!(
-                "object `{}` is rigid, and contact = \"com_sphere\" is for objects that deform; \
-                 expected \"two_scale\", \"multi_field\" or \"single_field\"",
-                object.name
-            );
-            errors.push(Finding::new(at, message));
-        }
-        if let Some(message) = thin(scene, object, file) {
+        let found = impossible(scene, object).into_iter();
+        errors.extend(found.map(|message| Finding::new(at, message)));
+        let thin = thin(scene, object, file).into_iter();
+        for message in thin.chain(buried(scene, object, &surfaces)) {
             warn(at, message);
-        }
-        for (collider, surface) in scene.colliders.iter().zip(&surfaces) {
-            let height = |p: &[f64; 3]| surface.at(*p).0;
-            let depths = positions.iter().map(height).filter(|h| *h < 0.0);
-            let (count, deepest) = depths.fold((0, 0.0f64), |(n, d), h| (n + 1, d.min(h)));
-            if count > 0 {
-                warn(
-                    at,
-                    format!(
-                        "object `{}`: {count} of {} particles start inside collider `{}`, up to {:.4} m deep",
-                        object.name,
-                        positions.len(),
-                        collider.name,
-                        -deepest
-                    ),
-                );
-            }
         }
     }
     for (i, shared) in overlaps(scene) {
         warn(at[i], shared);
     }
+    for (at, message) in idle(scene, file) {
+        warn(&at, message);
+    }
+    SceneErrors::check(errors)
+}
+
+/// What the solver cannot begin with.
+fn impossible(scene: &Scene, object: &Object) -> Vec<String> {
+    let mut found = Vec::new();
+    let name = &object.name;
+    let positions = &scene.particles.position[object.particles.clone()];
+    let outside = positions
+        .iter()
+        .filter(|p| !scene.domain.contains(**p))
+        .count();
+    if outside > 0 {
+        found.push(format!(
+            "object `{name}`: {outside} of {} particles lie outside the domain {:.4?} to {:.4?}",
+            positions.len(),
+            scene.domain.min,
+            scene.domain.max
+        ));
+    }
+    for (key, field, largest) in [
+        ("velocity", &object.velocity, MAX_SPEED),
+        ("body_force", &object.body_force, MAX_ACCELERATION),
+    ] {
+        let Some(field) = field else { continue };
+        let allowed = |v: &f64| v.abs() <= largest;
+        let bad = |x: &&[f64; 3]| !field.at(**x, 0.0).iter().all(allowed);
+        if let Some(x) = positions.iter().find(bad) {
+            let value = field.at(*x, 0.0);
+            found.push(format!(
+                "object `{name}`: {key} is {value:?} at {x:.4?} and time 0, expected at most {largest:?} along each axis"
+            ));
+        }
+    }
+    let spheres = scene.contact.method == ContactMethod::ComSphere;
+    if spheres && object.fidelity != Fidelity::Static && object.has_rigid_matter() {
+        found.push(format!(
+            "object `{name}` is rigid, and contact = \"com_sphere\" is for objects that deform; \
+             expected \"two_scale\", \"multi_field\" or \"single_field\""
+        ));
+    }
+    found
+}
+
+/// Warnings about particles that start inside colliders, whose `surfaces` these are.
+fn buried(scene: &Scene, object: &Object, surfaces: &[SignedDistance]) -> Vec<String> {
+    let positions = &scene.particles.position[object.particles.clone()];
+    let within = |(collider, surface): (&Collider, &SignedDistance)| {
+        let height = |p: &[f64; 3]| surface.at(*p).0;
+        let depths = positions.iter().map(height).filter(|h| *h < 0.0);
+        let (count, deepest) = depths.fold((0, 0.0f64), |(n, d), h| (n + 1, d.min(h)));
+        (count > 0).then(|| {
+            format!(
+                "object `{}`: {count} of {} particles start inside collider `{}`, up to {:.4} m deep",
+                object.name,
+                positions.len(),
+                collider.name,
+                -deepest
+            )
+        })
+    };
+    let colliders = scene.colliders.iter().zip(surfaces);
+    colliders.filter_map(within).collect()
+}
+
+/// Warnings about regions and selections that no particle is in, with their places in the file.
+fn idle(scene: &Scene, file: &SceneFile) -> Vec<(At, String)> {
+    let mut found = Vec::new();
     for (n, region) in scene.pinned_regions.iter().enumerate() {
-        let held = scene
-            .particles
-            .position
-            .iter()
-            .any(|p| region.bounds.contains(*p));
-        if !held {
+        let mut positions = scene.particles.position.iter();
+        if !positions.any(|p| region.bounds.contains(*p)) {
             let at = At {
                 field: format!("pinned_regions[{n}]"),
                 ..At::default()
             };
-            warn(&at, "holds no particle of any object".into());
+            found.push((at, "holds no particle of any object".into()));
         }
     }
     let empty = |selection: &Selection| selection.particles(scene).is_empty();
-    let (specs, found) = (&file.conditions, &scene.conditions);
-    let prescribed = specs.prescribed.iter().zip(&found.prescribed);
-    let impulses = specs.impulses.iter().zip(&found.impulses);
-    let releases = specs.releases.iter().zip(&found.releases);
+    let (specs, conditions) = (&file.conditions, &scene.conditions);
+    let prescribed = specs.prescribed.iter().zip(&conditions.prescribed);
+    let impulses = specs.impulses.iter().zip(&conditions.impulses);
+    let releases = specs.releases.iter().zip(&conditions.releases);
     let selections = prescribed
         .map(|(spec, motion)| (&spec.0, &motion.selection))
         .chain(impulses.map(|(spec, impulse)| (&spec.0, &impulse.selection)))
         .chain(releases.map(|(spec, release)| (&spec.0, &release.selection)));
     for (spec, _) in selections.filter(|(_, selection)| empty(selection)) {
-        warn(&spec.at, "selects no particle of any object".into());
+        found.push((spec.at.clone(), "selects no particle of any object".into()));
     }
-    SceneErrors::check(errors)
+    found
 }
 
 /// The warning about a splat object in which filling found little inside.

@@ -112,18 +112,21 @@ pub(super) fn from_entry(
         entry.error(found.to_string());
         return None;
     }
-    let stated = material.law.entry().parameters.iter();
-    let yields = stated.zip(material.law.parameters());
-    for (_, value) in yields.filter(|(parameter, _)| parameter.key == "yield_stress_pa") {
-        let modulus = material.youngs_modulus;
-        if value > SUSPICIOUS_YIELD_STRAIN * modulus {
-            let message = format!(
-                "a yield stress of {value} Pa is more than half of Young's modulus, {modulus} Pa: is one of the two meant in another unit?"
-            );
-            warnings.push(Finding::new(&at, message));
-        }
-    }
+    warnings.extend(late_yield(&material).map(|message| Finding::new(&at, message)));
     Some(material)
+}
+
+/// The warning about a yield stress that no strain comes near.
+fn late_yield(material: &Material) -> Option<String> {
+    let stated = material.law.entry().parameters.iter();
+    let mut numbers = stated.zip(material.law.parameters());
+    let (_, value) = numbers.find(|(parameter, _)| parameter.key == "yield_stress_pa")?;
+    let modulus = material.youngs_modulus;
+    (value > SUSPICIOUS_YIELD_STRAIN * modulus).then(|| {
+        format!(
+            "a yield stress of {value} Pa is more than half of Young's modulus, {modulus} Pa: is one of the two meant in another unit?"
+        )
+    })
 }
 
 /// The law's own numbers: those of the file, else those of a preset with the same law.

@@ -358,15 +358,17 @@ fn split(entry: &Entry) -> Option<Split> {
     })
 }
 
+/// Values of `shape.kind`.
+#[derive(Clone, Copy)]
+enum Kind {
+    Box,
+    Sphere,
+    Cylinder,
+    Slab,
+    Mesh,
+}
+
 fn shape(table: Table) -> Option<Geometry> {
-    #[derive(Clone, Copy)]
-    enum Kind {
-        Box,
-        Sphere,
-        Cylinder,
-        Slab,
-        Mesh,
-    }
     let kind = table.required("kind").and_then(|e| {
         e.choice(&[
             ("box", Kind::Box),
@@ -376,13 +378,38 @@ fn shape(table: Table) -> Option<Geometry> {
             ("mesh", Kind::Mesh),
         ])
     });
-    let length = |key| table.required(key).and_then(|e| e.number(l::LENGTH));
     let wall = table.get("wall");
     let path = match kind {
         Some(Kind::Mesh) => table.required("path").and_then(|e| e.text()),
         _ => None,
     };
-    let shape = match kind {
+    let shape = primitive(&table, kind, wall.as_ref());
+    let wall = wall.and_then(|e| e.number(l::LENGTH));
+    let color = table.get("color").and_then(|e| e.numbers::<3>(l::COLOR));
+    let spacing = table.get("gaussian_spacing");
+    let gaussian_spacing = spacing.and_then(|e| e.number(l::LENGTH));
+    table.finish();
+    let color = color.unwrap_or([0.6, 0.6, 0.6]).map(|c| c as f32);
+    if let Some(path) = path {
+        return Some(Geometry::Mesh {
+            path: path.to_owned(),
+            wall,
+            color,
+            gaussian_spacing,
+        });
+    }
+    Some(Geometry::Shape {
+        shape: shape?,
+        wall,
+        gaussian_spacing,
+        color,
+    })
+}
+
+/// The keys of a shape's size; none of a mesh, which has its own.
+fn primitive(table: &Table, kind: Option<Kind>, wall: Option<&Entry>) -> Option<Shape> {
+    let length = |key| table.required(key).and_then(|e| e.number(l::LENGTH));
+    match kind {
         Some(Kind::Box) => table
             .required("size")
             .and_then(|e| e.numbers(l::LENGTH))
@@ -393,7 +420,7 @@ fn shape(table: Table) -> Option<Geometry> {
             let inner = table.get("inner_radius");
             let inner_radius = inner.as_ref().and_then(|e| e.number(l::LENGTH));
             let inner_radius = inner_radius.unwrap_or(0.0);
-            if let (Some(wall), Some(_)) = (&wall, &inner) {
+            if let (Some(wall), Some(_)) = (wall, &inner) {
                 wall.error(
                     "excludes `inner_radius`, which is given too: a pipe has no cavity in its wall",
                 );
@@ -432,25 +459,5 @@ fn shape(table: Table) -> Option<Geometry> {
             }
             None
         }
-    };
-    let wall = wall.and_then(|e| e.number(l::LENGTH));
-    let color = table.get("color").and_then(|e| e.numbers::<3>(l::COLOR));
-    let spacing = table.get("gaussian_spacing");
-    let gaussian_spacing = spacing.and_then(|e| e.number(l::LENGTH));
-    table.finish();
-    let color = color.unwrap_or([0.6, 0.6, 0.6]).map(|c| c as f32);
-    if let Some(path) = path {
-        return Some(Geometry::Mesh {
-            path: path.to_owned(),
-            wall,
-            color,
-            gaussian_spacing,
-        });
     }
-    Some(Geometry::Shape {
-        shape: shape?,
-        wall,
-        gaussian_spacing,
-        color,
-    })
 }

@@ -45,15 +45,7 @@ pub(super) fn parse(text: &str) -> Result<SceneFile, SceneErrors> {
 
 /// Values that cannot be read are replaced by defaults: the error is noted and the result thrown away.
 fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
-    if let Some(version) = table.required("version") {
-        let given = version.integer(0, u64::MAX);
-        if given.is_some_and(|v| v != VERSION) {
-            version.error(format!(
-                "is {}, and this program reads version {VERSION}",
-                given.unwrap_or_default()
-            ));
-        }
-    }
+    check_version(table);
     let name = table.get("name").and_then(|e| e.text()).unwrap_or("scene");
     let gravity = table
         .get("gravity")
@@ -75,10 +67,7 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
     if cfl > 1.0
         && let Some(entry) = table.get("cfl")
     {
-        let message = format!(
-            "{cfl} of the stability limit blows up what flies alone, and leaves it to the guard; expected 1 or less"
-        );
-        warnings.push(Finding::new(&entry.at, message));
+        warnings.push(Finding::new(&entry.at, beyond_the_limit(cfl)));
     }
     let tolerance = number("tolerance", l::TOLERANCE, preset.tolerance);
     let jitter = number("jitter", l::JITTER, JITTER);
@@ -89,22 +78,9 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
     let mut assets = assets(table);
     let mut object_names = Names::default();
     let objects = objects::read(table, &mut assets, &mut object_names, warnings);
-    let tears = |object: &&ObjectSpec| {
-        object.fidelity != Fidelity::Static && object.material.law.keeps_elastic()
-    };
-    if particles_per_cell < FEW_PARTICLES
-        && let (Some(entry), Some(object)) =
-            (table.get("particles_per_cell"), objects.iter().find(tears))
-    {
-        let message = format!(
-            "elastic matter, as that of `{}`, tears with {particles_per_cell} particles per cell where it is stretched \
-             beyond {:.1}; with 8 beyond {:.1}, with 27 beyond {:.1}",
-            object.name,
-            bridged_stretch(particles_per_cell),
-            bridged_stretch(8.0),
-            bridged_stretch(27.0)
-        );
-        warnings.push(Finding::new(&entry.at, message));
+    if let Some(entry) = table.get("particles_per_cell") {
+        let tearing = tearing(&objects, particles_per_cell);
+        warnings.extend(tearing.map(|message| Finding::new(&entry.at, message)));
     }
     let mut collider_names = Names::default();
     let colliders = table.tables("colliders");
@@ -146,6 +122,42 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         probes,
         warnings: Vec::new(),
     }
+}
+
+fn check_version(table: &Table) {
+    if let Some(version) = table.required("version") {
+        let given = version.integer(0, u64::MAX);
+        if given.is_some_and(|v| v != VERSION) {
+            version.error(format!(
+                "is {}, and this program reads version {VERSION}",
+                given.unwrap_or_default()
+            ));
+        }
+    }
+}
+
+/// The warning about a `cfl` above 1.
+fn beyond_the_limit(cfl: f64) -> String {
+    format!(
+        "{cfl} of the stability limit blows up what flies alone, and leaves it to the guard; expected 1 or less"
+    )
+}
+
+/// The warning about elastic matter of few particles, if there is some.
+fn tearing(objects: &[ObjectSpec], particles_per_cell: f64) -> Option<String> {
+    let tears = |object: &&ObjectSpec| {
+        object.fidelity != Fidelity::Static && object.material.law.keeps_elastic()
+    };
+    let few = particles_per_cell < FEW_PARTICLES;
+    let object = objects.iter().find(tears).filter(|_| few)?;
+    Some(format!(
+        "elastic matter, as that of `{}`, tears with {particles_per_cell} particles per cell where it is stretched \
+         beyond {:.1}; with 8 beyond {:.1}, with 27 beyond {:.1}",
+        object.name,
+        bridged_stretch(particles_per_cell),
+        bridged_stretch(8.0),
+        bridged_stretch(27.0)
+    ))
 }
 
 fn resolution(table: &Table, preset: Resolution) -> (Resolution, At) {
