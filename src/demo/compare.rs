@@ -12,13 +12,13 @@ use cosplat_renderer::{
     Camera, Harmonics, Image, camera::up_from_gravity, client::BACKGROUND, mp4::Mp4Writer, picture,
     png::write_png,
 };
-use cosplat_scene::load::load_text;
+use cosplat_scene::{load::load_text, settings};
 use cosplat_server::publish::Output;
 use cosplat_sim_core::{Scene, World};
 use glam::Vec3;
 use serde::Serialize;
 
-use super::paper::{PaperScene, with_contact};
+use super::paper::{PaperScene, orbit};
 use crate::progress;
 
 /// Frames per second of the video.
@@ -109,6 +109,7 @@ impl Comparison<'_> {
         let every = if rate > REAL_TIME { 1 } else { every };
         let moments = self
             .scene
+            .view
             .moments
             .map(|part| (part * frames as f64).round() as u64);
         let video = self.folder.join("compare.mp4");
@@ -155,7 +156,7 @@ impl Comparison<'_> {
     fn start(&self, method: &str) -> anyhow::Result<Run> {
         let text = match method {
             "own" => self.text.clone(),
-            _ => with_contact(&self.text, method),
+            _ => settings::apply(&self.text, &[format!("contact={method}")])?,
         };
         let path = self.folder.join(format!("scene_{method}.toml"));
         std::fs::write(&path, &text).with_context(|| format!("cannot write {}", path.display()))?;
@@ -166,7 +167,13 @@ impl Comparison<'_> {
         };
         // Target and distance are given: the box does not matter.
         let everything = [Vec3::splat(-1.0), Vec3::ONE];
-        let camera = Camera::orbit(everything, up, self.scene.orbit(), self.size.0, self.size.1);
+        let camera = Camera::orbit(
+            everything,
+            up,
+            orbit(&self.scene.view),
+            self.size.0,
+            self.size.1,
+        );
         let output = Output::new(&scene);
         let slots = vec![GaussianState::default(); scene.gaussians.len()];
         let world = World::new(scene)?;

@@ -18,12 +18,12 @@ use cosplat_ipc::{
     client::{Client, StatusReader},
     schema::SERVER_STOPPING,
 };
+use cosplat_scene::scene_file::View;
 
 use self::{
     children::Process,
     compare::Comparison,
     outcome::{Controlled, Outcome, Recorded, Served, Viewed},
-    paper::PaperScene,
 };
 use crate::{progress, say, seconds, signals};
 
@@ -77,16 +77,6 @@ pub struct Args {
 
 /// Simulated seconds where nothing else is said.
 const DURATION: f64 = 4.0;
-/// Where the two vases are looked at from: so that they are seen where they come to lie.
-const TWO_VASES_VIEW: [&str; 7] = [
-    "--azimuth=12",
-    "--elevation=18",
-    "--distance=1.15",
-    "--target",
-    "0.1",
-    "0.08",
-    "0.03",
-];
 /// How long the processes may take to find each other, loading and filling included.
 const ATTACH_TIMEOUT: Duration = Duration::from_secs(120);
 /// How long the clients may take to finish their files after the last frame.
@@ -99,7 +89,7 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let known = args.scene.as_deref().map(paper::find).transpose()?;
-    let usual = known.map_or(DURATION, |scene| scene.duration);
+    let usual = known.as_ref().map_or(DURATION, |scene| scene.view.duration);
     let duration = args.duration.unwrap_or(usual);
     anyhow::ensure!(
         duration > 0.0,
@@ -107,7 +97,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     );
     let stop = signals::stop_flag()?;
     let files = Files::create(&args.out)?;
-    if let (Some(scene), Some(methods)) = (known, &args.compare) {
+    if let (Some(scene), Some(methods)) = (&known, &args.compare) {
         let compared = Comparison {
             scene,
             text: scene.text(args.splat.as_deref())?,
@@ -123,16 +113,19 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
         return Ok(());
     }
-    match known {
-        Some(scene) => scene::write_known(&files, &scene.text(args.splat.as_deref())?)?,
+    let view = match &known {
+        Some(scene) => {
+            scene::write_known(&files, &scene.text(args.splat.as_deref())?)?;
+            Some(scene.view)
+        }
         None => scene::write(&files, args.splat.as_deref(), args.up.as_deref())?,
-    }
+    };
     let outcome = Demo {
         domain: Domain::from_env().context("cannot use the session folder")?,
         session: format!("demo-{}", std::process::id()),
         files: &files,
         args,
-        known,
+        view,
         duration,
         stop: &stop,
     }
@@ -180,7 +173,7 @@ struct Demo<'a> {
     session: String,
     files: &'a Files,
     args: &'a Args,
-    known: Option<&'static PaperScene>,
+    view: Option<View>,
     duration: f64,
     stop: &'a AtomicBool,
 }
@@ -297,13 +290,7 @@ impl Demo<'_> {
         ]
         .map(str::to_owned)
         .to_vec();
-        match &self.known {
-            Some(scene) => arguments.extend(scene.view_arguments()),
-            None if self.args.splat.is_none() => {
-                arguments.extend(TWO_VASES_VIEW.map(str::to_owned))
-            }
-            None => {}
-        }
+        arguments.extend(self.view.iter().flat_map(paper::view_arguments));
         Ok(arguments)
     }
 

@@ -6,7 +6,7 @@ use anyhow::Context;
 use cosplat_scene::{
     assets,
     load::load_text,
-    scene_file::{Axis, DropOptions, drop_scene},
+    scene_file::{Axis, DropOptions, SceneFile, View, drop_scene},
 };
 use cosplat_sim_core::{Scene, scene::Fidelity};
 
@@ -21,13 +21,18 @@ const START: &str = "[[order]]\naction = \"resume\"\n";
 /// Speed that a push gives to what was dropped [m/s].
 const PUSH_SPEED: f64 = 0.7;
 
-/// Writes the scene file and the controller's script.
-pub fn write(files: &Files, splat: Option<&Path>, up: Option<&str>) -> anyhow::Result<()> {
+/// Writes the scene file and the controller's script; returns how the scene is shown, where it says so.
+pub fn write(
+    files: &Files,
+    splat: Option<&Path>,
+    up: Option<&str>,
+) -> anyhow::Result<Option<View>> {
     let (scene, script) = match splat {
         None => (TWO_VASES.to_owned(), TWO_VASES_PUSH.to_owned()),
         Some(path) => dropped(path, up, &files.scene)?,
     };
-    write_both(files, &scene, &script)
+    write_both(files, &scene, &script)?;
+    Ok(SceneFile::parse(&scene)?.view)
 }
 
 /// Writes a scene in which everything happens by itself, and the script that starts it.

@@ -3,7 +3,7 @@
 
 use super::reader::Bounds;
 
-const fn bounds(min: f64, max: f64, unit: &'static str) -> Bounds {
+pub(super) const fn bounds(min: f64, max: f64, unit: &'static str) -> Bounds {
     Bounds { min, max, unit }
 }
 

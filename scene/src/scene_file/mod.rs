@@ -28,6 +28,7 @@ mod select;
 mod shapes;
 mod solids;
 mod spec;
+mod view;
 
 pub(crate) use edit::{append, bounds_of};
 
@@ -38,6 +39,7 @@ pub use error::{At, Finding, SceneErrors};
 pub use quality::{Quality, QualityNumbers};
 pub use report::{AssetReport, BuildReport};
 pub use spec::*;
+pub use view::View;
 
 impl SceneFile {
     /// Parses the text of a scene file and checks everything that can be checked without its assets.

@@ -14,6 +14,7 @@ use super::{
     reader::{Context, Entry, Table},
     shapes::JITTER,
     spec::{AssetSource, AssetSpec, ObjectSpec, ProbeKindSpec, ProbeSpec, Resolution, SceneFile},
+    view,
 };
 use crate::assets::generate::BUILTINS;
 
@@ -101,6 +102,7 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         .iter()
         .filter_map(|e| probe(e.table()?, &mut probe_names, &object_names))
         .collect();
+    let view = view::read(table);
     SceneFile {
         name: name.into(),
         gravity: gravity.unwrap_or([0.0, -9.81, 0.0]),
@@ -120,6 +122,7 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         pinned_regions,
         conditions,
         probes,
+        view,
         warnings: Vec::new(),
     }
 }

@@ -14,6 +14,7 @@ use cosplat_sim_core::{
 use super::{
     contact::ContactSpec,
     error::{At, Finding},
+    view::View,
 };
 
 /// A parsed scene file, SI units. `docs/scene.md` is the reference of the text format.
@@ -55,6 +56,8 @@ pub struct SceneFile {
     pub conditions: ConditionSpecs,
     /// Probes.
     pub probes: Vec<ProbeSpec>,
+    /// How it is shown.
+    pub view: Option<View>,
     /// What is valid but suspicious.
     pub warnings: Vec<Finding>,
 }

@@ -108,6 +108,7 @@ fn the_reference_names_every_key() {
         "[[releases]]\nqqqq = 1",
         "[[probes]]\nqqqq = 1",
         "[domain]\nqqqq = 1",
+        "[view]\nqqqq = 1",
     ];
     for table in tables {
         for key in known_keys(table) {
