@@ -102,7 +102,6 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         .iter()
         .filter_map(|e| probe(e.table()?, &mut probe_names, &object_names))
         .collect();
-    let view = view::read(table);
     SceneFile {
         name: name.into(),
         gravity: gravity.unwrap_or([0.0, -9.81, 0.0]),
@@ -122,7 +121,7 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         pinned_regions,
         conditions,
         probes,
-        view,
+        view: view::read(table),
         warnings: Vec::new(),
     }
 }
