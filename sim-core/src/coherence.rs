@@ -19,7 +19,7 @@ use crate::{
 /// `D_p` of quadratic splines [cells^2].
 const D_P: f64 = 0.25;
 
-/// Sums over particles; positions relative to a fixed point [cells], velocities relative to the carrier [cells/s].
+/// Sums over particles; positions relative to a fixed point [cells], velocities relative to the frame velocity [cells/s].
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Sums {
     mass: f64,

@@ -1,5 +1,14 @@
 //! Material-point solver of cosplat: a [`Scene`] of typed constants, and the [`World`] that steps it.
 //!
+//! A frame, [`World::step`]: commands, model levels, segments of substeps, report. One substep, `substep.rs`:
+//!
+//! 1. P2G: particles give mass and momentum to tiles (`step`).
+//! 2. Grid pass: tiles to velocities, gravity, boundary conditions (`grid`, `colliders`).
+//! 3. Contact between the fields of objects (`contact`).
+//! 4. Rigid bodies: at nodes, at each other, at colliders (`bodies`).
+//! 5. G2P: nodes give velocities to particles, which move and deform; their laws answer (`step`, [`materials`]).
+//! 6. Guard: what breaks a bound is undone and taken again with less `dt` (`substep`).
+//!
 //! This crate knows no file format and no transport, opens no file and prints nothing.
 
 #![allow(
@@ -19,6 +28,7 @@ mod grid;
 pub mod kinematics;
 pub mod mat3;
 pub mod materials;
+mod model;
 pub mod moments;
 pub mod notices;
 pub mod num;
@@ -29,7 +39,9 @@ pub mod reference;
 pub mod report;
 pub mod scene;
 pub mod simd;
+mod state;
 mod step;
+mod substep;
 #[cfg(test)]
 mod test_scenes;
 mod world;

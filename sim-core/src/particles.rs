@@ -43,7 +43,7 @@ impl Group {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[repr(C, align(64))]
 pub(crate) struct Motion {
-    /// Velocity relative to the world's carrier velocity [cells/s].
+    /// Velocity relative to the world's frame velocity [cells/s].
     pub v: [F32x16; 3],
     /// Affine velocity `C` [1/s], row-major.
     pub c: [F32x16; 9],
@@ -165,6 +165,19 @@ impl Block {
             (min - from[a]).max(from[a] - max).max(0.0)
         }))
     }
+}
+
+/// Smallest and largest block index, or `None` without blocks.
+pub(crate) fn extent(blocks: &[Block]) -> Option<[[i32; 3]; 2]> {
+    let first = blocks.first()?.index;
+    let mut extent = [first; 2];
+    for block in blocks {
+        for a in 0..3 {
+            extent[0][a] = extent[0][a].min(block.index[a]);
+            extent[1][a] = extent[1][a].max(block.index[a]);
+        }
+    }
+    Some(extent)
 }
 
 /// Lanes of one group that need attention, one bit each.

@@ -3,6 +3,7 @@
 mod dependencies;
 mod docs;
 mod edges;
+mod layers;
 mod sources;
 mod wire;
 

@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    body::{Body, Inertia},
+    actor::{Actor, Drive, SLOP, Setting},
+    body::Inertia,
     impact_time::first_contact,
     meet::{CLOSE, Contact, Pair, contacts, is_free, pairs},
-    shape::Shape,
     solve::{Mover, Point, SWEEPS, impact, settle_energy, sweep, sweeps},
     touch::{Feature, Solid, gap},
     vector::{Vec3, add, along, length, scaled, sub},
@@ -22,65 +22,15 @@ const LONGEST: f64 = 1.0 / 240.0;
 const MOST_IMPACTS: usize = 64;
 /// Speed of approach below which nothing bounces, at least [m/s].
 const SLOWEST_BOUNCE: f64 = 1e-6;
-/// Gap up to which bodies touch, and depth that is left alone [cells].
-pub(super) const TOUCH: f64 = 1e-3;
-pub(super) const SLOP: f64 = 2e-3;
 /// Share of the slowest bounce below which an approach is left to the forces of contact.
 const STILL: f64 = 1e-4;
 /// Share of a depth that is undone per step, and the most of it [cells].
 const RECOVERY: f64 = 0.2;
 const MOST_RECOVERY: f64 = 0.05;
 
-/// What moves a body besides contact.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Drive {
-    /// Gravity, and this force [N] and torque about the centre of mass at the start of the step [N m]; its points of
-    /// attack stay where they are during the step.
-    Free { force: Vec3, torque: Vec3 },
-    /// Nothing: it has this velocity [m/s] and spin [rad/s], whatever it meets.
-    Held { velocity: Vec3, spin: Vec3 },
-}
-
-impl Drive {
-    /// The same with a force [N] and a torque [N m] more, where they move anything.
-    pub fn with(self, more: (Vec3, Vec3)) -> Self {
-        match self {
-            Self::Free { force, torque } => Self::Free {
-                force: add(more.0, force),
-                torque: add(more.1, torque),
-            },
-            held @ Self::Held { .. } => held,
-        }
-    }
-}
-
-/// A body in a step.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Actor<'a> {
-    pub shape: &'a Shape,
-    pub body: Body,
-    pub drive: Drive,
-}
-
-/// What bodies move in.
-pub(crate) struct Setting<'a> {
-    /// [m/s^2]
-    pub gravity: Vec3,
-    /// Cell size [m]: tolerances are parts of it.
-    pub dx: f64,
-    /// Rate at which velocities decay [1/s].
-    pub damping: f64,
-    /// Colliders in a part of the step: from when, how long [s].
-    pub walls: &'a dyn Fn(f64, f64) -> Vec<Placed<'a>>,
-    /// Restitution and friction of a pair of bodies.
-    pub surface: &'a dyn Fn(usize, usize) -> (f64, f64),
-    /// Friction that the surface of a body states for colliders.
-    pub friction: &'a dyn Fn(usize) -> Option<f64>,
-}
-
 /// Force at a point of contact, where the next step begins its search.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Remembered {
+pub(crate) struct CachedImpulse {
     /// The two: bodies first, then colliders.
     pub pair: [u32; 2],
     /// Whether it is a point of the second, and which.
@@ -110,7 +60,7 @@ struct Load {
 /// never grow by contact, but for what lifts bodies out of each other that overlap by more than the slop.
 pub(crate) fn step(
     actors: &mut [Actor<'_>],
-    memory: &mut Vec<Remembered>,
+    memory: &mut Vec<CachedImpulse>,
     setting: &Setting<'_>,
     dt: f64,
 ) -> Outcome {
@@ -127,7 +77,7 @@ pub(crate) fn step(
 
 fn piece(
     actors: &mut [Actor<'_>],
-    memory: &mut Vec<Remembered>,
+    memory: &mut Vec<CachedImpulse>,
     setting: &Setting<'_>,
     origins: &[Vec3],
     start: f64,
@@ -291,7 +241,7 @@ fn give(actors: &mut [Actor<'_>], point: &Point, part: f64) {
 fn press(
     actors: &[Actor<'_>],
     contacts: &mut [Contact],
-    memory: &mut Vec<Remembered>,
+    memory: &mut Vec<CachedImpulse>,
     setting: &Setting<'_>,
     left: f64,
 ) -> Vec<Load> {
@@ -352,7 +302,7 @@ fn press(
             loads[n].torque = along(loads[n].torque, sign, cross(r, force));
         }
         let Feature { second, point: at } = contact.spot.feature;
-        memory.push(Remembered {
+        memory.push(CachedImpulse {
             pair: contact.pair,
             feature: (second, at),
             pressed: point.pressed / left,

@@ -1,7 +1,7 @@
 //! Which bodies may meet in a step, and the points where they touch.
 
 use super::{
-    engine::{Actor, Drive, SLOP, Setting, TOUCH},
+    actor::{Actor, Drive, SLOP, Setting, TOUCH},
     overlap::only_facing,
     rims::choose,
     solve::Point,

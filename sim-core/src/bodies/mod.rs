@@ -3,6 +3,7 @@
 //! [`Shape`](shape::Shape) is what never changes of a body, [`Body`](body::Body) what does; [`engine::step`] moves
 //! all bodies of a scene through one substep: impacts at their moment, forces of resting contact, flight.
 
+pub(crate) mod actor;
 mod ball;
 pub(crate) mod body;
 mod cylinder;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::{body::Body, shape::Shape, vector::Vec3};
 use crate::{
     contact::{LARGEST_RADIUS, Radii},
-    grid::{Clock, Grid},
+    grid::{FieldPass, Grid},
     mat3::Mat3,
     particles::{BLOCK, Block, Particles},
     simd::LANES,
@@ -39,10 +39,10 @@ impl Nearest {
 pub(crate) struct Fields<'a> {
     /// Per part the volume of one unit of mass at rest [cells].
     pub cells_per_mass: &'a [f64],
-    /// Per field when its particles came to the grid.
-    pub clocks: &'a [Clock],
+    /// What the substep does to each field.
+    pub passes: &'a [FieldPass],
     /// Per field whether the masses of nodes tell where matter ends.
-    pub tell_edges: &'a [bool],
+    pub reconstructs_surface: &'a [bool],
 }
 
 /// A particle near a body.

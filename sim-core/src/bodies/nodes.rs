@@ -6,8 +6,8 @@
 use std::collections::BTreeMap;
 
 use super::{
+    actor::Drive,
     body::Body,
-    engine::Drive,
     near::{Fields, NODES, Nearest, near},
     shape::Shape,
     solve::{Mover, Point, sweep},
@@ -32,7 +32,7 @@ const SAME_SIDE: f64 = 0.5;
 
 /// A body among nodes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Wader<'a> {
+pub(crate) struct CoupledBody<'a> {
     /// Its object.
     pub object: usize,
     pub shape: &'a Shape,
@@ -41,7 +41,7 @@ pub(crate) struct Wader<'a> {
 }
 
 /// What the grid is filled with, and how bodies meet it.
-pub(crate) struct Water<'a> {
+pub(crate) struct CouplingInput<'a> {
     /// What it is the grid of.
     pub particles: &'a Particles,
     pub fields: Fields<'a>,
@@ -54,7 +54,7 @@ pub(crate) struct Water<'a> {
     /// Unit of mass of nodes [kg].
     pub mass_unit: f64,
     /// Velocity that those of nodes are relative to [cells/s].
-    pub carrier: Vec3,
+    pub frame_velocity: Vec3,
     /// [m/s^2]
     pub gravity: Vec3,
     /// Substep [s].
@@ -64,6 +64,9 @@ pub(crate) struct Water<'a> {
     /// Whether an object's body is one piece with the matter of a grid field.
     pub bonded: &'a dyn Fn(usize, u32) -> bool,
 }
+
+/// Force [N] and torque about the centre of mass [N m].
+pub(crate) type Load = (Vec3, Vec3);
 
 /// A node that meets a body, the first of those that it meets.
 struct Site {
@@ -77,127 +80,181 @@ struct Site {
 
 /// Lets bodies and nodes meet; returns per body the force [N] and torque about its centre of mass [N m] in the substep,
 /// and the largest velocity component given to a node [cells/s].
-pub(crate) fn wade(
+pub(crate) fn couple_bodies_to_grid(
     grid: &mut Grid,
-    bodies: &[Wader<'_>],
-    water: &Water<'_>,
-) -> (Vec<(Vec3, Vec3)>, f32) {
-    let dx = water.dx;
+    bodies: &[CoupledBody<'_>],
+    input: &CouplingInput<'_>,
+) -> (Vec<Load>, f32) {
+    let mut coupling = Coupling {
+        movers: bodies.iter().map(|b| mover(b, input)).collect(),
+        ..Coupling::default()
+    };
+    for n in 0..bodies.len() {
+        coupling.find_points(grid, bodies, n, input);
+    }
     let mut loads = vec![([0.0; 3], [0.0; 3]); bodies.len()];
-    let mut movers: Vec<Mover> = bodies.iter().map(|b| mover(b, water)).collect();
-    let (mut sites, mut points): (Vec<Site>, Vec<Point>) = (Vec::new(), Vec::new());
-    let mut known: BTreeMap<[usize; 3], usize> = BTreeMap::new();
-    for (n, wader) in bodies.iter().enumerate() {
-        let moves = movers[n];
-        let speed = length(moves.velocity) + length(moves.spin) * wader.shape.radius;
-        let most = SOON * dx + water.dt * (water.fastest + speed);
-        let (shape, body) = (wader.shape, &wader.body);
-        let (particles, volumes) = (water.particles, water.fields.cells_per_mass);
-        let told = near(particles, volumes, grid, shape, body, most, dx);
+    if !coupling.presses() {
+        return (loads, 0.0);
+    }
+    sweep(&mut coupling.points, &mut coupling.movers, SWEEPS);
+    let largest = coupling.give_back(grid, input, &mut loads);
+    (loads, largest)
+}
+
+/// All points at which bodies and nodes meet in a substep.
+#[derive(Default)]
+struct Coupling {
+    /// The bodies, then the nodes.
+    movers: Vec<Mover>,
+    /// The nodes, in the order of their movers.
+    sites: Vec<Site>,
+    /// Per node its mover.
+    known: BTreeMap<[usize; 3], usize>,
+    points: Vec<Point>,
+}
+
+impl Coupling {
+    /// Finds the points of the body `n`.
+    fn find_points(
+        &mut self,
+        grid: &Grid,
+        bodies: &[CoupledBody<'_>],
+        n: usize,
+        input: &CouplingInput<'_>,
+    ) {
+        let (coupled, moves) = (&bodies[n], self.movers[n]);
+        let speed = length(moves.velocity) + length(moves.spin) * coupled.shape.radius;
+        let most = SOON * input.dx + input.dt * (input.fastest + speed);
+        let (shape, body) = (coupled.shape, &coupled.body);
+        let (particles, volumes) = (input.particles, input.fields.cells_per_mass);
+        let told = near(particles, volumes, grid, shape, body, most, input.dx);
         for (block, nodes) in grid.nodes.iter().enumerate() {
             let meeting = Meeting {
                 grid,
-                water,
-                wader,
+                input,
+                coupled,
                 moves: &moves,
                 nodes,
                 nearest: told.get(block),
-                bonded: (water.bonded)(wader.object, nodes.field),
+                bonded: (input.bonded)(coupled.object, nodes.field),
             };
-            if !meeting.is_possible() {
+            if meeting.is_possible() {
+                self.find_points_in(block, n, &meeting);
+            }
+        }
+    }
+
+    /// Finds the points of the body `n` in a block of nodes.
+    fn find_points_in(&mut self, block: usize, n: usize, meeting: &Meeting<'_>) {
+        let Meeting {
+            grid,
+            input,
+            coupled,
+            nodes,
+            bonded,
+            ..
+        } = *meeting;
+        for at in 0..NODES {
+            let node = &grid.velocities[block].0[at / 4].0[4 * (at % 4)..][..4];
+            if node[3].is_nan() || node[3] <= LIGHTEST {
                 continue;
             }
-            for at in 0..NODES {
-                let node = &grid.velocities[block].0[at / 4].0[4 * (at % 4)..][..4];
-                if node[3].is_nan() || node[3] <= LIGHTEST {
-                    continue;
-                }
-                let velocity = [0, 1, 2].map(|a| (f64::from(node[a]) + water.carrier[a]) * dx);
-                let Some((normal, target)) = meeting.at(at, velocity) else {
-                    continue;
-                };
-                let arm = sub(meeting.place(meeting.index(at)), wader.body.com);
-                let place = [block, at / 4, 4 * (at % 4)];
-                let mover = *known.entry(place).or_insert_with(|| {
-                    sites.push(Site {
-                        at: place,
-                        body: n,
-                        arm,
-                        velocity,
-                    });
-                    movers.push(Mover {
-                        inverse_mass: 1.0 / (f64::from(node[3]) * water.mass_unit),
-                        inverse_inertia: Mat3::diagonal([0.0; 3]),
-                        velocity,
-                        spin: [0.0; 3],
-                    });
-                    movers.len() - 1
-                });
-                points.push(Point {
-                    a: mover,
-                    b: Some(n),
-                    normal,
-                    arms: [[0.0; 3], arm],
-                    wall: [0.0; 3],
-                    friction: (water.friction)(wader.object, nodes.field),
-                    restitution: 0.0,
-                    target,
-                    holds: meeting.bonded,
-                    sticks: meeting.bonded,
-                    pressed: 0.0,
-                    rubbed: [0.0; 3],
-                    before: [0.0; 3],
-                });
+            let velocity =
+                [0, 1, 2].map(|a| (f64::from(node[a]) + input.frame_velocity[a]) * input.dx);
+            let Some((normal, target)) = meeting.at(at, velocity) else {
+                continue;
+            };
+            let arm = sub(meeting.place(meeting.index(at)), coupled.body.com);
+            let site = Site {
+                at: [block, at / 4, 4 * (at % 4)],
+                body: n,
+                arm,
+                velocity,
+            };
+            let mover = self.mover_of(site, f64::from(node[3]) * input.mass_unit);
+            self.points.push(Point {
+                a: mover,
+                b: Some(n),
+                normal,
+                arms: [[0.0; 3], arm],
+                wall: [0.0; 3],
+                friction: (input.friction)(coupled.object, nodes.field),
+                restitution: 0.0,
+                target,
+                holds: bonded,
+                sticks: bonded,
+                pressed: 0.0,
+                rubbed: [0.0; 3],
+                before: [0.0; 3],
+            });
+        }
+    }
+
+    /// The mover of a node of this mass [kg]: a new one where no body before met it.
+    fn mover_of(&mut self, site: Site, mass: f64) -> usize {
+        let (sites, movers) = (&mut self.sites, &mut self.movers);
+        *self.known.entry(site.at).or_insert_with(|| {
+            movers.push(Mover {
+                inverse_mass: 1.0 / mass,
+                inverse_inertia: Mat3::diagonal([0.0; 3]),
+                velocity: site.velocity,
+                spin: [0.0; 3],
+            });
+            sites.push(site);
+            movers.len() - 1
+        })
+    }
+
+    /// Whether there is anything to solve.
+    fn presses(&self) -> bool {
+        self.points.iter().any(|p| {
+            let u = p.relative(&self.movers);
+            p.holds || dot(u, p.normal) < p.target
+        })
+    }
+
+    /// Gives impulses to bodies as loads, and velocities to nodes; returns their largest component [cells/s].
+    fn give_back(&self, grid: &mut Grid, input: &CouplingInput<'_>, loads: &mut [Load]) -> f32 {
+        for point in &self.points {
+            let Some(body) = point.b else { continue };
+            give(
+                &mut loads[body],
+                point.arms[1],
+                scaled(point.impulse(), -1.0 / input.dt),
+            );
+        }
+        let mut largest = 0_u32;
+        for (site, mover) in self.sites.iter().zip(&self.movers[loads.len()..]) {
+            if mover.velocity == site.velocity {
+                continue;
             }
+            let [block, row, first] = site.at;
+            let node = &mut grid.velocities[block].0[row].0[first..first + 4];
+            let mass = f64::from(node[3]) * input.mass_unit;
+            // What rounding takes from the node its first body gets.
+            let mut rounded = [0.0; 3];
+            for a in 0..3 {
+                let before = f64::from(node[a]);
+                node[a] = (mover.velocity[a] / input.dx - input.frame_velocity[a]) as f32;
+                largest = largest.max(node[a].abs().to_bits());
+                let taken = input.dx * (f64::from(node[a]) - before);
+                rounded[a] = mass * (mover.velocity[a] - site.velocity[a] - taken);
+            }
+            give(
+                &mut loads[site.body],
+                site.arm,
+                scaled(rounded, 1.0 / input.dt),
+            );
         }
+        f32::from_bits(largest)
     }
-    let touched = points.iter().any(|p| {
-        let u = p.relative(&movers);
-        p.holds || dot(u, p.normal) < p.target
-    });
-    if !touched {
-        return (loads, 0.0);
-    }
-    sweep(&mut points, &mut movers, SWEEPS);
-    for point in &points {
-        let Some(body) = point.b else { continue };
-        give(
-            &mut loads[body],
-            point.arms[1],
-            scaled(point.impulse(), -1.0 / water.dt),
-        );
-    }
-    let mut largest = 0_u32;
-    for (site, mover) in sites.iter().zip(&movers[bodies.len()..]) {
-        if mover.velocity == site.velocity {
-            continue;
-        }
-        let [block, row, first] = site.at;
-        let node = &mut grid.velocities[block].0[row].0[first..first + 4];
-        let mass = f64::from(node[3]) * water.mass_unit;
-        // What rounding takes from the node its first body gets.
-        let mut rounded = [0.0; 3];
-        for a in 0..3 {
-            let before = f64::from(node[a]);
-            node[a] = (mover.velocity[a] / dx - water.carrier[a]) as f32;
-            largest = largest.max(node[a].abs().to_bits());
-            let taken = dx * (f64::from(node[a]) - before);
-            rounded[a] = mass * (mover.velocity[a] - site.velocity[a] - taken);
-        }
-        give(
-            &mut loads[site.body],
-            site.arm,
-            scaled(rounded, 1.0 / water.dt),
-        );
-    }
-    (loads, f32::from_bits(largest))
 }
 
 /// A body and a block of nodes.
 struct Meeting<'a> {
     grid: &'a Grid,
-    water: &'a Water<'a>,
-    wader: &'a Wader<'a>,
+    input: &'a CouplingInput<'a>,
+    coupled: &'a CoupledBody<'a>,
     /// The body at the end of the substep, as far as it is known.
     moves: &'a Mover,
     nodes: &'a NodeBlock,
@@ -216,12 +273,12 @@ impl Meeting<'_> {
 
     /// Where a node of the grid is [m].
     fn place(&self, index: [i32; 3]) -> Vec3 {
-        index.map(|i| f64::from(i) * self.water.dx)
+        index.map(|i| f64::from(i) * self.input.dx)
     }
 
     /// Depth that the body lacks to hold nodes of what is one piece with it [m].
     fn thicker(&self) -> f64 {
-        (DEPTH * self.water.dx - self.wader.shape.depth).max(0.0)
+        (DEPTH * self.input.dx - self.coupled.shape.depth).max(0.0)
     }
 
     /// Whether the body may meet some node.
@@ -230,15 +287,15 @@ impl Meeting<'_> {
             return self.nearest.is_some();
         }
         let [first, last] = [0, NODES - 1].map(|at| self.place(self.index(at)));
-        let com = self.wader.body.com;
-        let reach = self.wader.shape.radius + self.thicker();
+        let com = self.coupled.body.com;
+        let reach = self.coupled.shape.radius + self.thicker();
         (0..3).all(|a| com[a] + reach >= first[a] && com[a] - reach <= last[a])
     }
 
     /// Normal out of the body at a node that meets it, and the least velocity along it that is left to the node [m/s], both
     /// relative to the body.
     fn at(&self, at: usize, velocity: Vec3) -> Option<(Vec3, f64)> {
-        let (shape, body, water) = (self.wader.shape, &self.wader.body, self.water);
+        let (shape, body, input) = (self.coupled.shape, &self.coupled.body, self.input);
         let x = self.place(self.index(at));
         let local = body.inverse_point(x);
         if self.bonded {
@@ -255,29 +312,29 @@ impl Meeting<'_> {
         let normal = rotate(body.rotation, outward);
         let turns = cross(self.moves.spin, sub(x, body.com));
         let moves = sub(velocity, add(self.moves.velocity, turns));
-        let way = water.dt * dot(moves, normal);
+        let way = input.dt * dot(moves, normal);
         // What is on its way since it came to the grid is farther than where it was.
-        let clock = &water.fields.clocks[self.nodes.field as usize];
-        let mut gap = nearest.gap + clock.passed * dot(velocity, normal);
-        if gap + way > SOON * water.dx {
+        let pass = &input.fields.passes[self.nodes.field as usize];
+        let mut gap = nearest.gap + pass.elapsed * dot(velocity, normal);
+        if gap + way > SOON * input.dx {
             return None;
         }
-        if water.fields.tell_edges[self.nodes.field as usize] && gap + way < 0.0 {
-            gap = water.dx * edge::gap(gap / water.dx, self.edge(at));
+        if input.fields.reconstructs_surface[self.nodes.field as usize] && gap + way < 0.0 {
+            gap = input.dx * edge::gap(gap / input.dx, self.edge(at));
         }
-        Some((normal, -gap.max(0.0) / water.dt))
+        Some((normal, -gap.max(0.0) / input.dt))
     }
 
     /// Gap in front of a node by where masses say that matter ends [cells].
     fn edge(&self, at: usize) -> f64 {
-        let (shape, body, dx) = (self.wader.shape, &self.wader.body, self.water.dx);
+        let (shape, body, dx) = (self.coupled.shape, &self.coupled.body, self.input.dx);
         let surface = |index: [i32; 3]| {
             let local = body.inverse_point(self.place(index));
             let normal = rotate(body.rotation, shape.normal(local));
             (shape.distance(local) / dx, normal)
         };
         edge::edge(self.index(at), surface, |index| {
-            matter(self.grid, self.water.anchors, self.nodes.field, index)
+            matter(self.grid, self.input.anchors, self.nodes.field, index)
         })
     }
 }
@@ -304,14 +361,14 @@ fn give((force, torque): &mut (Vec3, Vec3), arm: Vec3, given: Vec3) {
 const SWEEPS: usize = 30;
 
 /// A body with the velocity that it will have at the end of the substep, like the nodes.
-fn mover(wader: &Wader<'_>, water: &Water<'_>) -> Mover {
-    let inertia = &wader.shape.inertia;
-    match wader.drive {
+fn mover(coupled: &CoupledBody<'_>, input: &CouplingInput<'_>) -> Mover {
+    let inertia = &coupled.shape.inertia;
+    match coupled.drive {
         Drive::Free { force, torque } => {
-            let mut body = wader.body;
-            let pushed = along(water.gravity, 1.0 / inertia.mass, force);
-            body.velocity = along(body.velocity, water.dt, pushed);
-            body.angular_momentum = along(body.angular_momentum, water.dt, torque);
+            let mut body = coupled.body;
+            let pushed = along(input.gravity, 1.0 / inertia.mass, force);
+            body.velocity = along(body.velocity, input.dt, pushed);
+            body.angular_momentum = along(body.angular_momentum, input.dt, torque);
             Mover {
                 inverse_mass: 1.0 / inertia.mass,
                 inverse_inertia: body.inverse_inertia(inertia),

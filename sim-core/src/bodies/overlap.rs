@@ -4,7 +4,7 @@
 //! on each other, both looking the same way, would clamp the pair from both sides, and friction would hold it.
 
 use super::{
-    engine::TOUCH,
+    actor::TOUCH,
     shape::Form,
     touch::{Feature, Solid, Spot, place},
     vector::{Vec3, add, along, length, scaled, sub, unit},

@@ -91,7 +91,7 @@ pub(crate) trait Nodes {
     fn gap(&self, index: [i32; 3], body: usize) -> f64;
 
     /// Whether masses tell where matter ends: it keeps its shape and has one density.
-    fn tell_edges(&self) -> bool;
+    fn reconstructs_surface(&self) -> bool;
 }
 
 /// What boundaries along the axes made of a node.
@@ -251,7 +251,7 @@ impl Face {
             return Some(0.0);
         };
         let mut gap = nodes.gap(nearest, id);
-        if self.releases && gap < RANGE * cell && nodes.tell_edges() {
+        if self.releases && gap < RANGE * cell && nodes.reconstructs_surface() {
             let mut normal = [0.0; 3];
             normal[self.axis] = f64::from(self.side);
             let edge = edge::line(nearest, normal, self.eta - 1.0, |at| nodes.matter(at));
@@ -410,56 +410,16 @@ pub(crate) fn attached(
         return None;
     }
     let mut found = Attached::free(nodes.node(index)?.1);
-    // Those that act on this node or on those that move as one with it.
-    let mut all: All<'_> = [[None; 2]; 3];
-    let mut pressing: [Option<(&Face, f64)>; 3] = [None; 3];
-    let mut count = 0;
-    for face in faces {
-        let of = &mut all[face.axis][usize::from(face.side > 0)];
-        let is_in_reach = (-2..=4).contains(&face.rank(index[face.axis]));
-        if of.is_some() || !is_in_reach {
-            continue;
-        }
-        let Some(gap) = face.gap(index, nodes, cell) else {
-            continue;
-        };
-        if !face.releases {
-            *of = Some(face);
-            if face.has(index) {
-                found.owners[count] = Some(face.owner);
-                count += 1;
-            }
-        } else if face.has(index) && pressing[face.axis].is_none() {
-            pressing[face.axis] = Some((face, gap));
-        }
-    }
-    // Nodes that another boundary has a hold of in the same direction are left to the conditions on single nodes.
-    for (axis, of) in pressing.iter_mut().enumerate() {
-        let alone = |face: &Face| {
-            let mut holding = all.iter().flatten().flatten();
-            let mut facing = faces.iter().filter(|other| other.axis == axis);
-            !holding.any(|other| other.grips[axis])
-                && !facing.any(|other| other.side != face.side && face.meets(other))
-        };
-        *of = of.filter(|(face, _)| alone(face));
-        if let Some((face, _)) = of {
-            found.owners[count] = Some(face.owner);
-            count += 1;
-        }
-    }
-    if count == 0 {
-        return None;
-    }
-    let holding = || {
-        all.iter()
-            .flatten()
-            .flatten()
-            .filter(|face| face.has(index))
-    };
+    let FacesAt {
+        bonded: all,
+        pressing,
+    } = FacesAt::new(faces, index, nodes, cell, &mut found)?;
+    let bonded = || all.iter().flatten().flatten();
+    let holding = || bonded().filter(|face| face.has(index));
     let rubs: [bool; 3] =
         std::array::from_fn(|q| pressing[q].is_none() && !holding().any(|face| face.grips[q]));
-    let mut holding = all.iter().flatten().flatten();
-    match (holding.next(), holding.next()) {
+    let mut bonded = bonded();
+    match (bonded.next(), bonded.next()) {
         (None, _) => {}
         // Nearly always.
         (Some(face), None) if face.has(index) => {
@@ -480,6 +440,66 @@ pub(crate) fn attached(
         }
     }
     Some(found)
+}
+
+/// The faces that act on a node or on those that move as one with it.
+struct FacesAt<'a> {
+    /// Those that matter is attached to.
+    bonded: All<'a>,
+    /// Per axis the one that the node presses on, with its gap.
+    pressing: [Option<(&'a Face, f64)>; 3],
+}
+
+impl<'a> FacesAt<'a> {
+    /// Finds them and writes down what the node obeys; none where that is nothing.
+    fn new(
+        faces: &'a [Face],
+        index: [i32; 3],
+        nodes: &impl Nodes,
+        cell: f64,
+        found: &mut Attached,
+    ) -> Option<Self> {
+        let mut all: All<'_> = [[None; 2]; 3];
+        let mut pressing: [Option<(&Face, f64)>; 3] = [None; 3];
+        let mut count = 0;
+        for face in faces {
+            let of = &mut all[face.axis][usize::from(face.side > 0)];
+            let is_in_reach = (-2..=4).contains(&face.rank(index[face.axis]));
+            if of.is_some() || !is_in_reach {
+                continue;
+            }
+            let Some(gap) = face.gap(index, nodes, cell) else {
+                continue;
+            };
+            if !face.releases {
+                *of = Some(face);
+                if face.has(index) {
+                    found.owners[count] = Some(face.owner);
+                    count += 1;
+                }
+            } else if face.has(index) && pressing[face.axis].is_none() {
+                pressing[face.axis] = Some((face, gap));
+            }
+        }
+        // Nodes that another boundary has a hold of in the same direction are left to the conditions on single nodes.
+        for (axis, of) in pressing.iter_mut().enumerate() {
+            let alone = |face: &Face| {
+                let mut holding = all.iter().flatten().flatten();
+                let mut facing = faces.iter().filter(|other| other.axis == axis);
+                !holding.any(|other| other.grips[axis])
+                    && !facing.any(|other| other.side != face.side && face.meets(other))
+            };
+            *of = of.filter(|(face, _)| alone(face));
+            if let Some((face, _)) = of {
+                found.owners[count] = Some(face.owner);
+                count += 1;
+            }
+        }
+        (count > 0).then_some(Self {
+            bonded: all,
+            pressing,
+        })
+    }
 }
 
 /// Moves a node of lines that are attached to several boundaries.

@@ -98,7 +98,7 @@ pub(crate) fn gap(nearest: f64, edge: f64) -> f64 {
 
 /// Per grid field, of `count`, whether the masses of nodes tell where matter ends: it keeps its shape and has one density.
 /// Parts by field, density [kg/m^3] and law.
-pub(crate) fn tell_edges(
+pub(crate) fn reconstructs_surface(
     count: usize,
     parts: impl Iterator<Item = (usize, f64, Law)>,
 ) -> Vec<bool> {
@@ -134,7 +134,7 @@ impl NodeConditions<'_> {
         obeyed: &Attached,
         nodes: &impl Nodes,
     ) -> Option<Vec<Nearest>> {
-        if !nodes.tell_edges() {
+        if !nodes.reconstructs_surface() {
             return None;
         }
         let mut ends: Option<Vec<Nearest>> = None;

@@ -43,7 +43,7 @@ pub(super) fn edges(
     sites: &Sites,
     approaches: &[Approach],
     grid: &Grid,
-    tell_edges: &[bool],
+    reconstructs_surface: &[bool],
     anchors: &Anchors<'_>,
 ) -> Edges {
     let gaps: Vec<Vec<f64>> = sites
@@ -51,7 +51,11 @@ pub(super) fn edges(
         .par_iter()
         .map(|site| {
             let nodes = &sites.nodes[site.range()];
-            if !site.fields.iter().all(|&field| tell_edges[field as usize]) {
+            if !site
+                .fields
+                .iter()
+                .all(|&field| reconstructs_surface[field as usize])
+            {
                 return vec![f64::NEG_INFINITY; nodes.len()];
             }
             let around = Around::new(grid, site, anchors);

@@ -148,7 +148,7 @@ impl Episodes {
         &mut self,
         grid: &Grid,
         exchanged: &[([u32; 2], Exchange)],
-        carrier: [f64; 3],
+        frame_velocity: [f64; 3],
         dt: f64,
     ) {
         for episode in &mut self.open {
@@ -193,7 +193,7 @@ impl Episodes {
             episode.point = point;
             episode.drift = per_weight(exchange.drift);
             for i in 0..3 {
-                episode.drift[i] += carrier[i];
+                episode.drift[i] += frame_velocity[i];
                 episode.impulse[i] += exchange.impulse[i];
                 episode.pressed[i] += exchange.pressed[i];
             }

@@ -345,7 +345,7 @@ mod tests {
     use crate::{
         colliders::{Boundaries, Paths},
         contact::sites::unit,
-        grid::Clock,
+        grid::FieldPass,
         mat3::dot,
         particles::NO_PARTICLE,
         step::sort::{Newcomer, place},
@@ -420,7 +420,7 @@ mod tests {
                 blocks: [sharers[0] as usize, sharers[1] as usize],
                 mask: nodes.iter().map(|node| 1_u64 << node.at).sum(),
                 first: all.nodes.len(),
-                clocks: [Clock::of(1.0); 2],
+                passes: [FieldPass::of(1.0); 2],
             });
             all.nodes.extend(nodes);
         }

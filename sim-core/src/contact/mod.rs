@@ -40,8 +40,8 @@ pub(crate) struct Meeting<'a> {
     pub particles: &'a Particles,
     /// Per part the volume of one unit of mass at rest [cells].
     pub cells_per_mass: &'a [f64],
-    /// The same per field.
-    pub fullness: &'a [f64],
+    /// Per field the rest volume per mass, up to a common factor.
+    pub specific_volumes: &'a [f64],
     /// Friction coefficient of two fields, the lower first.
     pub friction: &'a (dyn Fn([u32; 2]) -> f64 + Sync),
     /// Restitution that is asked of two fields, the lower first.
@@ -55,7 +55,7 @@ pub(crate) struct Meeting<'a> {
     /// Everything that acts on nodes.
     pub acting: Acting<'a>,
     /// Velocity that those of nodes are relative to [cells/s].
-    pub carrier: [f64; 3],
+    pub frame_velocity: [f64; 3],
 }
 
 /// What contact looked at.
@@ -65,14 +65,6 @@ pub(crate) struct Work {
     pub nodes: u64,
     /// Particles, for gaps.
     pub particles: u64,
-}
-
-impl Work {
-    /// Adds more.
-    pub fn add(&mut self, more: &Self) {
-        self.nodes += more.nodes;
-        self.particles += more.particles;
-    }
 }
 
 /// What came of a meeting.
@@ -101,11 +93,11 @@ pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>, episodes: &mut Episod
         .collect();
     let around = Surroundings {
         acting: meeting.acting,
-        carrier: meeting.carrier,
+        frame_velocity: meeting.frame_velocity,
     };
     let solved = solve::solve(grid, &sites, &friction, &around);
     let exchanged = by_pair(&sites.sites, &solved);
-    episodes.take_in(grid, &exchanged, meeting.carrier, meeting.dt);
+    episodes.take_in(grid, &exchanged, meeting.frame_velocity, meeting.dt);
     let mut largest = 0_u32;
     for (n, block) in solved.into_iter().flat_map(|place| place.blocks) {
         for node in block.0.iter().flat_map(|row| row.0.chunks_exact(4)) {
@@ -128,15 +120,26 @@ pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>, episodes: &mut Episod
 /// The nodes that objects share, with their normals and, where the method asks for them, gaps.
 fn touching(grid: &Grid, meeting: &Meeting<'_>) -> (Sites, Work) {
     let acting = &meeting.acting;
-    let mut sites = Sites::find(grid, meeting.fullness, acting.clocks, acting.anchors);
+    let mut sites = Sites::find(
+        grid,
+        meeting.specific_volumes,
+        acting.passes,
+        acting.anchors,
+    );
     let mut work = Work {
         nodes: sites.nodes.len() as u64,
         particles: 0,
     };
     if meeting.method == ContactMethod::TwoScale && !sites.sites.is_empty() {
         patches::smooth_normals(&mut sites);
-        let approaches = approaches(grid, &sites, meeting.carrier);
-        let edges = edge::edges(&sites, &approaches, grid, acting.tell_edges, acting.anchors);
+        let approaches = approaches(grid, &sites, meeting.frame_velocity);
+        let edges = edge::edges(
+            &sites,
+            &approaches,
+            grid,
+            acting.reconstructs_surface,
+            acting.anchors,
+        );
         work.particles = gap::measure_gaps(
             &mut sites,
             &edges.close,
@@ -151,15 +154,16 @@ fn touching(grid: &Grid, meeting: &Meeting<'_>) -> (Sites, Work) {
 }
 
 /// Per node how its two sides approach along its normal.
-fn approaches(grid: &Grid, sites: &Sites, carrier: [f64; 3]) -> Vec<Approach> {
+fn approaches(grid: &Grid, sites: &Sites, frame_velocity: [f64; 3]) -> Vec<Approach> {
     let mut found = Vec::with_capacity(sites.nodes.len());
     for site in &sites.sites {
         for node in &sites.nodes[site.range()] {
             let [(a, _), (b, _)] = site.blocks.map(|n| read(&grid.velocities[n], node.at));
             let u: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
-            let [far_a, far_b] = site.clocks.map(|clock| clock.passed);
-            let way =
-                std::array::from_fn(|i| far_a * (a[i] + carrier[i]) - far_b * (b[i] + carrier[i]));
+            let [far_a, far_b] = site.passes.map(|pass| pass.elapsed);
+            let way = std::array::from_fn(|i| {
+                far_a * (a[i] + frame_velocity[i]) - far_b * (b[i] + frame_velocity[i])
+            });
             found.push(Approach {
                 speed: dot(u, node.normal),
                 closed: dot(way, node.normal),

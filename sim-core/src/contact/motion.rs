@@ -16,7 +16,7 @@ const SUMS: usize = 1 + 3 + 6 + 3 + 3 + 1;
 /// Order of symmetric matrices.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
-/// Motion of all matter of one field [mass units, cells, s]; velocities are relative to the carrier.
+/// Motion of all matter of one field [mass units, cells, s]; velocities are relative to the frame velocity.
 ///
 /// Momentum and angular momentum of nodes are those of the particles with their affine parts, and the inertia of
 /// nodes counts `2 D_p` per mass like theirs, so nothing is approximated.

@@ -134,7 +134,7 @@ impl Patches {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{contact::sites::Node, grid::Clock};
+    use crate::{contact::sites::Node, grid::FieldPass};
 
     fn site(index: [i32; 3], mask: u64, first: usize) -> Site {
         Site {
@@ -144,7 +144,7 @@ mod tests {
             blocks: [0, 1],
             mask,
             first,
-            clocks: [Clock::of(1.0); 2],
+            passes: [FieldPass::of(1.0); 2],
         }
     }
 

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::{
-    grid::{Clock, Grid, NONE, Shared, Velocities, anchors::Anchors},
+    grid::{FieldPass, Grid, NONE, Shared, Velocities, anchors::Anchors},
     mat3::dot,
 };
 
@@ -25,8 +25,8 @@ pub(super) struct Site {
     pub mask: u64,
     /// Position of its first node in [`Sites::nodes`].
     pub first: usize,
-    /// When the particles of both sides move.
-    pub clocks: [Clock; 2],
+    /// What the substep does to both sides.
+    pub passes: [FieldPass; 2],
 }
 
 /// A node with mass of two fields.
@@ -72,7 +72,7 @@ impl Site {
 
     /// Time until both sides have moved [s].
     pub fn left(&self) -> f64 {
-        let [a, b] = self.clocks.map(|clock| clock.left());
+        let [a, b] = self.passes.map(|pass| pass.left());
         a.max(b)
     }
 
@@ -104,15 +104,20 @@ pub(super) fn read(block: &Velocities, at: usize) -> ([f64; 3], f64) {
 }
 
 impl Sites {
-    /// Finds them, but for those of fields that wait. `fullness` is per field what to multiply mass by to get volume, up to a common factor, `clocks` when it
-    /// moves.
-    pub fn find(grid: &Grid, fullness: &[f64], clocks: &[Clock], anchors: &Anchors<'_>) -> Self {
+    /// Finds them, but for those of inactive fields. `specific_volumes` is per field the rest volume per mass, up to a
+    /// common factor; `passes` likewise what the substep does to it.
+    pub fn find(
+        grid: &Grid,
+        specific_volumes: &[f64],
+        passes: &[FieldPass],
+        anchors: &Anchors<'_>,
+    ) -> Self {
         let found: Vec<(Site, Vec<Node>)> = grid
             .shared
             .par_iter()
             .enumerate()
             .flat_map_iter(|(shared, place)| {
-                at_place(grid, fullness, clocks, anchors, shared, place)
+                at_place(grid, specific_volumes, passes, anchors, shared, place)
             })
             .collect();
         let mut all = Self::default();
@@ -128,8 +133,8 @@ impl Sites {
 /// Sites of one place, in the order of fields.
 fn at_place(
     grid: &Grid,
-    fullness: &[f64],
-    clocks: &[Clock],
+    specific_volumes: &[f64],
+    passes: &[FieldPass],
     anchors: &Anchors<'_>,
     shared: usize,
     place: &Shared,
@@ -160,8 +165,8 @@ fn at_place(
             }
             let blocks = [one, two].map(|n| sharers[n] as usize);
             let fields = blocks.map(|block| grid.nodes[block].field);
-            let clocks = fields.map(|field| clocks[field as usize]);
-            if clocks.iter().any(|clock| clock.waits) {
+            let passes = fields.map(|field| passes[field as usize]);
+            if passes.iter().any(|pass| pass.is_inactive) {
                 continue;
             }
             for n in [one, two] {
@@ -170,7 +175,7 @@ fn at_place(
             let [Some(of_a), Some(of_b)] = [one, two].map(|n| gradients[n].as_ref()) else {
                 continue;
             };
-            let scale = fields.map(|field| fullness[field as usize]);
+            let scale = fields.map(|field| specific_volumes[field as usize]);
             let mut nodes = Vec::with_capacity(mask.count_ones() as usize);
             let mut row = (usize::MAX, [[[0.0; 4]; 3]; 2]);
             for at in members(mask) {
@@ -196,7 +201,7 @@ fn at_place(
                 blocks,
                 mask,
                 first: 0,
-                clocks,
+                passes,
             };
             found.push((site, nodes));
         }

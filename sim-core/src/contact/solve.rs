@@ -28,7 +28,7 @@ pub(super) struct Exchange {
     pub weight: f64,
     /// Sum of positions, with those as weights.
     pub moment: [f64; 3],
-    /// Sum of velocities relative to the carrier, likewise.
+    /// Sum of velocities relative to the frame velocity, likewise.
     pub drift: [f64; 3],
 }
 
@@ -79,7 +79,7 @@ pub(super) struct Surroundings<'a> {
     /// Colliders and regions.
     pub acting: Acting<'a>,
     /// Velocity that those of nodes are relative to [cells/s].
-    pub carrier: [f64; 3],
+    pub frame_velocity: [f64; 3],
 }
 
 /// Solves all places; the grid stays as it is. `friction` is per site.
@@ -160,7 +160,7 @@ fn solve_place(
         for ((_, block), conditions) in blocks.iter_mut().zip(&conditions) {
             if let Some(conditions) = conditions {
                 for at in (0..64).filter(|at| touched >> at & 1 == 1) {
-                    constrain(block, at, conditions, around.carrier);
+                    constrain(block, at, conditions, around.frame_velocity);
                 }
             }
         }
@@ -229,11 +229,16 @@ fn push(block: &mut Velocities, at: usize, impulse: [f64; 3], per_mass: f64) {
 }
 
 /// Gives a node a velocity that boundaries allow.
-fn constrain(block: &mut Velocities, at: usize, conditions: &Allowed<'_>, carrier: [f64; 3]) {
+fn constrain(
+    block: &mut Velocities,
+    at: usize,
+    conditions: &Allowed<'_>,
+    frame_velocity: [f64; 3],
+) {
     let (v, _) = read(block, at);
-    let v = conditions.constrain(at, std::array::from_fn(|a| v[a] + carrier[a]));
+    let v = conditions.constrain(at, std::array::from_fn(|a| v[a] + frame_velocity[a]));
     let node = &mut block.0[at / 4].0[4 * (at % 4)..][..3];
     for a in 0..3 {
-        node[a] = (v[a] - carrier[a]) as f32;
+        node[a] = (v[a] - frame_velocity[a]) as f32;
     }
 }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use flat::{Flat, merge, see_plane};
 
 use super::{
-    Clock, NONE, NodeBlock, TILE,
+    FieldPass, NONE, NodeBlock, TILE,
     anchors::Anchors,
     boundary::{attaches, corners, near_block},
     topology::OFFSETS,
@@ -62,11 +62,11 @@ pub(crate) struct Acting<'a> {
     /// Per particle block.
     pub approaches: &'a [Approach],
     /// Per field whether masses tell where matter ends.
-    pub tell_edges: &'a [bool],
+    pub reconstructs_surface: &'a [bool],
     /// What of masses is not matter.
     pub anchors: &'a Anchors<'a>,
     /// Per field.
-    pub clocks: &'a [Clock],
+    pub passes: &'a [FieldPass],
 }
 
 /// What acts on one block of nodes.
@@ -82,16 +82,16 @@ pub(crate) struct Allowed<'a> {
 }
 
 /// Finds what the particles of every block are near to, but for those that wait; `half_spacings` is in scene order [cells],
-/// `clocks` per field.
+/// `passes` per field.
 pub(crate) fn approaches(
     particles: &Particles,
     half_spacings: &[f64],
     boundaries: &NodeConditions<'_>,
-    clocks: &[Clock],
+    passes: &[FieldPass],
 ) -> Vec<Approach> {
     let blocks = particles.blocks.par_iter().with_min_len(TASK);
     blocks
-        .map(|block| match clocks[block.field as usize].waits {
+        .map(|block| match passes[block.field as usize].is_inactive {
             true => Approach::new(),
             false => approach(block, particles, half_spacings, boundaries),
         })
@@ -290,9 +290,9 @@ fn rank(gap: f32, of: usize) -> u64 {
 }
 
 impl<'a> Acting<'a> {
-    /// When the particles of a block's field move.
-    pub fn clock(&self, block: &NodeBlock) -> &'a Clock {
-        &self.clocks[block.field as usize]
+    /// What the substep does to the field of a block.
+    pub fn pass(&self, block: &NodeBlock) -> &'a FieldPass {
+        &self.passes[block.field as usize]
     }
 
     /// Whether anything may act on the nodes of a block.
@@ -310,7 +310,7 @@ impl<'a> Acting<'a> {
     pub fn near_edges(&self, block: &NodeBlock, margin: f64) -> bool {
         let [first, last] = corners(block.index);
         let mut bodies = self.boundaries.bodies().iter();
-        self.tell_edges[block.field as usize]
+        self.reconstructs_surface[block.field as usize]
             && bodies.any(|body| !body.holds() && body.is_near(first, last, NODES_REACH + margin))
     }
 
@@ -368,7 +368,7 @@ impl<'a> Acting<'a> {
             conditions,
             nearest,
             index: block.index,
-            dt: self.clock(block).span,
+            dt: self.pass(block).dt,
         })
     }
 }

@@ -6,10 +6,10 @@ use std::cell::Cell;
 use rayon::prelude::*;
 
 use super::{
-    NONE, NodeBlock, Transfer, Velocities,
+    NONE, NodeBlock, Velocities,
     anchors::Anchors,
     approach::{Acting, Allowed},
-    node_pass::{constrain, holds_matter},
+    boundary::{constrain, holds_matter},
     topology::Place,
 };
 use crate::{
@@ -42,11 +42,11 @@ struct Around<'a> {
     blocks: [Cell<u32>; 27],
     places: &'a [Place],
     before: &'a [Before<'a>],
-    carrier: [f64; 3],
+    frame_velocity: [f64; 3],
     /// Substep of the particles [s].
-    span: f64,
+    dt: f64,
     /// Whether masses tell where matter ends.
-    tell_edges: bool,
+    reconstructs_surface: bool,
     anchors: &'a Anchors<'a>,
 }
 
@@ -74,7 +74,7 @@ impl Nodes for Around<'_> {
     fn node(&self, index: [i32; 3]) -> Option<(f64, [f64; 3])> {
         let (block, at) = self.at(index)?;
         let node = &block.velocities.0[at / 4].0[4 * (at % 4)..][..4];
-        let velocity = std::array::from_fn(|a| f64::from(node[a]) + self.carrier[a]);
+        let velocity = std::array::from_fn(|a| f64::from(node[a]) + self.frame_velocity[a]);
         (node[3] != 0.0).then_some((node[3].into(), velocity))
     }
 
@@ -91,8 +91,8 @@ impl Nodes for Around<'_> {
             .unwrap_or(f64::INFINITY)
     }
 
-    fn tell_edges(&self) -> bool {
-        self.tell_edges
+    fn reconstructs_surface(&self) -> bool {
+        self.reconstructs_surface
     }
 }
 
@@ -102,7 +102,6 @@ pub(super) fn attach(
     nodes: &[NodeBlock],
     velocities: &mut [Velocities],
     acting: &Acting<'_>,
-    transfers: &[Transfer],
 ) -> u32 {
     if acting.boundaries.is_empty() {
         return 0;
@@ -113,7 +112,7 @@ pub(super) fn attach(
         .zip(velocities)
         .enumerate()
         .with_min_len(TASK[0])
-        .filter(|(_, (block, _))| !acting.clock(block).waits)
+        .filter(|(_, (block, _))| !acting.pass(block).is_inactive)
         .filter_map(|(n, (block, out))| {
             let acts = acting.by_neighbours(block);
             ((acts || acting.near_edges(block, edge::REACH)) && holds_matter(out))
@@ -140,15 +139,16 @@ pub(super) fn attach(
         .with_min_len(TASK[1])
         .filter(|(((.., acts), _), _)| *acts)
         .map(|(((_, _, out, _), own), &place)| {
+            let pass = acting.pass(own.block);
             let around = Around {
                 place,
                 own,
                 blocks: [const { Cell::new(UNKNOWN) }; 27],
                 places: &places,
                 before: &before,
-                carrier: transfers[place.0 as usize].carrier,
-                span: acting.clocks[place.0 as usize].span,
-                tell_edges: acting.tell_edges[place.0 as usize],
+                frame_velocity: pass.frame_velocity,
+                dt: pass.dt,
+                reconstructs_surface: acting.reconstructs_surface[place.0 as usize],
                 anchors: acting.anchors,
             };
             constrain_block(out, &around, acting)
@@ -162,10 +162,10 @@ fn constrain_block(out: &mut Velocities, around: &Around<'_>, acting: &Acting<'_
     let given = allowed.map_or(0, |allowed| (allowed.speed() as f32).to_bits());
     let (field, block) = around.place;
     let faces = acting.boundaries.faces_for(field);
-    let left = constrain(out, around.carrier, |at, v| {
+    let left = constrain(out, around.frame_velocity, |at, v| {
         let local = [at / 16, at / 4 % 4, at % 4];
         let index = std::array::from_fn(|a| BLOCK * block[a] + local[a] as i32);
-        let obeyed = attached(&faces, index, around, 1.0, around.span);
+        let obeyed = attached(&faces, index, around, 1.0, around.dt);
         let obeyed = obeyed.unwrap_or(Attached::free(v));
         match allowed {
             Some(allowed) => allowed.constrain_among(at, &obeyed, around),

@@ -1,5 +1,6 @@
 //! Which node blocks boundaries reach, and the velocities they allow there.
 
+use super::Velocities;
 use crate::{colliders::NodeConditions, particles::BLOCK};
 
 /// First and last node of a block [cells].
@@ -28,6 +29,35 @@ pub(crate) fn near_block<'a>(
 ) -> NodeConditions<'a> {
     let [first, last] = corners(index);
     conditions.near(first, last)
+}
+
+/// Whether any node of a block has a mass.
+pub(super) fn holds_matter(block: &Velocities) -> bool {
+    let mut rows = block.0.iter().map(|row| row.0);
+    rows.any(|row| row[3] != 0.0 || row[7] != 0.0 || row[11] != 0.0 || row[15] != 0.0)
+}
+
+/// Gives the nodes of a block, one by one, the velocity that boundaries allow at a place when it would be another; returns
+/// the largest magnitude of a component as bits. Nodes without matter, which no particle reads, stay as they are.
+pub(super) fn constrain(
+    out: &mut Velocities,
+    frame_velocity: [f64; 3],
+    allowed: impl Fn(usize, [f64; 3]) -> [f64; 3],
+) -> u32 {
+    let mut largest = 0;
+    for at in 0..64 {
+        let node = &mut out.0[at / 4].0[4 * (at % 4)..][..4];
+        if node[3] == 0.0 {
+            continue;
+        }
+        let v = std::array::from_fn(|a| f64::from(node[a]) + frame_velocity[a]);
+        let v = allowed(at, v);
+        for a in 0..3 {
+            node[a] = (v[a] - frame_velocity[a]) as f32;
+            largest = largest.max((v[a] as f32).abs().to_bits());
+        }
+    }
+    largest
 }
 
 #[cfg(test)]

@@ -92,44 +92,44 @@ pub(crate) struct NodeBlock {
 #[repr(C, align(64))]
 pub(crate) struct Velocities(pub [F32x16; 16]);
 
-/// The substep of a grid field, and how far into it the substep at hand begins.
+/// What a substep does to the velocities of one grid field.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Clock {
+pub(crate) struct FieldPass {
     /// Substep of its particles [s].
-    pub span: f64,
+    pub dt: f64,
     /// What of it has passed [s]: nothing where they have just come to the grid.
-    pub passed: f64,
+    pub elapsed: f64,
     /// Whether nothing happens to its velocities until its particles move.
-    pub waits: bool,
-}
-
-impl Clock {
-    /// Of particles that have just come to the grid, for a substep of `span` [s].
-    pub fn of(span: f64) -> Self {
-        Self {
-            span,
-            passed: 0.0,
-            waits: false,
-        }
-    }
-
-    /// What is left of it [s].
-    pub fn left(&self) -> f64 {
-        self.span - self.passed
-    }
-}
-
-/// What a grid pass makes of the velocities of a field.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Transfer {
+    pub is_inactive: bool,
     /// What damping leaves of what its particles bring, 0..=1.
     pub keep: f32,
     /// Velocity that those are relative to after forces [cells/s].
-    pub carrier: [f64; 3],
+    pub frame_velocity: [f64; 3],
     /// What to add so that they are relative to the velocity that all fields meet with [cells/s].
     pub shift: [f32; 3],
     /// How long forces act, [`Grid::forces`], where velocities are on the grid already [s].
-    pub goes_on: Option<f32>,
+    pub continues: Option<f32>,
+}
+
+impl FieldPass {
+    /// Of particles that have just come to the grid, for a substep of `dt` [s], without damping or a moving frame.
+    #[cfg(test)]
+    pub fn of(dt: f64) -> Self {
+        Self {
+            dt,
+            elapsed: 0.0,
+            is_inactive: false,
+            keep: 1.0,
+            frame_velocity: [0.0; 3],
+            shift: [0.0; 3],
+            continues: None,
+        }
+    }
+
+    /// What is left of its substep [s].
+    pub fn left(&self) -> f64 {
+        self.dt - self.elapsed
+    }
 }
 
 /// A place where node blocks of two or more fields lie over each other.
@@ -160,6 +160,6 @@ pub(crate) struct Grid {
     pub around: Vec<[u32; 27]>,
     /// Like `nodes`.
     pub velocities: Vec<Velocities>,
-    /// Like `nodes`, where a field goes on: what forces add to its velocities per second [cells/s^2].
+    /// Like `nodes`, where a field continues: what forces add to its velocities per second [cells/s^2].
     pub forces: Vec<Velocities>,
 }

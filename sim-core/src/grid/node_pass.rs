@@ -3,8 +3,11 @@
 use rayon::prelude::*;
 
 use super::{
-    Cells, FRONT, Grid, NONE, NodeBlock, Tile, Transfer, Velocities, approach::Acting,
-    attach::attach, topology::OFFSETS,
+    Cells, FRONT, FieldPass, Grid, NONE, NodeBlock, Tile, Velocities,
+    approach::Acting,
+    attach::attach,
+    boundary::{constrain, holds_matter},
+    topology::OFFSETS,
 };
 use crate::{
     particles::BLOCK,
@@ -20,18 +23,11 @@ const LIGHTEST: f32 = 1e-24;
 /// Node blocks per task, at least and at most: where one thread is held up, others must find work to take over.
 const TASK: [usize; 2] = [16, 64];
 
-/// Turns tiles into node velocities. They are relative to a carrier velocity, which holds all that gravity adds.
+/// Turns tiles into node velocities. They are relative to a frame velocity, which holds all that gravity adds.
 ///
-/// `transfers` says per field what becomes of them; damping's share of the carrier is the caller's.
-///
-/// Returns the largest component of a velocity, carrier included, before or after boundaries, or speed of a boundary among
+/// Returns the largest component of a velocity, frame velocity included, before or after boundaries, or speed of a boundary among
 /// nodes [cells/s]; NaN or infinite when a node's is.
-pub(crate) fn node_pass(
-    isa: Isa,
-    grid: &mut Grid,
-    acting: &Acting<'_>,
-    transfers: &[Transfer],
-) -> f32 {
+pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, acting: &Acting<'_>) -> f32 {
     let Grid {
         tiles,
         cells,
@@ -49,16 +45,17 @@ pub(crate) fn node_pass(
         .with_min_len(TASK[0])
         .with_max_len(TASK[1])
         .map(|(n, (block, out))| {
-            let Transfer {
+            let FieldPass {
+                is_inactive,
                 keep,
-                carrier,
-                goes_on,
+                frame_velocity,
+                continues,
                 ..
-            } = transfers[block.field as usize];
-            let mut largest = match (acting.clock(block).waits, goes_on) {
+            } = *acting.pass(block);
+            let mut largest = match (is_inactive, continues) {
                 (true, _) => return 0,
-                (false, Some(kick)) => go_on(out, &forces[n], kick, keep, carrier),
-                (false, None) => sum_block(isa, block, tiles, keep, carrier, out),
+                (false, Some(kick)) => kick_on(out, &forces[n], kick, keep, frame_velocity),
+                (false, None) => sum_block(isa, block, tiles, keep, frame_velocity, out),
             };
             if acting.may_reach(block)
                 && !acting.by_neighbours(block)
@@ -66,28 +63,28 @@ pub(crate) fn node_pass(
                 && let Some(allowed) = acting.on(block)
             {
                 let given = (allowed.speed() as f32).to_bits();
-                let left = constrain(out, carrier, |at, v| allowed.constrain(at, v));
+                let left = constrain(out, frame_velocity, |at, v| allowed.constrain(at, v));
                 largest = largest.max(given).max(left);
             }
             largest
         })
         .reduce(|| 0, u32::max);
-    let attached = attach(nodes, velocities, acting, transfers);
-    if transfers.iter().any(|transfer| transfer.shift != [0.0; 3]) {
+    let attached = attach(nodes, velocities, acting);
+    if acting.passes.iter().any(|pass| pass.shift != [0.0; 3]) {
         let blocks = nodes.par_iter().zip(velocities).with_min_len(TASK[0]);
-        blocks.for_each(|(block, out)| shift(out, transfers[block.field as usize].shift));
+        blocks.for_each(|(block, out)| shift(out, acting.pass(block).shift));
     }
     f32::from_bits(largest.max(attached))
 }
 
-/// Lets forces act for `kick` [s] on velocities that are on the grid already; returns the largest magnitude of a component, carrier included,
-/// as bits.
-fn go_on(
+/// Lets forces act for `kick` [s] on velocities that are on the grid already; returns the largest magnitude of a component, frame
+/// velocity included, as bits.
+fn kick_on(
     out: &mut Velocities,
     forces: &Velocities,
     kick: f32,
     keep: f32,
-    carrier: [f64; 3],
+    frame_velocity: [f64; 3],
 ) -> u32 {
     let mut largest = 0;
     for (row, forces) in out.0.iter_mut().zip(&forces.0) {
@@ -95,7 +92,7 @@ fn go_on(
         for (node, force) in nodes.filter(|(node, _)| node[3] != 0.0) {
             for a in 0..3 {
                 node[a] = (node[a] + kick * force[a]) * keep;
-                largest = largest.max((node[a] + carrier[a] as f32).abs().to_bits());
+                largest = largest.max((node[a] + frame_velocity[a] as f32).abs().to_bits());
             }
         }
     }
@@ -143,26 +140,26 @@ pub(crate) fn node_means(isa: Isa, grid: &mut Grid, to: Sums, fields: impl Fn(u3
         });
 }
 
-/// Sums and divides the nodes of one block; returns the largest magnitude of a component, carrier included, as bits.
+/// Sums and divides the nodes of one block; returns the largest magnitude of a component, frame velocity included, as bits.
 #[inline(always)]
 fn sum_block(
     isa: Isa,
     block: &NodeBlock,
     tiles: (&[Tile], &[Cells]),
     keep: f32,
-    carrier: [f64; 3],
+    frame_velocity: [f64; 3],
     out: &mut Velocities,
 ) -> u32 {
-    let [x, y, z] = carrier.map(|u| u as f32);
-    let carrier = F32x16([x, y, z, 0.0, x, y, z, 0.0, x, y, z, 0.0, x, y, z, 0.0]);
+    let [x, y, z] = frame_velocity.map(|u| u as f32);
+    let frame_velocity = F32x16([x, y, z, 0.0, x, y, z, 0.0, x, y, z, 0.0, x, y, z, 0.0]);
     match isa {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: a world is only made with an instruction set that the processor has.
-        Isa::Avx512 => unsafe { node_block_avx512(block, tiles, keep, &carrier, out) },
+        Isa::Avx512 => unsafe { node_block_avx512(block, tiles, keep, &frame_velocity, out) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: a world is only made with an instruction set that the processor has.
-        Isa::Avx2 => unsafe { node_block_avx2(block, tiles, keep, &carrier, out) },
-        _ => node_block::<Portable>(block, tiles, keep, &carrier, out),
+        Isa::Avx2 => unsafe { node_block_avx2(block, tiles, keep, &frame_velocity, out) },
+        _ => node_block::<Portable>(block, tiles, keep, &frame_velocity, out),
     }
 }
 
@@ -172,10 +169,10 @@ unsafe fn node_block_avx512(
     block: &NodeBlock,
     tiles: Tiles<'_>,
     keep: f32,
-    carrier: &F32x16,
+    frame_velocity: &F32x16,
     out: &mut Velocities,
 ) -> u32 {
-    node_block::<Avx512>(block, tiles, keep, carrier, out)
+    node_block::<Avx512>(block, tiles, keep, frame_velocity, out)
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -184,10 +181,10 @@ unsafe fn node_block_avx2(
     block: &NodeBlock,
     tiles: Tiles<'_>,
     keep: f32,
-    carrier: &F32x16,
+    frame_velocity: &F32x16,
     out: &mut Velocities,
 ) -> u32 {
-    node_block::<Avx2>(block, tiles, keep, carrier, out)
+    node_block::<Avx2>(block, tiles, keep, frame_velocity, out)
 }
 
 /// How many tiles ahead of the sums a tile is asked for.
@@ -269,7 +266,7 @@ fn node_block<V: Lanes>(
     block: &NodeBlock,
     tiles: Tiles<'_>,
     keep: f32,
-    carrier: &F32x16,
+    frame_velocity: &F32x16,
     out: &mut Velocities,
 ) -> u32 {
     let zero = V::broadcast(0.0);
@@ -320,7 +317,7 @@ fn node_block<V: Lanes>(
         }
     }
     let keep = V::broadcast(keep);
-    let carrier = V::load(carrier);
+    let frame_velocity = V::load(frame_velocity);
     let mut largest = zero;
     for (row, to) in sum.iter().zip(&mut out.0) {
         let mass = row.fourth();
@@ -328,37 +325,8 @@ fn node_block<V: Lanes>(
         let v = *row / V::select(occupied, mass, one) * keep;
         let v = V::select(velocity & occupied, v, zero);
         V::select(velocity, v, mass).store(to);
-        let total = V::select(velocity & occupied, v + carrier, zero);
+        let total = V::select(velocity & occupied, v + frame_velocity, zero);
         largest = largest.larger_magnitude(total);
     }
     largest.largest_magnitude_bits()
-}
-
-/// Whether any node of a block has a mass.
-pub(super) fn holds_matter(block: &Velocities) -> bool {
-    let mut rows = block.0.iter().map(|row| row.0);
-    rows.any(|row| row[3] != 0.0 || row[7] != 0.0 || row[11] != 0.0 || row[15] != 0.0)
-}
-
-/// Gives the nodes of a block, one by one, the velocity that boundaries allow at a place when it would be another; returns
-/// the largest magnitude of a component as bits. Nodes without matter, which no particle reads, stay as they are.
-pub(super) fn constrain(
-    out: &mut Velocities,
-    carrier: [f64; 3],
-    allowed: impl Fn(usize, [f64; 3]) -> [f64; 3],
-) -> u32 {
-    let mut largest = 0;
-    for at in 0..64 {
-        let node = &mut out.0[at / 4].0[4 * (at % 4)..][..4];
-        if node[3] == 0.0 {
-            continue;
-        }
-        let v = std::array::from_fn(|a| f64::from(node[a]) + carrier[a]);
-        let v = allowed(at, v);
-        for a in 0..3 {
-            node[a] = (v[a] - carrier[a]) as f32;
-            largest = largest.max((v[a] as f32).abs().to_bits());
-        }
-    }
-    largest
 }

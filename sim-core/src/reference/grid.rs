@@ -109,13 +109,13 @@ impl Grid {
         }
     }
 
-    /// Gives all nodes velocities that boundaries allow; `nearest` is per node and collider, `tell_edges` whether masses
+    /// Gives all nodes velocities that boundaries allow; `nearest` is per node and collider, `reconstructs_surface` whether masses
     /// tell where matter ends.
     pub fn constrain(
         &mut self,
         boundaries: &NodeConditions<'_>,
         nearest: &[Vec<Nearest>],
-        tell_edges: bool,
+        reconstructs_surface: bool,
         dt: f64,
         dx: f64,
     ) {
@@ -123,7 +123,7 @@ impl Grid {
             grid: self,
             boundaries,
             nearest,
-            tell_edges,
+            reconstructs_surface,
         };
         let velocities: Vec<[f64; 3]> = (self.nodes.iter().zip(nearest))
             .map(|((index, node), nearest)| {
@@ -182,7 +182,7 @@ struct Seen<'a> {
     grid: &'a Grid,
     boundaries: &'a NodeConditions<'a>,
     nearest: &'a [Vec<Nearest>],
-    tell_edges: bool,
+    reconstructs_surface: bool,
 }
 
 impl Nodes for Seen<'_> {
@@ -208,7 +208,7 @@ impl Nodes for Seen<'_> {
         }
     }
 
-    fn tell_edges(&self) -> bool {
-        self.tell_edges
+    fn reconstructs_surface(&self) -> bool {
+        self.reconstructs_surface
     }
 }

@@ -7,27 +7,22 @@
 mod commands;
 mod grid;
 mod motion;
+mod substep;
 mod time_step;
 
 use crate::{
     colliders::{
-        Boundaries, Paths, Substep,
-        approach::Nearest,
-        edge::tell_edges,
+        Boundaries, Paths,
         rules::{Pins, Rules},
-        sweep::Way,
-        touch::{ANCHOR, Touch},
     },
     command::Command,
     expression::GRADIENT_STEP,
-    kinematics::kick,
     mat3::Mat3,
-    materials::{Coefficients, Material, Trial},
+    materials::Material,
     moments::{ParticleArrays, bodies_of, object_moments, total_momentum},
     report::{Level, StepReport},
-    scene::{Aabb, DomainPolicy, Fidelity, Part, Scene},
+    scene::{DomainPolicy, Fidelity, Part, Scene},
 };
-use grid::{Grid, Stencil};
 pub use time_step::TimeStep;
 
 /// A scene in motion, in double precision and scene order.
@@ -41,7 +36,7 @@ pub struct ReferenceWorld {
     materials: Vec<Material>,
     steps: u64,
     sim_time: f64,
-    /// How far velocities are behind positions [s], see [`kick`].
+    /// How far velocities are behind positions [s], see [`kick`](crate::kinematics::kick).
     lag: f64,
     boundaries: Boundaries,
     paths: Paths,
@@ -197,189 +192,6 @@ impl ReferenceWorld {
     /// The largest allowed substep now, the scene's `cfl` included, and what limits it.
     pub fn time_step(&self) -> TimeStep {
         time_step::time_step(&self.scene, &self.parts, &self.materials, &self.particles)
-    }
-
-    fn substep(&mut self, dt: f64, cause: TimeStep, frame: &mut Frame) {
-        let [kick, lag] = kick(self.lag, dt, self.scene.cfl);
-        self.lag = lag;
-        let (frame_start, frame_length) = (frame.start_time, frame.length);
-        let report = &mut frame.report;
-        let (dx, particles) = (self.scene.dx, &mut self.particles);
-        let substep = Substep {
-            time: self.sim_time,
-            dt,
-            kick,
-            frame_start,
-            frame_length,
-        };
-        let touch = Touch::new(
-            &self.boundaries,
-            &self.paths,
-            &self.rules,
-            &self.pins,
-            substep,
-            substep,
-            self.gravity,
-        );
-        let mut held = vec![false; particles.mass.len()];
-        if let Some(touch) = &touch {
-            for p in 0..particles.mass.len() {
-                let (x, v) = (particles.position[p], particles.velocity[p]);
-                if let Some(touched) = touch.before(p as u32, x, v) {
-                    particles.velocity[p] = touched.v;
-                    particles.set_affine(p, touched.affine);
-                    held[p] = touched.affine.is_some();
-                }
-            }
-        }
-        let keep = self.scene.conditions.damping_factor(kick);
-        let before = particles.position.clone();
-        let mut grid = Grid::default();
-        let mut stencils: Vec<Option<Stencil>> = vec![None; particles.mass.len()];
-
-        // P2G. Internal force of MLS-MPM: -4 V0 / dx^2 tau (x_i - x_p) w_ip, inside the affine matrix.
-        for (part, material) in self.parts.iter().zip(&self.materials) {
-            let numbers = Coefficients::new(material);
-            for p in part.particles.clone() {
-                let m = particles.mass[p];
-                if m == 0.0 {
-                    continue;
-                }
-                let state = Trial {
-                    f: Mat3(particles.elastic[p]),
-                    memory: particles.memory[p],
-                    gradient: Mat3(particles.affine[p]),
-                    dt: 0.0,
-                };
-                let tau = material.law.respond(&state, &numbers).tau;
-                let k = -kick * particles.volume[p] * 4.0 / (dx * dx);
-                let mut c = Mat3(particles.affine[p]);
-                if let Some([a, b]) = self.scene.conditions.affine_kept()
-                    && !material.law.is_rigid()
-                {
-                    c = c.blend(a, &c.transpose(), b);
-                }
-                let c = c.0;
-                let affine = Mat3([
-                    [
-                        m * c[0][0] + k * tau[0],
-                        m * c[0][1] + k * tau[1],
-                        m * c[0][2] + k * tau[2],
-                    ],
-                    [
-                        m * c[1][0] + k * tau[1],
-                        m * c[1][1] + k * tau[3],
-                        m * c[1][2] + k * tau[4],
-                    ],
-                    [
-                        m * c[2][0] + k * tau[2],
-                        m * c[2][1] + k * tau[4],
-                        m * c[2][2] + k * tau[5],
-                    ],
-                ]);
-                let stencil = grid.stencil(particles.position[p], dx);
-                grid.weigh(&stencil, m);
-                if held[p] {
-                    // Heavy, free of stress, and past the gravity that is still to come.
-                    let heavy = ANCHOR * m;
-                    let affine = Mat3(c.map(|row| row.map(|x| heavy * x)));
-                    let v = std::array::from_fn(|i| {
-                        particles.velocity[p][i] / keep - kick * self.gravity[i]
-                    });
-                    grid.scatter(&stencil, heavy, v, &affine);
-                } else {
-                    grid.scatter(&stencil, m, particles.velocity[p], &affine);
-                }
-                stencils[p] = Some(stencil);
-            }
-        }
-
-        // Grid: momentum to velocity, gravity, boundaries.
-        let boundaries = self.boundaries.on_nodes(&self.paths, &substep);
-        let mut nearest = vec![vec![Nearest::NONE; boundaries.bodies().len()]; grid.nodes.len()];
-        for (p, stencil) in stencils.iter().enumerate() {
-            let Some(stencil) = stencil else { continue };
-            for (b, body) in boundaries.bodies().iter().enumerate() {
-                let (x, volume) = (particles.position[p], particles.volume[p]);
-                if let Some(found) = body.nearest(x, volume, dx) {
-                    stencil
-                        .slots()
-                        .for_each(|slot| nearest[slot][b].take(&found));
-                }
-            }
-        }
-        // A particle half-way between two nodes gives nothing to the third.
-        for (_, node) in grid.nodes.iter_mut().filter(|(_, node)| node.mass > 0.0) {
-            node.velocity = std::array::from_fn(|i| {
-                keep * (node.momentum[i] / node.mass + kick * self.gravity[i])
-            });
-        }
-        let parts = self.parts.iter().zip(&self.materials);
-        let all = parts.map(|(part, material)| (0, part.material.density, material.law));
-        let tell_edges = tell_edges(1, all)[0];
-        grid.constrain(&boundaries, &nearest, tell_edges, dt, dx);
-
-        // G2P, then every particle moves.
-        for (p, stencil) in stencils.iter().enumerate() {
-            let Some(stencil) = stencil else { continue };
-            let (mut v, mut c) = grid.gather(stencil, dx);
-            let ghosts = touch
-                .as_ref()
-                .map(|touch| touch.ghosts(particles.position[p], v));
-            if let Some(ghosts) = ghosts.filter(|ghosts| !ghosts.is_empty()) {
-                (v, c) = grid.gather_seen(stencil, particles.position[p], &ghosts, dx);
-            }
-            particles.velocity[p] = v;
-            particles.affine[p] = c.0;
-        }
-        for (part, material) in self.parts.iter().zip(&self.materials) {
-            particles.move_and_deform(part, material, dt);
-        }
-        if let Some(touch) = &touch {
-            for part in &self.parts {
-                for p in part.particles.clone().filter(|&p| stencils[p].is_some()) {
-                    let way = Way {
-                        from: before[p],
-                        to: particles.position[p],
-                        v: particles.velocity[p],
-                    };
-                    if let Some(touched) = touch.after(p as u32, way) {
-                        particles.position[p] = touched.x;
-                        particles.velocity[p] = touched.v;
-                        particles.set_affine(p, touched.affine);
-                    }
-                }
-            }
-        }
-
-        let slack = match self.scene.conditions.domain_policy {
-            DomainPolicy::Bounce => 2.0 * dx,
-            DomainPolicy::Delete | DomainPolicy::Stop => 0.0,
-        };
-        let domain = Aabb {
-            min: self.scene.domain.min.map(|x| x - slack),
-            max: self.scene.domain.max.map(|x| x + slack),
-        };
-        for (p, stencil) in stencils.iter().enumerate() {
-            if stencil.is_none() {
-                continue;
-            }
-            if !domain.contains(particles.position[p]) {
-                particles.mass[p] = 0.0;
-                particles.volume[p] = 0.0;
-                report.left_domain.push(p as u32);
-            }
-            report.particle_updates += 1;
-        }
-
-        self.sim_time += dt;
-        report.substeps += 1;
-        report.dt = dt;
-        if report.substeps == 1 || dt < report.dt_min {
-            report.dt_min = dt;
-            report.dt_limit = cause.limit;
-            report.dt_object = cause.object;
-        }
     }
 }
 

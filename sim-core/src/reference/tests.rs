@@ -7,7 +7,7 @@ use crate::{
         Law,
         limits::{DeformationBounds, critical_dt},
     },
-    scene::{PinnedRegion, Surface},
+    scene::{Aabb, PinnedRegion, Surface},
     test_scenes::{add_box, add_plane, elastic, empty, spin},
 };
 

@@ -1,20 +1,21 @@
 //! Kernel of the particle pass: one stage over the particles of one block.
 
+use std::ops::Range;
+
 use super::{
-    constitutive::{Answer, Constitutive, Deformed},
-    gather::{Gathered, gather},
+    advance::{Largest, Limits, absurd, advance},
+    constitutive::{Answer, Constitutive, Deformed, PartLaw},
     lanes::{cells_in_use, load3, load9, store3, store9},
-    particle_pass::{Findings, Pass, Stage, Work},
+    pass::{Findings, Pass, Stage, Work},
+    prefetch::{prefetch, prefetch_tile, prefetch_velocities},
     scatter::Accumulator,
     stencil::Stencil,
     touch::{BlockTouch, anchor},
 };
 use crate::{
     grid::{Cells, NONE, TILE, Tile, Velocities},
-    kinematics::advance_deformation,
-    mat3::{Mat3, dot},
     num::Real,
-    particles::{BLOCK, Block, Extremes, Fixed, Flags, Group, Motion},
+    particles::{BLOCK, Flags, Motion, Run},
     simd::{F32x16, LANES, Lanes},
 };
 
@@ -59,201 +60,56 @@ pub(super) fn load_velocities(
     }
 }
 
-/// Extremes of a run, one lane each.
-struct Largest<V> {
-    speed: V,
-    rate: V,
-    stretch: V,
-    min_j: V,
-    max_j: V,
-    stiffness: V,
-    reach: V,
+/// What moves the particles of a block.
+struct Mover<'a, V: Real> {
+    velocities: &'a Tile,
+    limits: Limits<V>,
+    touch: Option<BlockTouch<'a>>,
 }
 
-impl<V: Lanes> Largest<V> {
+/// Two groups on their way from one loop over them to the next: they stay in the first-level cache.
+struct Pair {
+    motion: [Motion; 2],
+    dt: [F32x16; 2],
+    /// Lanes that a rule holds.
+    held: [u16; 2],
+    answer: Answer,
+}
+
+impl Pair {
+    /// To be overwritten.
+    const EMPTY: Self = Self {
+        motion: [Motion::REST; 2],
+        dt: [F32x16::ZERO; 2],
+        held: [0; 2],
+        answer: Answer::EMPTY,
+    };
+}
+
+/// What the particles of a block bring to the grid.
+struct Scattered<V: Lanes> {
+    cells: [(V, V); 3],
+    accumulator: Accumulator<V>,
+    tile: Tile,
+}
+
+impl<V: Lanes> Scattered<V> {
     #[inline(always)]
-    fn none() -> Self {
-        let zero = V::broadcast(0.0);
+    fn nothing() -> Self {
         Self {
-            speed: zero,
-            rate: zero,
-            stretch: zero,
-            min_j: V::broadcast(f32::INFINITY),
-            max_j: zero,
-            stiffness: zero,
-            reach: zero,
+            cells: [(V::splat(4.0), V::splat(-1.0)); 3],
+            accumulator: Accumulator::new(),
+            tile: Tile::ZERO,
         }
     }
 
-    /// Takes in where particles are in the end; unused lanes are at the centre.
+    /// Writes the nodes in use out.
     #[inline(always)]
-    fn take_place(&mut self, x: [V; 3]) {
-        let [x, y, z] = x;
-        self.reach = self.reach.max(x.abs().max(y.abs().max(z.abs())));
+    fn finish(mut self, work: &mut Work<'_>) {
+        self.accumulator.flush(&mut self.tile);
+        *work.cells = cells_in_use(self.cells);
+        self.tile.pack::<V>(work.cells, work.tile);
     }
-
-    /// Takes in speed and velocity gradient of moved particles.
-    #[inline(always)]
-    fn take_motion(&mut self, live: V::Mask, speed_squared: V, rate_squared: V) {
-        let zero = V::broadcast(0.0);
-        self.speed = self.speed.max(V::select(live, speed_squared, zero));
-        self.rate = self.rate.max(V::select(live, rate_squared, zero));
-    }
-
-    /// Takes in the law's answer about group `n` of a pair; returns the lanes that are turned inside out.
-    #[inline(always)]
-    fn take_answer(&mut self, live: V::Mask, answer: &Answer, n: usize) -> V::Mask {
-        let zero = V::broadcast(0.0);
-        let stretch = V::load(&answer.stretch_squared[n]);
-        let stiffness = V::load(&answer.stiffness[n]);
-        let j = V::load(&answer.j[n]);
-        self.stretch = self.stretch.max(V::select(live, stretch, zero));
-        self.stiffness = self.stiffness.max(V::select(live, stiffness, zero));
-        self.max_j = self.max_j.max(V::select(live, j, zero));
-        self.min_j = self.min_j.min(V::select(live, j, self.min_j));
-        // Written so that NaN counts as bad.
-        !zero.lt(j)
-    }
-
-    #[inline(always)]
-    fn extremes(self) -> Extremes {
-        let fold = |v: V, f: fn(f32, f32) -> f32| {
-            let mut lanes = F32x16::ZERO;
-            v.store(&mut lanes);
-            lanes.0.into_iter().reduce(f).unwrap_or(0.0)
-        };
-        Extremes {
-            speed_squared: fold(self.speed, f32::max),
-            rate_squared: fold(self.rate, f32::max),
-            stretch_squared: fold(self.stretch, f32::max),
-            min_j: fold(self.min_j, f32::min),
-            max_j: fold(self.max_j, f32::max),
-            stiffness: fold(self.stiffness, f32::max),
-            reach: fold(self.reach, f32::max),
-        }
-    }
-}
-
-/// What a moved particle is checked against.
-struct Limits<V> {
-    dt: V,
-    /// The carrier's velocity [cells/s] and displacement [cells].
-    carrier: [[V; 3]; 2],
-    /// Square of the largest `dt |C|`.
-    strain_squared: V,
-    /// Corners of the domain, relative to the block's centre [cells].
-    domain: [[V; 3]; 2],
-}
-
-impl<V: Lanes> Limits<V> {
-    #[inline(always)]
-    fn new(pass: &Pass<'_>, block: &Block) -> Self {
-        let mut domain = [[V::broadcast(0.0); 3]; 2];
-        let mut carrier = domain;
-        for a in 0..3 {
-            carrier[0][a] = V::broadcast(pass.carrier[a] as f32);
-            carrier[1][a] = V::broadcast((f64::from(pass.dt) * pass.carrier[a]) as f32);
-        }
-        for n in 0..2 {
-            for a in 0..3 {
-                let centre = f64::from(BLOCK * block.index[a]) + 1.5;
-                domain[n][a] = V::broadcast((pass.domain[n][a] - centre) as f32);
-            }
-        }
-        Self {
-            dt: V::broadcast(pass.dt),
-            carrier,
-            strain_squared: V::broadcast(pass.max_strain * pass.max_strain),
-            domain,
-        }
-    }
-}
-
-/// Sixteen particles after gathering and advancing.
-struct Moved<V: Real> {
-    v: [V; 3],
-    c: Mat3<V>,
-    bad: V::Mask,
-    outside: V::Mask,
-}
-
-/// Gathers from the grid and advances position and deformation; lanes that are not `live` stay as they are.
-#[inline(always)]
-fn advance<V: Lanes>(
-    group: &mut Group,
-    shape: Option<&mut [F32x16; 9]>,
-    deforms: bool,
-    live: V::Mask,
-    velocities: &Tile,
-    limits: &Limits<V>,
-    touch: Option<(&BlockTouch<'_>, &[u32; LANES])>,
-    largest: &mut Largest<V>,
-) -> Moved<V> {
-    let zero = V::broadcast(0.0);
-    let x = load3::<V>(&group.x);
-    let Gathered { mut v, mut c, .. } = gather(velocities, &Stencil::new(x));
-    if let Some((touch, ids)) = touch {
-        let mut gathered = Motion::REST;
-        store3(v, &mut gathered.v);
-        store9(&c, &mut gathered.c);
-        touch.shield(ids, &group.x, velocities, &mut gathered);
-        (v, c) = (load3(&gathered.v), load9(&gathered.c));
-    }
-    let dt = V::select(live, limits.dt, zero);
-    let shift = &limits.carrier[1];
-    let x = [
-        dt.mul_add(v[0], V::select(live, shift[0], zero)) + x[0],
-        dt.mul_add(v[1], V::select(live, shift[1], zero)) + x[1],
-        dt.mul_add(v[2], V::select(live, shift[2], zero)) + x[2],
-    ];
-    store3(x, &mut group.x);
-    let mut increment = c;
-    for i in 0..3 {
-        for j in 0..3 {
-            increment.0[i][j] = dt * c.0[i][j];
-        }
-    }
-    if deforms {
-        store9(
-            &advance_deformation(&load9(&group.f), &increment),
-            &mut group.f,
-        );
-    }
-    if let Some(shape) = shape {
-        store9(&advance_deformation(&load9(shape), &increment), shape);
-    }
-    judge(x, v, c, increment.norm_squared(), live, limits, largest)
-}
-
-/// Checks moved particles against the limits.
-#[inline(always)]
-fn judge<V: Lanes>(
-    x: [V; 3],
-    v: [V; 3],
-    c: Mat3<V>,
-    strain_squared: V,
-    live: V::Mask,
-    limits: &Limits<V>,
-    largest: &mut Largest<V>,
-) -> Moved<V> {
-    let u = &limits.carrier[0];
-    let total = [v[0] + u[0], v[1] + u[1], v[2] + u[2]];
-    let bad = !strain_squared.lt(limits.strain_squared);
-    let mut outside = bad;
-    for a in 0..3 {
-        outside = outside | x[a].lt(limits.domain[0][a]) | limits.domain[1][a].lt(x[a]);
-    }
-    largest.take_motion(live, dot(total, total), c.norm_squared());
-    Moved { v, c, bad, outside }
-}
-
-/// Lanes whose motion is NaN, infinite or too fast for any substep.
-#[inline(always)]
-fn absurd<V: Lanes>(pass: &Pass<'_>, motion: &Motion) -> V::Mask {
-    let v = load3::<V>(&motion.v);
-    let speed = dot(v, v).lt(V::broadcast(pass.max_speed * pass.max_speed));
-    let rate = load9::<V>(&motion.c).norm_squared();
-    !(speed & rate.lt(V::broadcast(pass.max_rate * pass.max_rate)))
 }
 
 #[inline(always)]
@@ -263,161 +119,279 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
     nodes: &[Velocities],
 ) -> Findings {
     // Private and in the first-level cache.
-    let mut velocity_tile = Tile::ZERO;
-    let mut momentum_tile = Tile::ZERO;
+    let mut velocities = Tile::ZERO;
     if GATHER {
-        load_velocities(&work.nodes_of[0], nodes, work.cells, &mut velocity_tile);
+        load_velocities(&work.nodes_of[0], nodes, work.cells, &mut velocities);
         if let Some(next) = work.nodes_of.get(1) {
             prefetch_velocities(next, nodes, work.cells);
         }
         prefetch_tile(work.tile, work.cells);
     }
-    let mut cells = [(V::splat(4.0), V::splat(-1.0)); 3];
-    let mut accumulator = Accumulator::<V>::new();
+    let mut scattered = Scattered::<V>::nothing();
     let mut findings = Findings::default();
-    // What two groups hand from one loop to the next stays in the first-level cache.
-    let mut motion = [Motion::REST; 2];
-    let mut dt = [F32x16::ZERO; 2];
-    let mut answer = Answer::EMPTY;
-    let limits = Limits::<V>::new(pass, work.block);
-    let (origin, first_shape) = (work.block.groups.start, work.block.shapes.start);
-    let touch = match pass.touch {
-        None => None,
-        Some(touch) => {
-            let carrier = [pass.carrier, pass.next_carrier];
-            BlockTouch::new(touch, work.block, work.concerned, carrier, pass.next_keep)
-        }
+    let mut pair = Pair::EMPTY;
+    let mover = Mover {
+        velocities: &velocities,
+        limits: Limits::<V>::new(pass, work.block),
+        touch: pass.touch.and_then(|touch| {
+            let frame_velocity = [pass.frame_velocity, pass.next_frame_velocity];
+            let concerned = work.concerned;
+            BlockTouch::new(touch, work.block, concerned, frame_velocity, pass.next_keep)
+        }),
     };
-    for run in work.runs.iter_mut() {
+    let (origin, first_shape) = (work.block.groups.start, work.block.shapes.start);
+    for r in 0..work.runs.len() {
+        let Run {
+            part,
+            groups,
+            shapes,
+            ..
+        } = work.runs[r].clone();
         let mut largest = Largest::none();
-        let law = &pass.laws[run.part];
-        let deforms = law.visible || !law.law.is_fluid();
-        let remembers = law.law.is_plastic() || law.law.is_fluid();
+        let law = &pass.laws[part];
+        let of = OfRun {
+            law,
+            stress_scale: law.stress_scale(pass.kick),
+            deforms: law.visible || !law.law.is_fluid(),
+            groups: groups.start - origin..groups.end - origin,
+            first_shape: (!shapes.is_empty()).then(|| shapes.start - first_shape),
+        };
         // Two groups at a time; the law sees an odd last one twice.
-        for first in (run.groups.start..run.groups.end).step_by(2) {
-            let members = first - origin..(first + 2).min(run.groups.end) - origin;
-            prefetch(work.groups, work.fixed, work.memory, members.end, deforms);
-            for (n, g) in members.clone().enumerate() {
-                let (group, flags) = (&mut work.groups[g], &mut work.flags[g]);
-                let live = V::broadcast(0.0).lt(V::load(&work.fixed[g].mass));
-                let mut shape = None;
-                if !run.shapes.is_empty() {
-                    let at = run.shapes.start + (g + origin - run.groups.start) - first_shape;
-                    shape = Some(&mut work.shapes[at].0);
-                    if !GATHER {
-                        if pass.stage == Stage::Scatter {
-                            work.backup.shapes[at] = work.shapes[at];
-                        }
-                        shape = None;
-                    }
-                }
-                if GATHER {
-                    let before = group.x;
-                    let moved = advance(
-                        group,
-                        shape,
-                        deforms,
-                        live,
-                        &velocity_tile,
-                        &limits,
-                        touch.as_ref().map(|touch| (touch, &work.fixed[g].id)),
-                        &mut largest,
-                    );
-                    V::select(live, limits.dt, V::broadcast(0.0)).store(&mut dt[n]);
-                    note(
-                        &mut flags.bad,
-                        V::mask_bits(live & moved.bad),
-                        &mut findings.bad,
-                    );
-                    if !SCATTER {
-                        let outside = V::mask_bits(live & moved.outside);
-                        note(&mut flags.outside, outside, &mut findings.outside);
-                    }
-                    store3(moved.v, &mut motion[n].v);
-                    store9(&moved.c, &mut motion[n].c);
-                    if let Some(touch) = &touch {
-                        let ids = &work.fixed[g].id;
-                        let x = &mut group.x;
-                        let speed = touch.after(ids, &before, x, &mut motion[n]);
-                        largest.speed = largest.speed.max(V::broadcast(speed));
-                    }
-                } else if pass.stage == Stage::Forces {
-                    motion[n] = Motion::REST;
-                } else {
-                    work.backup.groups[g] = *group;
-                    work.backup.memory[g] = work.memory[g];
-                    motion[n] = work.motion[g];
-                    let bad = absurd::<V>(pass, &motion[n]);
-                    note(&mut flags.bad, V::mask_bits(live & bad), &mut findings.bad);
-                }
-            }
-            let mut held = [0; 2];
-            if SCATTER && let Some(touch) = &touch {
-                for (n, g) in members.clone().enumerate() {
-                    held[n] = touch.before(&work.fixed[g].id, &work.groups[g].x, &mut motion[n]);
-                }
-            }
-            let (one, two) = (members.start, members.end - 1);
-            if members.len() == 1 {
-                (motion[1], dt[1]) = (motion[0], dt[0]);
-            }
-            let deformed = Deformed {
-                f: [&work.groups[one].f, &work.groups[two].f],
-                memory: [&work.memory[one], &work.memory[two]],
-                motion: &motion,
-                dt,
-            };
-            V::respond(law, &deformed, &mut answer);
-            for (n, g) in members.enumerate() {
-                let x = load3(&work.groups[g].x);
-                let live = V::broadcast(0.0).lt(V::load(&work.fixed[g].mass));
-                if GATHER {
-                    largest.take_place(x);
-                    if law.law.is_plastic() {
-                        work.groups[g].f = answer.f[n];
-                    }
-                    if remembers {
-                        work.memory[g] = answer.memory[n];
-                    }
-                    let inverted = V::mask_bits(live & largest.take_answer(live, &answer, n));
-                    add_note(&mut work.flags[g], inverted, &mut findings);
-                }
-                if SCATTER {
-                    let stencil = Stencil::<V>::new(x);
-                    for a in 0..3 {
-                        let (low, high) = &mut cells[a];
-                        *low = V::select(live, low.min(stencil.cell[a]), *low);
-                        *high = V::select(live, high.max(stencil.cell[a]), *high);
-                    }
-                    if let Some(kept) = pass.affine_kept
-                        && !law.law.is_rigid()
-                    {
-                        keep_affine::<V>(&motion[n].c, kept, &mut answer.affine[n]);
-                    }
-                    let mut mass = V::load(&work.fixed[g].mass);
-                    if held[n] != 0 {
-                        let light = &work.fixed[g].mass;
-                        let heavy = anchor(held[n], light, &motion[n], &mut answer.affine[n]);
-                        mass = V::load(&heavy);
-                    }
-                    let v = load3(&motion[n].v);
-                    let affine = load9(&answer.affine[n]);
-                    accumulator.scatter(&mut momentum_tile, &stencil, mass, v, &affine);
-                } else {
-                    work.motion[g] = motion[n];
-                }
-            }
+        for first in of.groups.clone().step_by(2) {
+            let members = first..(first + 2).min(of.groups.end);
+            prefetch(
+                work.groups,
+                work.fixed,
+                work.memory,
+                members.end,
+                of.deforms,
+            );
+            take_pair::<V, GATHER, SCATTER>(
+                pass,
+                work,
+                &of,
+                members,
+                &mover,
+                &mut pair,
+                &mut scattered,
+                &mut largest,
+                &mut findings,
+            );
         }
         if GATHER {
-            run.extremes = largest.extremes();
+            work.runs[r].extremes = largest.extremes();
         }
     }
     if SCATTER {
-        accumulator.flush(&mut momentum_tile);
-        *work.cells = cells_in_use(cells);
-        momentum_tile.pack::<V>(work.cells, work.tile);
+        scattered.finish(work);
     }
     findings
+}
+
+/// What the groups of a run have in common.
+struct OfRun<'a> {
+    law: &'a PartLaw,
+    stress_scale: f32,
+    /// Whether the deformation gradient follows the motion.
+    deforms: bool,
+    /// Its groups within those of the block.
+    groups: Range<usize>,
+    /// Place of its first visible shape within those of the block, if it has any.
+    first_shape: Option<usize>,
+}
+
+/// Takes a pair of groups, or an odd last one, through one stage.
+#[inline(always)]
+fn take_pair<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
+    pass: &Pass<'_>,
+    work: &mut Work<'_>,
+    of: &OfRun<'_>,
+    members: Range<usize>,
+    mover: &Mover<'_, V>,
+    pair: &mut Pair,
+    scattered: &mut Scattered<V>,
+    largest: &mut Largest<V>,
+    findings: &mut Findings,
+) {
+    for (n, g) in members.clone().enumerate() {
+        let shape = of.first_shape.map(|first| first + (g - of.groups.start));
+        if GATHER {
+            let deforms = of.deforms;
+            move_group::<V, SCATTER>(
+                work,
+                g,
+                shape,
+                deforms,
+                mover,
+                (&mut *pair, n),
+                largest,
+                findings,
+            );
+        } else {
+            begin_group::<V>(pass, work, g, shape, (&mut *pair, n), findings);
+        }
+    }
+    pair.held = [0; 2];
+    if SCATTER && let Some(touch) = &mover.touch {
+        for (n, g) in members.clone().enumerate() {
+            let (ids, x) = (&work.fixed[g].id, &work.groups[g].x);
+            pair.held[n] = touch.before(ids, x, &mut pair.motion[n]);
+        }
+    }
+    let (one, two) = (members.start, members.end - 1);
+    if members.len() == 1 {
+        (pair.motion[1], pair.dt[1]) = (pair.motion[0], pair.dt[0]);
+    }
+    let deformed = Deformed {
+        f: [&work.groups[one].f, &work.groups[two].f],
+        memory: [&work.memory[one], &work.memory[two]],
+        motion: &pair.motion,
+        dt: pair.dt,
+        stress_scale: of.stress_scale,
+    };
+    V::respond(of.law, &deformed, &mut pair.answer);
+    for (n, g) in members.enumerate() {
+        if GATHER {
+            take_answer(work, g, of.law, (&*pair, n), largest, findings);
+        }
+        if SCATTER {
+            scatter_group(pass, work, g, of.law, (&mut *pair, n), scattered);
+        } else {
+            work.motion[g] = pair.motion[n];
+        }
+    }
+}
+
+/// Gathers the velocities of group `g` to place `n` of a pair and moves its particles.
+#[inline(always)]
+fn move_group<V: Lanes, const SCATTER: bool>(
+    work: &mut Work<'_>,
+    g: usize,
+    shape: Option<usize>,
+    deforms: bool,
+    mover: &Mover<'_, V>,
+    (pair, n): (&mut Pair, usize),
+    largest: &mut Largest<V>,
+    findings: &mut Findings,
+) {
+    let zero = V::broadcast(0.0);
+    let (group, flags) = (&mut work.groups[g], &mut work.flags[g]);
+    let ids = &work.fixed[g].id;
+    let live = zero.lt(V::load(&work.fixed[g].mass));
+    let before = group.x;
+    let moved = advance(
+        group,
+        shape.map(|at| &mut work.shapes[at].0),
+        deforms,
+        live,
+        mover.velocities,
+        &mover.limits,
+        mover.touch.as_ref().map(|touch| (touch, ids)),
+        largest,
+    );
+    V::select(live, mover.limits.dt, zero).store(&mut pair.dt[n]);
+    note(
+        &mut flags.bad,
+        V::mask_bits(live & moved.bad),
+        &mut findings.bad,
+    );
+    if !SCATTER {
+        let outside = V::mask_bits(live & moved.outside);
+        note(&mut flags.outside, outside, &mut findings.outside);
+    }
+    let motion = &mut pair.motion[n];
+    store3(moved.v, &mut motion.v);
+    store9(&moved.c, &mut motion.c);
+    if let Some(touch) = &mover.touch {
+        let speed = touch.after(ids, &before, &mut group.x, motion);
+        largest.speed = largest.speed.max(V::broadcast(speed));
+    }
+}
+
+/// Brings the velocities of group `g`, which nothing was gathered for, to place `n` of a pair, and copies what a substep will
+/// change.
+#[inline(always)]
+fn begin_group<V: Lanes>(
+    pass: &Pass<'_>,
+    work: &mut Work<'_>,
+    g: usize,
+    shape: Option<usize>,
+    (pair, n): (&mut Pair, usize),
+    findings: &mut Findings,
+) {
+    if pass.stage == Stage::Forces {
+        pair.motion[n] = Motion::REST;
+        return;
+    }
+    if let Some(at) = shape {
+        work.backup.shapes[at] = work.shapes[at];
+    }
+    work.backup.groups[g] = work.groups[g];
+    work.backup.memory[g] = work.memory[g];
+    pair.motion[n] = work.motion[g];
+    let live = V::broadcast(0.0).lt(V::load(&work.fixed[g].mass));
+    let bad = absurd::<V>(pass, &pair.motion[n]);
+    note(
+        &mut work.flags[g].bad,
+        V::mask_bits(live & bad),
+        &mut findings.bad,
+    );
+}
+
+/// Takes in what the law made of group `g`, at place `n` of a pair.
+#[inline(always)]
+fn take_answer<V: Lanes>(
+    work: &mut Work<'_>,
+    g: usize,
+    law: &PartLaw,
+    (pair, n): (&Pair, usize),
+    largest: &mut Largest<V>,
+    findings: &mut Findings,
+) {
+    largest.take_place(load3(&work.groups[g].x));
+    if law.law.is_plastic() {
+        work.groups[g].f = pair.answer.f[n];
+    }
+    if law.law.is_plastic() || law.law.is_fluid() {
+        work.memory[g] = pair.answer.memory[n];
+    }
+    let live = V::broadcast(0.0).lt(V::load(&work.fixed[g].mass));
+    let inverted = V::mask_bits(live & largest.take_answer(live, &pair.answer, n));
+    add_note(&mut work.flags[g], inverted, findings);
+}
+
+/// Scatters group `g`, at place `n` of a pair.
+#[inline(always)]
+fn scatter_group<V: Lanes>(
+    pass: &Pass<'_>,
+    work: &Work<'_>,
+    g: usize,
+    law: &PartLaw,
+    (pair, n): (&mut Pair, usize),
+    to: &mut Scattered<V>,
+) {
+    let x = load3(&work.groups[g].x);
+    let live = V::broadcast(0.0).lt(V::load(&work.fixed[g].mass));
+    let stencil = Stencil::<V>::new(x);
+    for a in 0..3 {
+        let (low, high) = &mut to.cells[a];
+        *low = V::select(live, low.min(stencil.cell[a]), *low);
+        *high = V::select(live, high.max(stencil.cell[a]), *high);
+    }
+    let (motion, affine) = (&pair.motion[n], &mut pair.answer.affine[n]);
+    if let Some(kept) = pass.affine_kept
+        && !law.law.is_rigid()
+    {
+        keep_affine::<V>(&motion.c, kept, affine);
+    }
+    let mut mass = V::load(&work.fixed[g].mass);
+    if pair.held[n] != 0 {
+        let heavy = anchor(pair.held[n], &work.fixed[g].mass, motion, affine);
+        mass = V::load(&heavy);
+    }
+    let (v, affine) = (load3(&motion.v), load9(affine));
+    to.accumulator
+        .scatter(&mut to.tile, &stencil, mass, v, &affine);
 }
 
 /// Turns `C - s tau`, which particles carry to the grid, into `a C + b C^T - s tau`.
@@ -431,75 +405,6 @@ fn keep_affine<V: Lanes>(c: &[F32x16; 9], [a, b]: [f64; 2], affine: &mut [F32x16
             .mul_add(V::load(&c[transposed]), kept)
             .store(&mut affine[n]);
     }
-}
-
-/// Asks for the velocities that the next block will load, taking its cells in use for those of this one.
-#[inline(always)]
-fn prefetch_velocities(nodes_of: &[u32; 27], nodes: &[Velocities], cells: &Cells) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let [(x0, x1), (y0, y1), _] = *cells;
-        for i in x0 - 1..=x1 + 1 {
-            for j in y0 - 1..=y1 + 1 {
-                let column = 9 * ((i + BLOCK) / BLOCK) + 3 * ((j + BLOCK) / BLOCK);
-                let row = BLOCK * (i & (BLOCK - 1)) + (j & (BLOCK - 1));
-                for k in 0..3 {
-                    let block = nodes_of[(column + k) as usize] as usize;
-                    let at = nodes.as_ptr().wrapping_add(block).cast::<F32x16>();
-                    // SAFETY: a hint.
-                    unsafe { _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(row as usize).cast()) };
-                }
-            }
-        }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (nodes_of, nodes, cells);
-}
-
-/// Asks for the part of a packed tile that is going to be written.
-#[inline(always)]
-fn prefetch_tile(tile: &Tile, cells: &Cells) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_MM_HINT_ET0, _mm_prefetch};
-        // A block that lost all its particles has no cells.
-        let edges = cells.iter().map(|(low, high)| (high - low + 3).max(0));
-        let nodes: i32 = edges.product();
-        let start = tile.0.as_ptr().cast::<i8>();
-        for line in 1..=(nodes as usize).div_ceil(4) {
-            // SAFETY: a hint.
-            unsafe { _mm_prefetch::<_MM_HINT_ET0>(start.wrapping_add(64 * line)) };
-        }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (tile, cells);
-}
-
-/// Asks for the two groups from `next` on while the two before them are worked on.
-#[inline(always)]
-fn prefetch(groups: &[Group], fixed: &[Fixed], memory: &[F32x16], next: usize, deforms: bool) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let end = (next + 2).min(groups.len());
-        for g in next..end {
-            let group = (&raw const groups[g]).cast::<i8>();
-            // Positions come first; a fluid's deformation is not read.
-            let bytes = if deforms { size_of::<Group>() } else { 192 };
-            for line in 0..bytes / 64 {
-                // SAFETY: a hint; the address is inside the group.
-                unsafe { _mm_prefetch::<_MM_HINT_T0>(group.add(64 * line)) };
-            }
-            // SAFETY: hints; the addresses are those of references.
-            unsafe {
-                _mm_prefetch::<_MM_HINT_T0>((&raw const fixed[g].mass).cast());
-                _mm_prefetch::<_MM_HINT_T0>((&raw const memory[g]).cast());
-            }
-        }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (groups, fixed, memory, next, deforms);
 }
 
 /// Writes lane flags where they change; almost always there is nothing to write.

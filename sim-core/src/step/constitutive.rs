@@ -11,21 +11,29 @@ use crate::{
 #[cfg(target_arch = "x86_64")]
 use crate::simd::{Avx2, Avx512};
 
-/// Law and numbers of one part in a pass.
+/// Law and numbers of one part.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PartLaw {
     /// Constitutive law.
     pub law: Law,
     /// Its numbers.
     pub coefficients: Coefficients<f64>,
-    /// `4 kick / (rho0 dx^2)` of the coming substep: Kirchhoff stress [Pa] to affine velocity [1/s].
-    pub stress_scale: f32,
+    /// `rho0 dx^2` [kg/m], see [`stress_scale`](Self::stress_scale); infinite where stress does nothing.
+    pub inertia: f64,
     /// Whether particles share their volume ratio over the grid.
     pub shares_volume: bool,
     /// One over the mass that fills a cell at rest, in the solver's unit.
     pub cells_per_rest_mass: f64,
     /// Whether Gaussians follow the deformation, which a fluid need not know otherwise.
     pub visible: bool,
+}
+
+impl PartLaw {
+    /// `4 kick / (rho0 dx^2)` of a substep in which forces act for `kick` [s]: Kirchhoff stress [Pa] to affine velocity
+    /// [1/s].
+    pub fn stress_scale(&self, kick: f64) -> f32 {
+        (4.0 * kick / self.inertia) as f32
+    }
 }
 
 /// What a law reads of two groups.
@@ -38,6 +46,8 @@ pub(crate) struct Deformed<'a> {
     pub motion: &'a [Motion; 2],
     /// Substep of each lane [s], 0 where there is no particle.
     pub dt: [F32x16; 2],
+    /// See [`PartLaw::stress_scale`].
+    pub stress_scale: f32,
 }
 
 /// What a law makes of two groups.
@@ -151,8 +161,8 @@ fn respond<V: Lanes>(law: &PartLaw, of: &Deformed<'_>, answer: &mut Answer) {
     let t = response.tau;
     let t = [t[0], t[1], t[2], t[1], t[3], t[4], t[2], t[4], t[5]];
     let scale = Pair(
-        V::broadcast(-law.stress_scale),
-        V::broadcast(-law.stress_scale),
+        V::broadcast(-of.stress_scale),
+        V::broadcast(-of.stress_scale),
     );
     for n in 0..9 {
         let c = pair(&of.motion[0].c[n], &of.motion[1].c[n]);

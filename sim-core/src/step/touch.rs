@@ -29,7 +29,7 @@ pub(crate) struct BlockTouch<'a> {
     block: [i32; 3],
     centre: [f64; 3],
     /// Velocity that those of particles are relative to, before and after the next transfer [cells/s].
-    carrier: [[f64; 3]; 2],
+    frame_velocity: [[f64; 3]; 2],
     /// What damping leaves of relative velocities in the next transfer.
     keep: f64,
 }
@@ -58,7 +58,7 @@ impl<'a> BlockTouch<'a> {
         touch: &Touch<'a>,
         block: &Block,
         concerned: bool,
-        carrier: [[f64; 3]; 2],
+        frame_velocity: [[f64; 3]; 2],
         keep: f64,
     ) -> Option<Self> {
         let first = block.index.map(|i| f64::from(BLOCK * i));
@@ -69,7 +69,7 @@ impl<'a> BlockTouch<'a> {
             touch: touch.near(block.field, min, max, concerned)?,
             block: block.index,
             centre: first.map(|x| x + 1.5),
-            carrier,
+            frame_velocity,
             keep: keep.max(f64::MIN_POSITIVE),
         })
     }
@@ -104,13 +104,14 @@ impl<'a> BlockTouch<'a> {
                     (node[2] + 2) as usize,
                 );
                 let there = std::array::from_fn(|a| at[a] + r[a]);
-                let mut u =
-                    std::array::from_fn(|a| f64::from(tile.0[first + a]) + self.carrier[0][a]);
+                let mut u = std::array::from_fn(|a| {
+                    f64::from(tile.0[first + a]) + self.frame_velocity[0][a]
+                });
                 for ghost in &ghosts {
                     u = ghost.seen(there, u);
                 }
                 for a in 0..3 {
-                    let u = u[a] - self.carrier[0][a];
+                    let u = u[a] - self.frame_velocity[0][a];
                     v[a] += weight * u;
                     for b in 0..3 {
                         c[3 * a + b] += 4.0 * weight * u * r[b];
@@ -156,8 +157,13 @@ impl<'a> BlockTouch<'a> {
             for a in 0..3 {
                 x[a].0[lane] = (touched.x[a] - self.centre[a]) as f32;
             }
-            fastest =
-                fastest.max(self.give(motion, lane, touched.v, touched.affine, self.carrier[0]));
+            fastest = fastest.max(self.give(
+                motion,
+                lane,
+                touched.v,
+                touched.affine,
+                self.frame_velocity[0],
+            ));
         }
         fastest
     }
@@ -171,11 +177,11 @@ impl<'a> BlockTouch<'a> {
             let v = self.velocity(motion, lane);
             if let Some(touched) = self.touch.before(ids[lane], at, v) {
                 match touched.affine {
-                    None => self.give(motion, lane, touched.v, None, self.carrier[0]),
+                    None => self.give(motion, lane, touched.v, None, self.frame_velocity[0]),
                     Some(_) => {
                         held |= 1 << lane;
                         // Gravity and damping are on their way: what is held must not feel them.
-                        let after = self.carrier[1];
+                        let after = self.frame_velocity[1];
                         let v = std::array::from_fn(|a| {
                             after[a] + (touched.v[a] - after[a]) / self.keep
                         });
@@ -188,7 +194,7 @@ impl<'a> BlockTouch<'a> {
     }
 
     fn velocity(&self, motion: &Motion, lane: usize) -> [f64; 3] {
-        std::array::from_fn(|a| f64::from(motion.v[a].0[lane]) + self.carrier[0][a])
+        std::array::from_fn(|a| f64::from(motion.v[a].0[lane]) + self.frame_velocity[0][a])
     }
 
     fn give(
@@ -197,10 +203,10 @@ impl<'a> BlockTouch<'a> {
         lane: usize,
         v: [f64; 3],
         affine: Option<[f64; 9]>,
-        carrier: [f64; 3],
+        frame_velocity: [f64; 3],
     ) -> f32 {
         for a in 0..3 {
-            motion.v[a].0[lane] = (v[a] - carrier[a]) as f32;
+            motion.v[a].0[lane] = (v[a] - frame_velocity[a]) as f32;
         }
         if let Some(affine) = affine {
             for n in 0..9 {

@@ -5,17 +5,18 @@ use std::{borrow::Cow, ops::Range};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-use super::{State, Workspace, World, fidelity::Standing, frame::Frame, published::Published};
+use super::{World, frame::Frame, published::Published};
 use crate::{
     particles::{Block, NO_PARTICLE, Particles},
     report::StepReport,
     simd::LANES,
+    state::{State, Workspace, sleep::SleepState},
 };
 
 /// First bytes of a checkpoint.
 const MAGIC: &[u8; 18] = b"cosplat checkpoint";
 /// Version of the layout; another one is refused.
-const VERSION: u32 = 7;
+const VERSION: u32 = 8;
 /// Magic, version, digest of the scene, length of what follows.
 const HEADER: usize = MAGIC.len() + 4 + 8 + 8;
 
@@ -94,7 +95,7 @@ impl World {
     /// the same bits, on any thread count and instruction set.
     pub fn checkpoint(&self) -> Vec<u8> {
         let published = &self.published;
-        let frozen = self.state.removed.iter().map(|&id| {
+        let frozen = self.state.matter.removed.iter().map(|&id| {
             let p = id as usize;
             Frozen {
                 cells: published.cells[p],
@@ -139,14 +140,14 @@ impl World {
         } = postcard::from_bytes(payload).map_err(|error| inconsistent(error.to_string()))?;
         let state = state.into_owned();
         self.check_state(&state, frozen.len())?;
-        let mut published = Published::new(&self.scene);
+        let mut published = Published::new(&self.model.scene);
         if apart {
             published.elastic.clone_from(&published.deformation);
         }
-        for (&id, frozen) in state.removed.iter().zip(&frozen) {
+        for (&id, frozen) in state.matter.removed.iter().zip(&frozen) {
             let p = id as usize;
             published.cells[p] = frozen.cells;
-            published.position[p] = frozen.cells.map(|x| (x * self.scene.dx) as f32);
+            published.position[p] = frozen.cells.map(|x| (x * self.model.scene.dx) as f32);
             published.deformation[p] = frozen.deformation;
             published.memory[p] = frozen.memory;
             if apart {
@@ -154,11 +155,16 @@ impl World {
             }
             published.freeze(id);
         }
-        published.update(&state.particles, state.carrier, self.scene.dx);
-        for sleeping in state.standing.iter().filter_map(Standing::sleeping) {
-            published.update(sleeping, [0.0; 3], self.scene.dx);
+        published.update(
+            &state.matter.particles,
+            state.motion.frame_velocity,
+            self.model.scene.dx,
+        );
+        for sleeping in state.levels.iter().filter_map(SleepState::sleeping) {
+            published.update(sleeping, [0.0; 3], self.model.scene.dx);
         }
         self.state = state;
+        self.model.set_materials(&self.state.commanded.materials);
         self.published = published;
         self.reshape();
         self.publish_bodies();
@@ -221,7 +227,7 @@ impl World {
 
     /// Hash of all of the scene that the state depends on.
     fn scene_digest(&self) -> u64 {
-        let scene = &self.scene;
+        let scene = &self.model.scene;
         let mut hash = Xxh3::new();
         hash.update(bytemuck::cast_slice(&scene.particles.position));
         hash.update(bytemuck::cast_slice(&scene.particles.volume));
@@ -232,7 +238,7 @@ impl World {
                 scene.dx,
                 scene.cfl,
                 &scene.domain,
-                &self.parts,
+                &self.model.parts,
                 &scene.colliders,
                 &scene.pinned_regions,
                 &scene.conditions,
@@ -246,33 +252,64 @@ impl World {
 
     /// Everything that the solver relies on without looking: a checkpoint is a file, and files come from anywhere.
     fn check_state(&self, state: &State, frozen: usize) -> Result<(), CheckpointError> {
-        let parts = self.parts.len();
+        let (model, motion) = (&self.model, &state.motion);
+        let (parts, objects) = (model.parts.len(), model.scene.objects.len());
         for (what, found, expected) in [
-            ("materials", state.materials.len(), parts),
-            ("shape marks", state.shaped.len(), parts),
-            ("extremes", state.extremes.len(), parts),
-            ("momenta", state.momentum.len(), self.scene.objects.len()),
-            ("bodies", state.rigid.len(), self.scene.objects.len()),
-            ("standings", state.standing.len(), self.scene.objects.len()),
-            ("pins", state.pins.len(), self.scene.objects.len()),
-            ("lags", state.lags.len(), self.scene.objects.len()),
-            ("colliders", state.paths.len(), self.scene.colliders.len()),
-            ("frozen particles", frozen, state.removed.len()),
+            ("materials", state.commanded.materials.len(), parts),
+            ("shape marks", state.matter.shaped.len(), parts),
+            ("extremes", state.matter.extremes.len(), parts),
+            ("momenta", state.progress.momentum.len(), objects),
+            ("rigid bodies", state.bodies.of.len(), objects),
+            ("model levels", state.levels.len(), objects),
+            ("pins", state.commanded.pins.len(), objects),
+            ("velocity offsets", motion.velocity_offsets.len(), objects),
+            (
+                "colliders",
+                state.commanded.paths.len(),
+                model.scene.colliders.len(),
+            ),
+            ("frozen particles", frozen, state.matter.removed.len()),
         ] {
             count(what, found, expected)?;
         }
-        for lag in std::iter::once(&state.lag).chain(&state.lags) {
-            if !(0.0..f64::INFINITY).contains(lag) {
-                let reason = format!("velocities are {lag} s behind positions");
+        for offset in std::iter::once(&motion.velocity_offset).chain(&motion.velocity_offsets) {
+            if !(0.0..f64::INFINITY).contains(offset) {
+                let reason = format!("velocities are {offset} s behind positions");
                 return Err(inconsistent(reason));
             }
         }
-        let mut seen = vec![false; self.scene.particles.position.len()];
-        let taken = state.removed.iter().copied();
-        let sleeping = state.standing.iter().filter_map(Standing::sleeping);
-        let all = std::iter::once(&state.particles).chain(sleeping);
+        self.check_particles(state)?;
+        for (object, rigid) in state.bodies.of.iter().enumerate() {
+            if rigid.as_ref().is_some_and(|rigid| !rigid.is_sound()) {
+                return Err(inconsistent(format!("the body of object {object} is none")));
+            }
+        }
+        let fields = self.model.fields();
+        for (object, level) in state.levels.iter().enumerate() {
+            let Some(sleeping) = level.sleeping() else {
+                continue;
+            };
+            check_arrangement(sleeping, &state.matter.shaped, &fields)?;
+            let own = |block: &Block| block.field == object as u32;
+            let parts = self.model.parts.iter().filter(|part| part.object == object);
+            let is_whole = sleeping.blocks.iter().all(own)
+                && !state.matter.particles.blocks.iter().any(own)
+                && level.remembered_parts() == parts.count();
+            if !is_whole {
+                return Err(inconsistent(format!("object {object} sleeps in part")));
+            }
+        }
+        check_arrangement(&state.matter.particles, &state.matter.shaped, &fields)
+    }
+
+    /// Every particle is in one place: in an array, in a sleeping object, in a rigid body, or taken out.
+    fn check_particles(&self, state: &State) -> Result<(), CheckpointError> {
+        let mut seen = vec![false; self.model.scene.particles.position.len()];
+        let taken = state.matter.removed.iter().copied();
+        let sleeping = state.levels.iter().filter_map(SleepState::sleeping);
+        let all = std::iter::once(&state.matter.particles).chain(sleeping);
         let here = all.flat_map(|p| p.fixed.iter().flat_map(|fixed| fixed.id));
-        let members = || state.rigid.iter().flatten().flat_map(|r| &r.members);
+        let members = || state.bodies.of.iter().flatten().flat_map(|r| &r.members);
         let here = here.filter(|&id| id != NO_PARTICLE);
         for id in taken.chain(here).chain(members().map(|m| m.id)) {
             match seen.get_mut(id as usize) {
@@ -281,30 +318,9 @@ impl World {
                 None => return Err(inconsistent(format!("particle {id} is not in the scene"))),
             }
         }
-        let live = seen.iter().filter(|&&seen| seen).count() - state.removed.len();
+        let live = seen.iter().filter(|&&seen| seen).count() - state.matter.removed.len();
         let live = live - members().count();
-        count("live particles", state.live, live)?;
-        for (object, rigid) in state.rigid.iter().enumerate() {
-            if rigid.as_ref().is_some_and(|rigid| !rigid.is_sound()) {
-                return Err(inconsistent(format!("the body of object {object} is none")));
-            }
-        }
-        let fields: Vec<u32> = (0..parts).map(|part| self.field_of(part)).collect();
-        for (object, standing) in state.standing.iter().enumerate() {
-            let Some(sleeping) = standing.sleeping() else {
-                continue;
-            };
-            check_arrangement(sleeping, &state.shaped, &fields)?;
-            let own = |block: &Block| block.field == object as u32;
-            let parts = self.parts.iter().filter(|part| part.object == object);
-            let is_whole = sleeping.blocks.iter().all(own)
-                && !state.particles.blocks.iter().any(own)
-                && standing.remembered_parts() == parts.count();
-            if !is_whole {
-                return Err(inconsistent(format!("object {object} sleeps in part")));
-            }
-        }
-        check_arrangement(&state.particles, &state.shaped, &fields)
+        count("live particles", state.matter.live, live)
     }
 }
 
@@ -422,7 +438,10 @@ mod tests {
     fn a_restored_world_goes_on_with_the_same_bits() {
         let mut world = World::new(scene()).expect("valid scene");
         run(&mut world, 23);
-        assert!(!world.state.removed.is_empty(), "nothing left the domain");
+        assert!(
+            !world.state.matter.removed.is_empty(),
+            "nothing left the domain"
+        );
         let bytes = world.checkpoint();
         let report = world.report().clone();
         let expected = run(&mut world, 20);
@@ -451,18 +470,18 @@ mod tests {
         // Frames of less than a substep: the first kick is the mean of two.
         let lengths = [0.3 * long.dt, 0.4 * long.dt, 1.0 / 60.0];
         let go_on = |world: &mut World| lengths.map(|length| world.step(length, &[]).state_hash);
-        assert!((world.state.lag - 0.5 * long.dt).abs() < 1e-12);
+        assert!((world.state.motion.velocity_offset - 0.5 * long.dt).abs() < 1e-12);
         let expected = go_on(&mut world);
         let there = world.positions().to_vec();
         world.restore(&bytes).expect("a checkpoint of this scene");
         assert_eq!(go_on(&mut world), expected);
         // Without the substep before, it would go another way.
         world.restore(&bytes).expect("a checkpoint of this scene");
-        world.state.lag = 0.0;
-        world.state.lags.fill(0.0);
+        world.state.motion.velocity_offset = 0.0;
+        world.state.motion.velocity_offsets.fill(0.0);
         go_on(&mut world);
         assert_ne!(world.positions(), there);
-        world.state.lag = f64::NAN;
+        world.state.motion.velocity_offset = f64::NAN;
         let bytes = world.checkpoint();
         let error = world.restore(&bytes).expect_err("no number");
         assert!(error.to_string().contains("behind"), "{error}");
@@ -515,19 +534,19 @@ mod tests {
     fn a_checkpoint_with_a_right_sum_and_wrong_content_is_refused() {
         let world = World::new(scene()).expect("valid scene");
         let mut forged = World::new(scene()).expect("valid scene");
-        forged.state.particles.fixed[0].id[1] = forged.state.particles.fixed[0].id[0];
+        forged.state.matter.particles.fixed[0].id[1] = forged.state.matter.particles.fixed[0].id[0];
         let twice = forged.checkpoint();
         let mut world = world;
         let error = world.restore(&twice).expect_err("one particle twice");
         assert!(error.to_string().contains("twice"), "{error}");
         let mut forged = World::new(scene()).expect("valid scene");
-        forged.state.particles.blocks.swap(0, 1);
+        forged.state.matter.particles.blocks.swap(0, 1);
         let error = world
             .restore(&forged.checkpoint())
             .expect_err("blocks swapped");
         assert!(error.to_string().contains("out of order"), "{error}");
         let mut forged = World::new(scene()).expect("valid scene");
-        forged.state.extremes.push(Extremes::NONE);
+        forged.state.matter.extremes.push(Extremes::NONE);
         let error = world
             .restore(&forged.checkpoint())
             .expect_err("one too many");

@@ -17,7 +17,7 @@ impl World {
     /// Only matter that is within its elastic limit takes part: fluids, sand, pastes and yielded particles are left
     /// alone, and so is the momentum of the others.
     pub(super) fn cohere(&mut self, frame: &mut Frame, dt: f64) {
-        let objects = self.scene.objects.iter();
+        let objects = self.model.scene.objects.iter();
         let wanted: Vec<Option<Coherence>> = objects.map(|object| object.coherence).collect();
         if wanted.iter().all(Option::is_none) {
             return;
@@ -33,15 +33,15 @@ impl World {
             })
             .collect();
         let about = self.centers();
-        let particles = &mut self.state.particles;
+        let particles = &mut self.state.matter.particles;
         let mut count = 0;
         for block in &particles.blocks {
             for run in &particles.runs[block.runs.clone()] {
-                let part = &self.parts[run.part];
+                let part = &self.model.parts[run.part];
                 let Some((mode, step)) = &modes[part.object] else {
                     continue;
                 };
-                let held = held(self.state.materials[run.part].law);
+                let held = held(self.state.commanded.materials[run.part].law);
                 let about = about[part.object];
                 for g in run.groups.clone() {
                     let memory = &particles.memory[g].0;
@@ -67,7 +67,7 @@ impl World {
                 }
             }
         }
-        frame.work.constrained_particles += count;
+        frame.tally.work.constrained_particles += count;
         // Single particles may have become faster: the slow ones of what moves as one.
         self.survey_speeds([0.0; 3]);
     }
@@ -76,22 +76,22 @@ impl World {
     fn centers(&self) -> Vec<[f64; 3]> {
         let objects = self.report.objects.iter();
         objects
-            .map(|object| object.com.map(|x| x / self.scene.dx))
+            .map(|object| object.com.map(|x| x / self.model.scene.dx))
             .collect()
     }
 
     /// Sums over the particles that take part, per object.
     fn coherence_sums(&self, wanted: &[Option<Coherence>]) -> Vec<Sums> {
-        let particles = &self.state.particles;
+        let particles = &self.state.matter.particles;
         let about = self.centers();
         let partial: Vec<Vec<(usize, Sums)>> = particles
             .blocks
             .par_iter()
             .map(|block| {
                 let runs = particles.runs[block.runs.clone()].iter();
-                runs.filter(|run| wanted[self.parts[run.part].object].is_some())
+                runs.filter(|run| wanted[self.model.parts[run.part].object].is_some())
                     .map(|run| {
-                        let object = self.parts[run.part].object;
+                        let object = self.model.parts[run.part].object;
                         (object, self.held_sums(run, block.index, about[object]))
                     })
                     .collect()
@@ -106,8 +106,8 @@ impl World {
     }
 
     fn held_sums(&self, run: &Run, block: [i32; 3], about: [f64; 3]) -> Sums {
-        let particles = &self.state.particles;
-        let held = held(self.state.materials[run.part].law);
+        let particles = &self.state.matter.particles;
+        let held = held(self.state.commanded.materials[run.part].law);
         let mut sums = Sums::default();
         for g in run.groups.clone() {
             let (fixed, motion) = (&particles.fixed[g], &particles.motion[g]);

@@ -100,7 +100,7 @@ impl World {
 
     /// Largest speed that a command may cause [m/s].
     fn max_speed(&self) -> f64 {
-        0.5 * MOTION_SUBSTEPS * self.scene.dx * self.scene.frame_rate
+        0.5 * MOTION_SUBSTEPS * self.model.scene.dx * self.model.scene.frame_rate
     }
 
     /// Checks an action and works out what it does.
@@ -121,23 +121,7 @@ impl World {
                 impulse,
                 point,
                 radius,
-            } => {
-                self.mass_of(object)?;
-                finite("impulse", &impulse)?;
-                finite("point", &point)?;
-                for x in point {
-                    within("point", x, -MAX_LENGTH, MAX_LENGTH)?;
-                }
-                within("radius", radius, f64::MIN_POSITIVE, MAX_LENGTH)?;
-                let particles = self.within_reach(object, point, radius);
-                let mass = self.mass_of_particles(object, &particles);
-                within("impulse", length(impulse), 0.0, mass * self.max_speed())?;
-                Ok(Effect::Push {
-                    object,
-                    change: impulse.map(|j| j / mass),
-                    particles: Some(particles),
-                })
-            }
+            } => self.push_at(object, impulse, point, radius),
             Action::SetVelocity {
                 object,
                 linear,
@@ -147,7 +131,7 @@ impl World {
                 finite("linear velocity", &linear)?;
                 finite("angular velocity", &angular)?;
                 within("linear velocity", length(linear), 0.0, self.max_speed())?;
-                let reach = 2.0 * self.report.objects[object].radius + self.scene.dx;
+                let reach = 2.0 * self.report.objects[object].radius + self.model.scene.dx;
                 let fastest = self.max_speed() / reach;
                 within("angular velocity", length(angular), 0.0, fastest)?;
                 Ok(Effect::Velocity {
@@ -180,20 +164,7 @@ impl World {
                 object,
                 point,
                 radius,
-            } => {
-                self.mass_of(object)?;
-                let particles = if radius == f64::INFINITY {
-                    let all = self.scene.objects[object].particles.clone();
-                    all.map(|p| p as u32).collect()
-                } else {
-                    for x in point {
-                        within("point", x, -MAX_LENGTH, MAX_LENGTH)?;
-                    }
-                    within("radius", radius, f64::MIN_POSITIVE, MAX_LENGTH)?;
-                    self.within_reach(object, point, radius)
-                };
-                Ok(Effect::Pin { object, particles })
-            }
+            } => self.pin(object, point, radius),
             Action::Release { object } => {
                 self.mass_of(object)?;
                 Ok(Effect::Release { object })
@@ -202,9 +173,55 @@ impl World {
         }
     }
 
+    /// An impulse on the particles near a point.
+    fn push_at<'a>(
+        &self,
+        object: usize,
+        impulse: [f64; 3],
+        point: [f64; 3],
+        radius: f64,
+    ) -> Result<Effect<'a>, CommandError> {
+        self.mass_of(object)?;
+        finite("impulse", &impulse)?;
+        finite("point", &point)?;
+        for x in point {
+            within("point", x, -MAX_LENGTH, MAX_LENGTH)?;
+        }
+        within("radius", radius, f64::MIN_POSITIVE, MAX_LENGTH)?;
+        let particles = self.within_reach(object, point, radius);
+        let mass = self.mass_of_particles(object, &particles);
+        within("impulse", length(impulse), 0.0, mass * self.max_speed())?;
+        Ok(Effect::Push {
+            object,
+            change: impulse.map(|j| j / mass),
+            particles: Some(particles),
+        })
+    }
+
+    /// Holds the particles near a point, or all.
+    fn pin<'a>(
+        &self,
+        object: usize,
+        point: [f64; 3],
+        radius: f64,
+    ) -> Result<Effect<'a>, CommandError> {
+        self.mass_of(object)?;
+        let particles = if radius == f64::INFINITY {
+            let all = self.model.scene.objects[object].particles.clone();
+            all.map(|p| p as u32).collect()
+        } else {
+            for x in point {
+                within("point", x, -MAX_LENGTH, MAX_LENGTH)?;
+            }
+            within("radius", radius, f64::MIN_POSITIVE, MAX_LENGTH)?;
+            self.within_reach(object, point, radius)
+        };
+        Ok(Effect::Pin { object, particles })
+    }
+
     /// The way of a collider through the coming frame.
     fn path<'a>(&self, collider: usize, pose: Pose) -> Result<Effect<'a>, CommandError> {
-        let count = self.scene.colliders.len();
+        let count = self.model.scene.colliders.len();
         if collider >= count {
             return Err(CommandError::UnknownCollider { collider, count });
         }
@@ -220,7 +237,7 @@ impl World {
         };
         let from = self.collider_pose(collider);
         let shift: [f64; 3] = std::array::from_fn(|a| to.translation[a] - from.translation[a]);
-        let speed = length(shift) * self.scene.frame_rate;
+        let speed = length(shift) * self.model.scene.frame_rate;
         within("collider speed", speed, 0.0, self.max_speed())?;
         Ok(Effect::Path {
             collider,
@@ -230,8 +247,8 @@ impl World {
 
     /// Mass of an object's simulated particles [kg].
     fn mass_of(&self, object: usize) -> Result<f64, CommandError> {
-        let count = self.scene.objects.len();
-        let Some(o) = self.scene.objects.get(object) else {
+        let count = self.model.scene.objects.len();
+        let Some(o) = self.model.scene.objects.get(object) else {
             return Err(CommandError::UnknownObject { object, count });
         };
         let mass = self.report.objects[object].mass;
@@ -247,7 +264,7 @@ impl World {
 
     /// Mass of some particles of an object [kg].
     fn mass_of_particles(&self, object: usize, particles: &[u32]) -> f64 {
-        let owner = &self.scene.objects[object];
+        let owner = &self.model.scene.objects[object];
         let volume = &self.published.volume;
         let masses = particles.iter().map(|&p| {
             let p = p as usize;
@@ -257,7 +274,7 @@ impl World {
     }
 
     fn check_region(&self, object: usize, region: Option<usize>) -> Result<(), CommandError> {
-        let count = self.scene.objects[object].regions.len();
+        let count = self.model.scene.objects[object].regions.len();
         match region {
             Some(region) if region >= count => Err(CommandError::UnknownRegion {
                 object,
@@ -275,16 +292,16 @@ impl World {
             min: found.min,
             max: found.max,
         })?;
-        let current = &self.scene.objects[object].material;
-        let (density, dx) = (current.density, self.scene.dx);
-        let room = self.scene.cfl * self.scene.frame_rate * MATERIAL_SUBSTEPS;
+        let current = &self.model.scene.objects[object].material;
+        let (density, dx) = (current.density, self.model.scene.dx);
+        let room = self.model.scene.cfl * self.model.scene.frame_rate * MATERIAL_SUBSTEPS;
         // The critical step goes with one over the square root of the moduli.
         let stiffest = |soft: &Material| {
             let substeps = room * critical_dt(soft, density, dx, &DeformationBounds::REST);
             substeps * substeps
         };
         match material.law {
-            Law::Rigid if self.scene.contact.method == ContactMethod::ComSphere => {
+            Law::Rigid if self.model.scene.contact.method == ContactMethod::ComSphere => {
                 Err(CommandError::RigidSphere { object })
             }
             Law::Rigid => Ok(()),
@@ -322,8 +339,8 @@ impl World {
     /// Simulated particles of an object within `radius` of `point` [m], ascending; the nearest when there are
     /// none.
     fn within_reach(&self, object: usize, point: [f64; 3], radius: f64) -> Vec<u32> {
-        let dx = self.scene.dx;
-        let candidates = self.scene.objects[object].particles.clone();
+        let dx = self.model.scene.dx;
+        let candidates = self.model.scene.objects[object].particles.clone();
         let distances: Vec<(u32, f64)> = candidates
             .filter(|&p| self.published.volume[p] > 0.0)
             .map(|p| {
@@ -348,7 +365,7 @@ impl World {
             | Effect::Pin { object, .. }
             | Effect::Release { object } => {
                 self.wake(object);
-                self.bring_back(object);
+                self.restore_particles(object);
             }
             Effect::Gravity(_) => self.wake_all(),
             // What a collider comes near is woken when the frame begins; a reset forgets all sleep.
@@ -370,20 +387,20 @@ impl World {
                 region,
                 material,
             } => self.set_material(object, region, &material),
-            Effect::Gravity(gravity) => self.state.gravity = gravity,
+            Effect::Gravity(gravity) => self.state.commanded.gravity = gravity,
             Effect::Path { collider, path } => {
-                self.state.paths[collider] = Some(path);
+                self.state.commanded.paths[collider] = Some(path);
                 // Which blocks it may reach is no longer known.
-                self.state.drift = f64::INFINITY;
+                self.state.matter.drift = f64::INFINITY;
             }
             Effect::Pin { object, particles } => {
-                let pin = self.state.pins[object].get_or_insert_default();
+                let pin = self.state.commanded.pins[object].get_or_insert_default();
                 pin.extend(&particles);
-                self.state.drift = f64::INFINITY;
+                self.state.matter.drift = f64::INFINITY;
             }
             Effect::Release { object } => {
-                self.state.pins[object] = None;
-                self.state.drift = f64::INFINITY;
+                self.state.commanded.pins[object] = None;
+                self.state.matter.drift = f64::INFINITY;
             }
             Effect::Reset => {
                 self.reset();
@@ -395,14 +412,14 @@ impl World {
     /// Adds `change` [m/s] to the velocity of an object's particles, all or those listed.
     fn push(&mut self, object: usize, change: [f64; 3], particles: Option<&[u32]>) {
         self.push_body(object, change, particles);
-        let cells = change.map(|v| (v / self.scene.dx) as f32);
+        let cells = change.map(|v| (v / self.model.scene.dx) as f32);
         self.add_velocity(object, cells, particles);
         let mass = match particles {
             None => self.report.objects[object].mass,
             Some(list) => self.mass_of_particles(object, list),
         };
         for a in 0..3 {
-            self.state.momentum[object][a] += mass * change[a];
+            self.state.progress.momentum[object][a] += mass * change[a];
         }
     }
 
@@ -414,8 +431,8 @@ impl World {
         particles: Option<&[u32]>,
     ) {
         let touched = |id: u32| particles.is_none_or(|list| list.binary_search(&id).is_ok());
-        let all = &mut self.state.particles;
-        let parts = &self.parts;
+        let all = &mut self.state.matter.particles;
+        let parts = &self.model.parts;
         let runs = all.runs.iter();
         for run in runs.filter(|run| parts[run.part].object == object) {
             for g in run.groups.clone() {
@@ -433,22 +450,25 @@ impl World {
 
     /// Gives an object a rigid velocity field about its centre of mass.
     fn set_velocity(&mut self, object: usize, linear: [f64; 3], angular: [f64; 3]) {
-        let dx = self.scene.dx;
+        let dx = self.model.scene.dx;
         let state = self.report.objects[object];
-        if let Some(body) = self.state.rigid[object].as_ref().map(|r| r.body) {
+        if let Some(body) = self.state.bodies.of[object].as_ref().map(|r| r.body) {
             let r = std::array::from_fn(|a| body.com[a] - state.com[a]);
             let turn = cross(angular, r);
             let there = std::array::from_fn(|a| linear[a] + turn[a]);
             self.set_body_velocity(object, there, angular);
         }
-        let (carrier, owed) = (self.state.carrier, self.owed(object));
+        let (frame_velocity, offset_velocity) = (
+            self.state.motion.frame_velocity,
+            self.offset_velocity(object),
+        );
         let [x, y, z] = angular;
         let spin = [0.0, -z, y, z, 0.0, -x, -y, x, 0.0];
-        let all = &mut self.state.particles;
+        let all = &mut self.state.matter.particles;
         for block in &all.blocks {
             let runs = all.runs[block.runs.clone()].iter();
             for g in runs
-                .filter(|run| self.parts[run.part].object == object)
+                .filter(|run| self.model.parts[run.part].object == object)
                 .flat_map(|run| run.groups.clone())
             {
                 for lane in (0..LANES).filter(|&lane| all.fixed[g].id[lane] != NO_PARTICLE) {
@@ -458,7 +478,8 @@ impl World {
                     let turn = cross(angular, r);
                     for a in 0..3 {
                         all.motion[g].v[a].0[lane] =
-                            ((linear[a] - owed[a] + turn[a]) / dx - carrier[a]) as f32;
+                            ((linear[a] - offset_velocity[a] + turn[a]) / dx - frame_velocity[a])
+                                as f32;
                     }
                     for n in 0..9 {
                         all.motion[g].c[n].0[lane] = spin[n] as f32;
@@ -467,6 +488,7 @@ impl World {
             }
         }
         let behind = state.mass - self.mass_of_body(object);
-        self.state.momentum[object] = [0, 1, 2].map(|a| state.mass * linear[a] - behind * owed[a]);
+        self.state.progress.momentum[object] =
+            [0, 1, 2].map(|a| state.mass * linear[a] - behind * offset_velocity[a]);
     }
 }

@@ -20,13 +20,13 @@ impl World {
         region: Option<usize>,
         material: &Material,
     ) {
-        let touched: Vec<usize> = (0..self.parts.len())
+        let touched: Vec<usize> = (0..self.model.parts.len())
             .filter(|&p| {
-                let part = &self.parts[p];
+                let part = &self.model.parts[p];
                 part.object == object && (region.is_none() || part.region == region)
             })
             .collect();
-        let stiffens = |part: usize| self.state.materials[part].law.is_rigid();
+        let stiffens = |part: usize| self.state.commanded.materials[part].law.is_rigid();
         if touched
             .iter()
             .any(|&part| stiffens(part) && !material.law.is_rigid())
@@ -35,32 +35,34 @@ impl World {
         }
         let mut reshaped = false;
         for &part in &touched {
-            let old = self.state.materials[part].law;
+            let old = self.state.commanded.materials[part].law;
             let becomes_solid = old.is_fluid() && !material.law.is_fluid();
-            let shaped =
-                self.is_shaped(part, material.law) || becomes_solid && self.is_visible(part);
-            reshaped |= shaped && !self.state.shaped[part];
-            self.state.shaped[part] |= shaped;
+            let shaped = self.model.is_shaped(part, material.law)
+                || becomes_solid && self.model.is_visible(part);
+            reshaped |= shaped && !self.state.matter.shaped[part];
+            self.state.matter.shaped[part] |= shaped;
         }
         if reshaped {
             self.rearrange();
         }
         for part in touched {
-            let old = std::mem::replace(&mut self.state.materials[part], material.clone());
+            let old =
+                std::mem::replace(&mut self.state.commanded.materials[part], material.clone());
             if old.law.id() != material.law.id() {
-                let particles = &mut self.state.particles;
+                let particles = &mut self.state.matter.particles;
                 let runs = particles.runs.clone();
                 for run in runs.iter().filter(|run| run.part == part) {
                     carry_over(particles, run, old.law, material.law);
                 }
             }
         }
+        self.model.set_materials(&self.state.commanded.materials);
         self.freeze(object);
     }
 
     /// Turns the rigid body of an object into particles, with its momentum and angular momentum.
     pub(super) fn thaw(&mut self, object: usize) {
-        if let Some(rigid) = self.state.rigid[object].take() {
+        if let Some(rigid) = self.state.bodies.of[object].take() {
             let loose = self.loosened(object, &rigid);
             self.put_back(object, &loose);
         }
@@ -68,67 +70,67 @@ impl World {
 
     /// Joins the particles of those parts of an object that are to be rigid to one body.
     pub(super) fn freeze(&mut self, object: usize) {
-        let rigid: Vec<bool> = (0..self.parts.len())
-            .map(|p| self.parts[p].object == object && self.is_joined(p))
+        let rigid: Vec<bool> = (0..self.model.parts.len())
+            .map(|p| self.model.parts[p].object == object && self.given().is_joined(p))
             .collect();
         let mut loose = self.take_away(object, &rigid);
         if loose.is_empty() {
             return;
         }
-        if let Some(body) = self.state.rigid[object].take() {
+        if let Some(body) = self.state.bodies.of[object].take() {
             // There is one already: all together make a new one.
             loose.extend(self.loosened(object, &body));
             loose.sort_unstable_by_key(|p| p.id);
         }
-        let dx = self.scene.dx;
+        let dx = self.model.scene.dx;
         self.form_body(object, &loose, Some(0.5 * dx * dx));
     }
 
     /// Puts particles of an object, whose velocities are those of now, into the arrays.
     pub(super) fn put_back(&mut self, object: usize, loose: &[Loose]) {
-        let (dx, owed) = (self.scene.dx, self.owed(object));
+        let (dx, offset_velocity) = (self.model.scene.dx, self.offset_velocity(object));
         let mut newcomers = Vec::with_capacity(loose.len());
         for p in loose {
             let mine = |part: &Part| part.particles.contains(&(p.id as usize));
-            let Some(part) = self.parts.iter().position(mine) else {
+            let Some(part) = self.model.parts.iter().position(mine) else {
                 continue;
             };
-            let mass = self.grain(object, p.id, p.x).mass;
+            let mass = self.model.grain(object, p.id, p.x).mass;
             for a in 0..3 {
-                self.state.momentum[object][a] -= mass * owed[a];
+                self.state.progress.momentum[object][a] -= mass * offset_velocity[a];
             }
             newcomers.push(Newcomer {
                 id: p.id,
                 part: part as u32,
                 x: p.x.map(|x| x / dx),
                 v: std::array::from_fn(|a| {
-                    ((p.v[a] - owed[a]) / dx - self.state.carrier[a]) as f32
+                    ((p.v[a] - offset_velocity[a]) / dx - self.state.motion.frame_velocity[a])
+                        as f32
                 }),
                 c: p.c.map(|c| c as f32),
-                mass: (mass / self.mass_unit) as f32,
+                mass: (mass / self.model.mass_unit) as f32,
             });
         }
-        self.state.live += newcomers.len();
-        let fields: Vec<u32> = (0..self.parts.len()).map(|p| self.field_of(p)).collect();
-        let mut placed = place(&newcomers, &fields);
+        self.state.matter.live += newcomers.len();
+        let mut placed = place(&newcomers, &self.model.fields());
         let of: BTreeMap<u32, &Loose> = loose.iter().map(|p| (p.id, p)).collect();
         write_deformation(&mut placed, &of, |p| &p.visible);
-        for part in (0..self.parts.len()).filter(|&p| self.parts[p].object == object) {
+        for part in (0..self.model.parts.len()).filter(|&p| self.model.parts[p].object == object) {
             let apart = loose.iter().any(|p| p.visible != p.elastic);
-            self.state.shaped[part] |= apart && self.is_visible(part);
+            self.state.matter.shaped[part] |= apart && self.model.is_visible(part);
         }
-        self.state.particles.append(placed);
+        self.state.matter.particles.append(placed);
         // Where the visible deformation is carried apart it begins as that of the particle.
         self.rearrange();
-        write_deformation(&mut self.state.particles, &of, |p| &p.elastic);
+        write_deformation(&mut self.state.matter.particles, &of, |p| &p.elastic);
     }
 
     /// Takes the particles of some parts of an object out of the arrays: in scene order, with the velocities of now.
     pub(super) fn take_away(&mut self, object: usize, which: &[bool]) -> Vec<Loose> {
-        let (dx, carrier) = (self.scene.dx, self.state.carrier);
-        let owed = self.owed(object);
+        let (dx, frame_velocity) = (self.model.scene.dx, self.state.motion.frame_velocity);
+        let offset_velocity = self.offset_velocity(object);
         let mut loose = Vec::new();
-        let particles = &mut self.state.particles;
+        let particles = &mut self.state.matter.particles;
         for block in particles.blocks.clone() {
             let runs = particles.runs[block.runs.clone()].to_vec();
             for run in runs {
@@ -152,7 +154,8 @@ impl World {
                             id,
                             x: position_in_cells(block.index, at).map(|x| x * dx),
                             v: std::array::from_fn(|a| {
-                                (f64::from(motion.v[a].0[lane]) + carrier[a]) * dx + owed[a]
+                                (f64::from(motion.v[a].0[lane]) + frame_velocity[a]) * dx
+                                    + offset_velocity[a]
                             }),
                             c: std::array::from_fn(|n| f64::from(motion.c[n].0[lane])),
                             visible,
@@ -169,14 +172,14 @@ impl World {
         }
         loose.sort_unstable_by_key(|p| p.id);
         for p in &loose {
-            let mass = self.grain(object, p.id, p.x).mass;
+            let mass = self.model.grain(object, p.id, p.x).mass;
             for a in 0..3 {
-                self.state.momentum[object][a] += mass * owed[a];
+                self.state.progress.momentum[object][a] += mass * offset_velocity[a];
             }
         }
-        self.state.live -= loose.len();
+        self.state.matter.live -= loose.len();
         self.rearrange();
-        for (extremes, taken) in self.state.extremes.iter_mut().zip(which) {
+        for (extremes, taken) in self.state.matter.extremes.iter_mut().zip(which) {
             if *taken {
                 *extremes = Extremes::NONE;
             }

@@ -3,21 +3,22 @@
 use rayon::prelude::*;
 
 use super::World;
-use crate::{
-    particles::{BLOCK, Extremes, Particles},
-    simd::LANES,
-};
+use crate::{particles::Particles, simd::LANES};
 
 impl World {
-    /// Makes the carrier velocity the mean of all particles, so that what single precision rounds is small, and
+    /// Makes the frame velocity the mean of all particles, so that what single precision rounds is small, and
     /// takes the largest speeds and rates, which commands may have changed.
     pub(super) fn recentre(&mut self) {
         let mut momentum = [0.0; 3];
         let mut mass = 0.0;
-        let objects = self.report.objects.iter().zip(&self.state.momentum);
+        let objects = self
+            .report
+            .objects
+            .iter()
+            .zip(&self.state.progress.momentum);
         for (_, (object, p)) in objects
             .enumerate()
-            .filter(|(id, _)| !self.state.sleeps(*id) && self.state.rigid[*id].is_none())
+            .filter(|(id, _)| !self.state.sleeps(*id) && self.state.bodies.of[*id].is_none())
         {
             mass += object.mass;
             for a in 0..3 {
@@ -25,27 +26,27 @@ impl World {
             }
         }
         let shift: [f32; 3] = std::array::from_fn(|a| {
-            let mean = momentum[a] / (mass * self.scene.dx);
-            let shift = (mean - self.state.carrier[a]) as f32;
+            let mean = momentum[a] / (mass * self.model.scene.dx);
+            let shift = (mean - self.state.motion.frame_velocity[a]) as f32;
             if shift.is_finite() { shift } else { 0.0 }
         });
         for a in 0..3 {
-            self.state.carrier[a] += f64::from(shift[a]);
+            self.state.motion.frame_velocity[a] += f64::from(shift[a]);
         }
         self.survey_speeds(shift);
     }
 
-    /// Takes `shift` [cells/s], which the carrier got, from the velocities of all particles, and finds the largest
+    /// Takes `shift` [cells/s], which the frame velocity got, from the velocities of all particles, and finds the largest
     /// speeds and rates.
     pub(super) fn survey_speeds(&mut self, shift: [f32; 3]) {
-        let carrier = self.state.carrier.map(|u| u as f32);
+        let frame_velocity = self.state.motion.frame_velocity.map(|u| u as f32);
         let Particles {
             runs,
             motion,
             blocks,
             fixed,
             ..
-        } = &mut self.state.particles;
+        } = &mut self.state.matter.particles;
         let (mut runs, mut motion) = (runs.as_mut_slice(), motion.as_mut_slice());
         let mut work = Vec::with_capacity(blocks.len());
         for block in blocks {
@@ -64,7 +65,7 @@ impl World {
                         let (mut v_squared, mut c_squared) = (0.0, 0.0);
                         for a in 0..3 {
                             motion.v[a].0[lane] -= shift[a];
-                            let v = motion.v[a].0[lane] + carrier[a];
+                            let v = motion.v[a].0[lane] + frame_velocity[a];
                             v_squared += v * v;
                         }
                         for c in &motion.c {
@@ -78,25 +79,13 @@ impl World {
                 run.extremes.rate_squared = rate.into_iter().fold(0.0, f32::max);
             }
         });
-        for extremes in &mut self.state.extremes {
+        for extremes in &mut self.state.matter.extremes {
             (extremes.speed_squared, extremes.rate_squared) = (0.0, 0.0);
         }
-        for run in &self.state.particles.runs {
-            let extremes = &mut self.state.extremes[run.part];
+        for run in &self.state.matter.particles.runs {
+            let extremes = &mut self.state.matter.extremes[run.part];
             extremes.speed_squared = extremes.speed_squared.max(run.extremes.speed_squared);
             extremes.rate_squared = extremes.rate_squared.max(run.extremes.rate_squared);
         }
-    }
-
-    /// Joins the extremes of all runs per object, and takes how far particles are out of their blocks.
-    pub(super) fn collect_extremes(&mut self) {
-        self.state.extremes.fill(Extremes::NONE);
-        let mut reach = 0.0_f32;
-        for run in &self.state.particles.runs {
-            self.state.extremes[run.part].join(&run.extremes);
-            reach = reach.max(run.extremes.reach);
-        }
-        self.state.drift = (f64::from(reach) - 0.5 * f64::from(BLOCK)).max(0.0);
-        self.note_strain();
     }
 }

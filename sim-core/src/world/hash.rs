@@ -4,7 +4,8 @@ use bytemuck::bytes_of;
 use rayon::prelude::*;
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-use super::{State, published::Published};
+use super::published::Published;
+use crate::state::State;
 
 /// Particles per partial hash; fixed, so that the hash does not depend on the thread count.
 const CHUNK: usize = 4096;
@@ -33,17 +34,17 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
         .collect();
     let mut hash = Xxh3::new();
     hash.update(bytemuck::cast_slice(&parts));
-    hash.update(bytemuck::cast_slice(&state.removed));
-    hash.update(bytes_of(&state.gravity));
-    hash.update(bytes_of(&state.carrier));
-    hash.update(bytes_of(&state.sim_time));
-    hash.update(bytes_of(&state.lag));
-    for (object, lag) in state.lags.iter().enumerate() {
-        if *lag != state.lag {
-            hash.update(bytes_of(&[object as f64, *lag]));
+    hash.update(bytemuck::cast_slice(&state.matter.removed));
+    hash.update(bytes_of(&state.commanded.gravity));
+    hash.update(bytes_of(&state.motion.frame_velocity));
+    hash.update(bytes_of(&state.progress.sim_time));
+    hash.update(bytes_of(&state.motion.velocity_offset));
+    for (object, offset) in state.motion.velocity_offsets.iter().enumerate() {
+        if *offset != state.motion.velocity_offset {
+            hash.update(bytes_of(&[object as f64, *offset]));
         }
     }
-    for material in &state.materials {
+    for material in &state.commanded.materials {
         hash.update(bytes_of(&(material.law.id())));
         hash.update(bytes_of(&[
             material.youngs_modulus,
@@ -52,7 +53,7 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
         ]));
         hash.update(bytes_of(&material.law.parameters()));
     }
-    for rigid in &state.rigid {
+    for rigid in &state.bodies.of {
         hash.update(&[u8::from(rigid.is_some())]);
         if let Some(rigid) = rigid {
             let body = &rigid.body;
@@ -63,17 +64,17 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
         }
     }
     // Zeros where versions with affine objects said more: the same motion keeps the hash it had.
-    hash.update(&vec![0; state.rigid.len()]);
-    for known in &state.pressing {
+    hash.update(&vec![0; state.bodies.of.len()]);
+    for known in &state.bodies.warm_start {
         hash.update(bytes_of(&known.pair));
         hash.update(bytes_of(&known.pressed));
         hash.update(bytes_of(&known.rubbed));
     }
-    for standing in &state.standing {
-        standing.add_to(&mut hash);
+    for level in &state.levels {
+        level.add_to(&mut hash);
     }
     hash.update(bytemuck::cast_slice(&state.episodes.bits()));
-    for path in &state.paths {
+    for path in &state.commanded.paths {
         let pose = path.map(|path| path.to);
         hash.update(&[u8::from(pose.is_some())]);
         if let Some(pose) = pose {
@@ -81,7 +82,7 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
             hash.update(bytes_of(&pose.rotation));
         }
     }
-    for pin in &state.pins {
+    for pin in &state.commanded.pins {
         let bits = pin.as_ref().map_or(&[][..], |members| members.bits());
         hash.update(bytes_of(&(bits.len() as u64)));
         hash.update(bytemuck::cast_slice(bits));

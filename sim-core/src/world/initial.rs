@@ -1,56 +1,63 @@
 //! The scene at time 0 as particles in blocks.
 
-use super::{State, Workspace, World, error::MAX_CELLS, fidelity::Standing, published::Published};
+use super::{World, published::Published};
 use crate::{
-    colliders::approach::half_spacing,
     expression::GRADIENT_STEP,
-    materials::Law,
     particles::{Extremes, position_in_cells},
     report::StepReport,
-    scene::{ContactMethod, DomainPolicy, Fidelity, Object, Scene},
+    scene::{Fidelity, Object, Scene},
     simd::LANES,
+    state::{
+        Commanded, GridMotion, Matter, Progress, RigidBodies, State, Workspace, sleep::SleepState,
+    },
     step::sort::{Newcomer, place},
 };
 
 impl World {
     /// Back to the initial state; the count of steps goes on.
     pub(super) fn reset(&mut self) {
-        let scene = &self.scene;
-        let newcomers = self.newcomers();
-        let fields: Vec<u32> = (0..self.parts.len()).map(|p| self.field_of(p)).collect();
+        let (model, newcomers) = (&self.model, self.newcomers());
+        let (scene, parts) = (&model.scene, &model.parts);
+        let objects = scene.objects.len();
         self.state = State {
-            steps: self.state.steps,
-            sim_time: 0.0,
-            lag: 0.0,
-            lags: vec![0.0; scene.objects.len()],
-            gravity: scene.gravity,
-            materials: self.parts.iter().map(|p| p.material.clone()).collect(),
-            shaped: (0..self.parts.len())
-                .map(|p| self.is_shaped(p, self.parts[p].material.law))
-                .collect(),
-            live: newcomers.len(),
-            particles: place(&newcomers, &fields),
-            drift: f64::INFINITY,
-            extremes: vec![Extremes::NONE; self.parts.len()],
-            carrier: [0.0; 3],
-            grid_speed: 0.0,
-            removed: vec![],
-            paths: vec![None; scene.colliders.len()],
-            pins: vec![None; scene.objects.len()],
-            rigid: vec![],
-            pressing: vec![],
-            standing: vec![Standing::default(); scene.objects.len()],
+            progress: Progress {
+                steps: self.state.progress.steps,
+                sim_time: 0.0,
+                momentum: vec![[0.0; 3]; objects],
+            },
+            commanded: Commanded {
+                gravity: scene.gravity,
+                materials: parts.iter().map(|p| p.material.clone()).collect(),
+                paths: vec![None; scene.colliders.len()],
+                pins: vec![None; objects],
+            },
+            levels: vec![SleepState::default(); objects],
+            matter: Matter {
+                particles: place(&newcomers, &model.fields()),
+                shaped: (0..parts.len())
+                    .map(|p| model.is_shaped(p, parts[p].material.law))
+                    .collect(),
+                live: newcomers.len(),
+                removed: vec![],
+                drift: f64::INFINITY,
+                extremes: vec![Extremes::NONE; parts.len()],
+            },
+            motion: GridMotion {
+                velocity_offsets: vec![0.0; objects],
+                ..GridMotion::default()
+            },
             episodes: Default::default(),
-            momentum: vec![[0.0; 3]; scene.objects.len()],
+            bodies: RigidBodies::default(),
         };
         self.workspace = Workspace::default();
         self.published = Published::new(scene);
+        self.model.set_materials(&self.state.commanded.materials);
         self.flag_outside();
         self.take_out(|flags| flags.outside);
         self.form_bodies();
         self.publish_bodies();
         self.report = StepReport::default();
-        if self.scene.conditions.settle > 0.0 {
+        if self.model.scene.conditions.settle > 0.0 {
             self.come_to_rest(&newcomers);
             self.report = StepReport::default();
         }
@@ -58,8 +65,8 @@ impl World {
 
     /// Flags particles outside the domain.
     fn flag_outside(&mut self) {
-        let [min, max] = self.domain_in_cells();
-        let particles = &mut self.state.particles;
+        let [min, max] = self.model.domain_in_cells();
+        let particles = &mut self.state.matter.particles;
         for block in &particles.blocks {
             for g in block.groups.clone() {
                 let x = &particles.groups[g].x;
@@ -72,41 +79,10 @@ impl World {
         }
     }
 
-    /// Largest particle mass [kg]: the solver's unit, so that single precision never under- or overflows.
-    pub(super) fn heaviest_particle(&self) -> f64 {
-        let heaviest = self.parts.iter().flat_map(|part| {
-            let volumes = &self.scene.particles.volume[part.particles.clone()];
-            volumes.iter().map(|v| v * part.material.density)
-        });
-        heaviest.fold(f64::MIN_POSITIVE, f64::max)
-    }
-
-    /// Grid field of the particles of a part: objects that do not share one do not meet on the grid.
-    pub(super) fn field_of(&self, part: usize) -> u32 {
-        match self.scene.contact.method {
-            ContactMethod::SingleField => 0,
-            ContactMethod::MultiField | ContactMethod::ComSphere | ContactMethod::TwoScale => {
-                self.parts[part].object as u32
-            }
-        }
-    }
-
-    /// Whether the visible deformation of a part under this law must be carried apart from the elastic one.
-    pub(super) fn is_shaped(&self, part: usize, law: Law) -> bool {
-        law.is_plastic() && self.is_visible(part)
-    }
-
-    /// Whether Gaussians follow a part.
-    pub(super) fn is_visible(&self, part: usize) -> bool {
-        !self.scene.objects[self.parts[part].object]
-            .gaussians
-            .is_empty()
-    }
-
     fn newcomers(&self) -> Vec<Newcomer> {
-        let (scene, unit) = (&self.scene, self.mass_unit);
+        let (scene, unit) = (&self.model.scene, self.model.mass_unit);
         let mut newcomers = Vec::with_capacity(scene.particles.position.len());
-        for (id, part) in self.parts.iter().enumerate() {
+        for (id, part) in self.model.parts.iter().enumerate() {
             let object = &scene.objects[part.object];
             // Rigid matter becomes a body.
             if object.fidelity == Fidelity::Static
@@ -143,29 +119,6 @@ impl World {
         }
         newcomers
     }
-
-    /// Smallest and largest position that a particle may have [cells].
-    pub(super) fn domain_in_cells(&self) -> [[f64; 3]; 2] {
-        // Walls bring a particle back after the grid moved it.
-        let slack = match self.scene.conditions.domain_policy {
-            DomainPolicy::Bounce => 2.0,
-            DomainPolicy::Delete | DomainPolicy::Stop => 0.0,
-        };
-        let cells = |x: f64| x / self.scene.dx;
-        let inside = |x: f64| x.clamp(-MAX_CELLS, MAX_CELLS);
-        [
-            self.scene.domain.min.map(|x| inside(cells(x) - slack)),
-            self.scene.domain.max.map(|x| inside(cells(x) + slack)),
-        ]
-    }
-}
-
-/// Half the spacing of particles by their rest volume, in scene order [cells].
-pub(super) fn half_spacings(scene: &Scene) -> Vec<f64> {
-    let volumes = scene.particles.volume.iter();
-    volumes
-        .map(|volume| half_spacing(volume / scene.dx.powi(3), 1.0))
-        .collect()
 }
 
 /// Of an object at rest [m].

@@ -9,25 +9,9 @@ use rayon::prelude::*;
 
 use super::World;
 use crate::{
-    materials::limits::bridged_stretch,
     report::{Level, Torn},
-    scene::{Object, Part, Scene},
+    scene::Object,
 };
-
-/// Share of the stretch that tears matter from which on objects are looked at: the fit is right within a tenth.
-const WARY: f64 = 0.9;
-/// Stretch below which nothing tears, however few its particles are.
-const HARMLESS: f64 = 1.05;
-
-/// Per part the stretch from which on it may have torn.
-pub(super) fn bridged(scene: &Scene, parts: &[Part]) -> Vec<f64> {
-    let stretch = |part: &Part| {
-        let volumes = &scene.particles.volume[part.particles.clone()];
-        let mean = volumes.iter().sum::<f64>() / volumes.len().max(1) as f64;
-        (WARY * bridged_stretch(scene.dx.powi(3) / mean)).max(HARMLESS)
-    };
-    parts.iter().map(stretch).collect()
-}
 
 /// What an object consists of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,22 +76,10 @@ pub(super) fn pieces(particles: impl Iterator<Item = ([f64; 3], f64)>) -> Pieces
 }
 
 impl World {
-    /// Notes the objects that are stretched now by as much as tears them.
-    pub(super) fn note_strain(&mut self) {
-        let objects = self.scene.objects.len();
-        for (n, part) in self.parts.iter().enumerate() {
-            let stretch = f64::from(self.state.extremes[n].stretch_squared).sqrt();
-            if stretch > self.bridged[n] && self.state.materials[n].law.keeps_elastic() {
-                self.workspace.strained.resize(objects, false);
-                self.workspace.strained[part.object] = true;
-            }
-        }
-    }
-
     /// Lets [`torn`](Self::torn) look at every object: of what happened before nothing is known.
     pub(super) fn suspect_all(&mut self) {
         let elastic = |object: &Object| object.yielding_matter().is_none();
-        let objects = self.scene.objects.iter();
+        let objects = self.model.scene.objects.iter();
         self.workspace.strained = objects.map(elastic).collect();
     }
 
@@ -120,13 +92,13 @@ impl World {
             {
                 continue;
             }
-            let range = self.scene.objects[object].particles.clone();
+            let range = self.model.scene.objects[object].particles.clone();
             let left = range.clone().filter(|&p| self.published.volume[p] > 0.0);
             let now = pieces(left.map(|p| (self.published.cells[p], self.published.volume[p])));
             if now.count < 2 {
                 continue;
             }
-            let (dx, rest) = (self.scene.dx, &self.scene.particles);
+            let (dx, rest) = (self.model.scene.dx, &self.model.scene.particles);
             let at_rest = range.map(|p| (rest.position[p].map(|x| x / dx), rest.volume[p]));
             if now.count > pieces(at_rest).count {
                 torn.push(Torn {

@@ -2,13 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::bodies::{Rigid, attitude, turned};
+use super::bodies::{attitude, turned};
 use crate::{
     mat3::cross,
     moments::ParticleArrays,
     particles::{NO_PARTICLE, Particles, position_in_cells},
     scene::{Fidelity, Scene},
     simd::LANES,
+    state::rigid::RigidBody,
 };
 
 /// Blocks per task at least.
@@ -101,7 +102,7 @@ impl Published {
     }
 
     /// Takes over the state of all simulated particles; those taken out keep their last.
-    pub fn update(&mut self, particles: &Particles, carrier: [f64; 3], dx: f64) {
+    pub fn update(&mut self, particles: &Particles, frame_velocity: [f64; 3], dx: f64) {
         let cells = Shared::new(&mut self.cells);
         let position = Shared::new(&mut self.position);
         let velocity = Shared::new(&mut self.velocity);
@@ -136,7 +137,8 @@ impl Published {
                         let (mut x, mut v) = ([0.0; 3], [0.0; 3]);
                         for a in 0..3 {
                             x[a] = group.x[a].0[lane];
-                            v[a] = ((f64::from(motion.v[a].0[lane]) + carrier[a]) * dx) as f32;
+                            v[a] =
+                                ((f64::from(motion.v[a].0[lane]) + frame_velocity[a]) * dx) as f32;
                         }
                         let (mut c, mut f, mut f_e) = ([0.0; 9], [0.0; 9], [0.0; 9]);
                         for n in 0..9 {
@@ -167,7 +169,7 @@ impl Published {
     }
 
     /// Writes the particles of a body that turns with `spin` [rad/s].
-    pub fn update_body(&mut self, rigid: &Rigid, spin: [f64; 3], dx: f64) {
+    pub fn update_body(&mut self, rigid: &RigidBody, spin: [f64; 3], dx: f64) {
         let body = &rigid.body;
         let [x, y, z] = spin.map(|w| w as f32);
         let gradient = [0.0, -z, y, z, 0.0, -x, -y, x, 0.0];

@@ -16,42 +16,42 @@ impl World {
     /// Lets everything come to rest under gravity, as long as the scene says, then gives the particles the velocities
     /// of `newcomers` and the bodies theirs. Time does not pass, and what is still afterwards may sleep at once.
     pub(super) fn come_to_rest(&mut self, newcomers: &[Newcomer]) {
-        let span = self.scene.conditions.settle;
-        let objects = 0..self.scene.objects.len();
-        for motion in &mut self.state.particles.motion {
+        let span = self.model.scene.conditions.settle;
+        let objects = 0..self.model.scene.objects.len();
+        for motion in &mut self.state.matter.particles.motion {
             *motion = Motion::REST;
         }
         for object in objects.clone() {
             self.set_body_velocity(object, [0.0; 3], [0.0; 3]);
         }
-        let own = self.scene.conditions.damping;
-        self.scene.conditions.damping = own + DECAY / span;
+        let own = self.model.scene.conditions.damping;
+        self.model.scene.conditions.damping = own + DECAY / span;
         self.publish();
         self.report = self.measure(&Frame::new(0.0));
-        let frames = (span * self.scene.frame_rate).ceil().max(1.0);
+        let frames = (span * self.model.scene.frame_rate).ceil().max(1.0);
         for _ in 0..frames as usize {
             let mut frame = Frame::new(span / frames);
             self.advance(&mut frame);
             self.publish();
             self.report = self.measure(&frame);
             for object in objects.clone() {
-                if self.is_automatic(object) {
+                if self.model.is_automatic(object) {
                     self.watch(object, frame.length);
                 }
             }
         }
-        self.scene.conditions.damping = own;
+        self.model.scene.conditions.damping = own;
         self.begin(newcomers);
         self.publish();
     }
 
     /// Gives everything its initial velocity, and forgets how it came to rest.
     fn begin(&mut self, newcomers: &[Newcomer]) {
-        let mut of = vec![usize::MAX; self.scene.particles.position.len()];
+        let mut of = vec![usize::MAX; self.model.scene.particles.position.len()];
         for (n, newcomer) in newcomers.iter().enumerate() {
             of[newcomer.id as usize] = n;
         }
-        let particles = &mut self.state.particles;
+        let particles = &mut self.state.matter.particles;
         for (motion, fixed) in particles.motion.iter_mut().zip(&particles.fixed) {
             *motion = Motion::REST;
             for lane in (0..LANES).filter(|&lane| fixed.id[lane] != NO_PARTICLE) {
@@ -64,24 +64,24 @@ impl World {
                 }
             }
         }
-        for (id, object) in self.scene.objects.iter().enumerate() {
+        for (id, object) in self.model.scene.objects.iter().enumerate() {
             let moves = object.velocity.is_some()
                 || object.linear_velocity != [0.0; 3]
                 || object.velocity_gradient != [[0.0; 3]; 3];
             if moves {
-                self.state.standing[id].look_anew();
+                self.state.levels[id].forget_poses();
             }
         }
-        for object in 0..self.scene.objects.len() {
+        for object in 0..self.model.scene.objects.len() {
             self.start_body(object);
         }
-        self.state.extremes.fill(Extremes::NONE);
-        self.state.carrier = [0.0; 3];
-        self.state.grid_speed = 0.0;
-        self.state.lag = 0.0;
-        self.state.lags.fill(0.0);
-        self.state.drift = f64::INFINITY;
+        self.state.matter.extremes.fill(Extremes::NONE);
+        self.state.motion.frame_velocity = [0.0; 3];
+        self.state.motion.max_speed = 0.0;
+        self.state.motion.velocity_offset = 0.0;
+        self.state.motion.velocity_offsets.fill(0.0);
+        self.state.matter.drift = f64::INFINITY;
         self.state.episodes = Default::default();
-        self.state.momentum.fill([0.0; 3]);
+        self.state.progress.momentum.fill([0.0; 3]);
     }
 }

@@ -21,14 +21,14 @@ type Sums = [f64; 8];
 impl World {
     /// Lets objects collide as spheres where the scene wants it so.
     pub(super) fn meet_as_spheres(&mut self, frame: &mut Frame) {
-        if self.scene.contact.method != ContactMethod::ComSphere {
+        if self.model.scene.contact.method != ContactMethod::ComSphere {
             return;
         }
         let mut spheres = self.spheres();
-        frame.work.object_particles += (self.state.live - frame.asleep) as u64;
+        frame.tally.work.object_particles += (self.state.matter.live - frame.asleep) as u64;
         let before: Vec<[f64; 3]> = spheres.iter().map(|s| s.velocity).collect();
-        let scene = &self.scene;
-        frame.work.object_pairs += collide(&mut spheres, |a, b| {
+        let scene = &self.model.scene;
+        frame.tally.work.object_pairs += collide(&mut spheres, |a, b| {
             let surface = scene.surface_between(a, b);
             surface.restitution.unwrap_or(RESTITUTION)
         });
@@ -47,8 +47,8 @@ impl World {
 
     /// Every object as a sphere.
     fn spheres(&self) -> Vec<Sphere> {
-        let particles = &self.state.particles;
-        let dx = self.scene.dx;
+        let particles = &self.state.matter.particles;
+        let dx = self.model.scene.dx;
         // Sums about a point of the object: none cancels when it is far from the origin.
         let about: Vec<[f64; 3]> = self
             .report
@@ -62,7 +62,7 @@ impl World {
             .map(|block| {
                 let runs = particles.runs[block.runs.clone()].iter();
                 runs.map(|run| {
-                    let object = self.parts[run.part].object;
+                    let object = self.model.parts[run.part].object;
                     (object, self.run_sums(run, block.index, about[object]))
                 })
                 .collect()
@@ -93,7 +93,7 @@ impl World {
     }
 
     fn run_sums(&self, run: &Run, block: [i32; 3], about: [f64; 3]) -> Sums {
-        let particles = &self.state.particles;
+        let particles = &self.state.matter.particles;
         let mut sums = [0.0; 8];
         for g in run.groups.clone() {
             let (fixed, motion) = (&particles.fixed[g], &particles.motion[g]);

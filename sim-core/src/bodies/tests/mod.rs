@@ -8,8 +8,9 @@ mod shapes;
 mod uneven;
 
 use super::{
+    actor::{Actor, Drive, Setting},
     body::Body,
-    engine::{Actor, Drive, Remembered, Setting, step},
+    engine::{CachedImpulse, step},
     shape::{Grain, Shape, frame, of_cubes},
     vector::{Vec3, add, along, length, scaled, sub},
 };
@@ -78,7 +79,7 @@ struct Stage {
     shapes: Vec<Shape>,
     bodies: Vec<Body>,
     drives: Vec<Drive>,
-    memory: Vec<Remembered>,
+    memory: Vec<CachedImpulse>,
     surface: (f64, f64),
     time: f64,
 }

@@ -15,7 +15,7 @@ impl Nodes for Row {
         0.0
     }
 
-    fn tell_edges(&self) -> bool {
+    fn reconstructs_surface(&self) -> bool {
         false
     }
 }
@@ -247,7 +247,7 @@ fn friction_of_one_boundary_leaves_what_another_holds() {
             0.0
         }
 
-        fn tell_edges(&self) -> bool {
+        fn reconstructs_surface(&self) -> bool {
             false
         }
     }

@@ -21,7 +21,7 @@ impl Nodes for Masses {
         f64::INFINITY
     }
 
-    fn tell_edges(&self) -> bool {
+    fn reconstructs_surface(&self) -> bool {
         true
     }
 }
@@ -127,7 +127,7 @@ impl Nodes for Asked {
         f64::INFINITY
     }
 
-    fn tell_edges(&self) -> bool {
+    fn reconstructs_surface(&self) -> bool {
         true
     }
 }
@@ -189,6 +189,6 @@ fn only_solids_of_one_density_tell_their_edges() {
         (3, 2e3, Law::Rigid),
         (3, 1e3, elastic),
     ];
-    let tell = tell_edges(4, parts.into_iter());
+    let tell = reconstructs_surface(4, parts.into_iter());
     assert_eq!(tell, [true, false, false, true]);
 }

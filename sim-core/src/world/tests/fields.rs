@@ -48,7 +48,7 @@ fn fields_share_places_where_node_blocks_of_both_exist() {
     }
     for node in &grid.nodes {
         for &tile in node.tiles.iter().filter(|&&t| t != NONE) {
-            let block = &world.state.particles.blocks[tile as usize];
+            let block = &world.state.matter.particles.blocks[tile as usize];
             assert_eq!(block.field, node.field, "a tile of another field is summed");
         }
     }
@@ -56,7 +56,7 @@ fn fields_share_places_where_node_blocks_of_both_exist() {
 
 #[test]
 fn objects_that_pass_without_touching_move_as_if_alone() {
-    // Bit for bit but for the carrier velocity, which is the mean of all: so one that is the same in both.
+    // Bit for bit but for the frame velocity, which is the mean of all: so one that is the same in both.
     let apart = |gap: f64| {
         let mut scene = two_boxes(ContactMethod::TwoScale);
         let other = scene.objects[1].particles.clone();

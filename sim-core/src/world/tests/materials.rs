@@ -132,7 +132,7 @@ fn flowing_matter_shows_its_flow_and_little_elastic_strain() {
             let green = f.transpose().mul(&f).sub(&crate::mat3::Mat3::identity());
             0.5 * green.norm_squared().sqrt()
         };
-        let plastic = world.scene.parts()[0].particles.clone();
+        let plastic = world.model.scene.parts()[0].particles.clone();
         let of = |f: &[[[f32; 3]; 3]]| plastic.clone().map(|p| strain(&f[p])).fold(0.0, f64::max);
         let (visible, hidden) = (of(arrays.deformation), of(arrays.elastic));
         assert!(

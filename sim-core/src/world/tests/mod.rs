@@ -8,6 +8,7 @@ mod fields;
 mod laws;
 mod materials;
 mod pace;
+mod proxy;
 mod resting;
 mod rigid;
 mod robustness;
@@ -15,7 +16,6 @@ mod rules;
 mod settling;
 mod sleep;
 mod spheres;
-mod stand_in;
 mod stories;
 
 use super::*;

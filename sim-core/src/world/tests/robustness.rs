@@ -69,11 +69,11 @@ fn a_crushed_particle_is_carried_along_and_harms_nobody() {
         let mut world = World::new(scene).expect("valid scene");
         world.step(1e-3, &[]);
         let (group, lane) = (0, 3);
-        let id = world.state.particles.fixed[group].id[lane] as usize;
+        let id = world.state.matter.particles.fixed[group].id[lane] as usize;
         // A twentieth of its volume. It shares its velocity gradient with the seven others of its cell, so it
         // cannot expand by itself; its pressure must not tear them either.
         for n in [0, 4, 8] {
-            world.state.particles.groups[group].f[n].0[lane] = 0.05_f32.cbrt();
+            world.state.matter.particles.groups[group].f[n].0[lane] = 0.05_f32.cbrt();
         }
         let mut quarantined = vec![];
         for _ in 0..100 {
@@ -103,8 +103,8 @@ fn an_inverted_particle_is_mended_or_taken_out_and_reported() {
         world.step(1e-3, &[]);
         let inverted: Vec<u32> = (0..4)
             .map(|lane| {
-                world.state.particles.groups[1].f[0].0[lane] = -0.8;
-                world.state.particles.fixed[1].id[lane]
+                world.state.matter.particles.groups[1].f[0].0[lane] = -0.8;
+                world.state.matter.particles.fixed[1].id[lane]
             })
             .collect();
         let mut quarantined = vec![];
@@ -116,7 +116,7 @@ fn an_inverted_particle_is_mended_or_taken_out_and_reported() {
         let mut expected = inverted.clone();
         expected.sort_unstable();
         assert_eq!(quarantined, expected, "{law:?}");
-        assert_eq!(world.state.live, count - 4);
+        assert_eq!(world.state.matter.live, count - 4);
         assert!(
             volume_ratios(&world)
                 .iter()

@@ -19,8 +19,8 @@ fn command(sequence: u64, action: Action) -> Command {
 
 /// Group and lane of some particle.
 fn somewhere(world: &World) -> (usize, usize) {
-    let group = world.state.particles.groups.len() / 2;
-    let ids = &world.state.particles.fixed[group].id;
+    let group = world.state.matter.particles.groups.len() / 2;
+    let ids = &world.state.matter.particles.fixed[group].id;
     let lane = ids
         .iter()
         .rposition(|&id| id != crate::particles::NO_PARTICLE);
@@ -46,8 +46,8 @@ fn a_particle_with_nan_velocity_is_quarantined_alone() {
     world.step(1.0 / 60.0, &[]);
     let before = world.positions().to_vec();
     let (group, lane) = somewhere(&world);
-    let id = world.state.particles.fixed[group].id[lane];
-    world.state.particles.motion[group].v[1].0[lane] = f32::NAN;
+    let id = world.state.matter.particles.fixed[group].id[lane];
+    world.state.matter.particles.motion[group].v[1].0[lane] = f32::NAN;
     let report = world.step(1.0 / 60.0, &[]);
     assert_eq!(report.quarantined, [id]);
     assert!(finite(&world));
@@ -92,9 +92,9 @@ fn a_crushed_particle_is_rolled_back_and_then_quarantined() {
     let mut world = World::new(scene).expect("valid scene");
     world.step(1.0 / 60.0, &[]);
     let (group, lane) = somewhere(&world);
-    let id = world.state.particles.fixed[group].id[lane];
+    let id = world.state.matter.particles.fixed[group].id[lane];
     // Turned inside out: no substep is small enough to mend that.
-    world.state.particles.groups[group].f[0].0[lane] = -1.0;
+    world.state.matter.particles.groups[group].f[0].0[lane] = -1.0;
     let report = world.step(1.0 / 60.0, &[]);
     assert!(report.rollbacks > 0);
     assert_eq!(report.quarantined, [id]);

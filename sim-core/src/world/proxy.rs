@@ -1,71 +1,63 @@
-//! Stand-ins: an object that flies and keeps its shape moves as one rigid body until something comes near.
+//! Rigid proxies: an object that flies and keeps its shape moves as one rigid body until something comes near.
 //!
 //! In contact a body would rest where its shape at rest ends, and matter where its weight presses it: so matter comes
 //! back before anything is touched, and sleep takes care of what has come to rest.
 
 use super::{
     Frame, World,
-    fidelity::{are_near, extent, samples, stayed},
+    fidelity::{are_near, samples, stayed},
 };
 use crate::{
     mat3::{dot, length},
     materials::Material,
-    particles::BLOCK,
+    particles::{BLOCK, extent},
     report::ObjectState,
-    scene::{Fidelity, Part},
+    scene::Part,
 };
 
-/// How long an object must have kept its shape before a body stands in for it [s].
+/// How long an object must have kept its shape before it becomes a rigid proxy [s].
 const STEADY: f64 = 0.1;
 
 impl World {
-    /// Whether the particles of a part are joined to a body.
-    pub(super) fn is_joined(&self, part: usize) -> bool {
-        let object = self.parts[part].object;
-        self.state.materials[part].law.is_rigid()
-            || self.scene.objects[object].fidelity == Fidelity::Rigid
-            || self.state.standing[object].stand_in.is_some()
-    }
-
-    /// Lets matter come back where it is about to be touched, and bodies stand in where it flies and keeps its shape.
-    pub(super) fn settle_stand_ins(&mut self, frame: &mut Frame) {
-        for object in 0..self.scene.objects.len() {
-            if !self.is_automatic(object) || self.state.sleeps(object) {
+    /// Restores the particles of what is about to be touched, and makes proxies of what flies and keeps its shape.
+    pub(super) fn update_rigid_proxies(&mut self, frame: &mut Frame) {
+        for object in 0..self.model.scene.objects.len() {
+            if !self.model.is_automatic(object) || self.state.sleeps(object) {
                 continue;
             }
             if self.meets_something(object, frame) {
-                self.bring_back(object);
-            } else if self.state.standing[object].stand_in.is_none() {
+                self.restore_particles(object);
+            } else if self.state.levels[object].proxy.is_none() {
                 self.watch_shape(object, frame.length);
-                if self.state.standing[object].steady >= STEADY && self.may_stand_in(object) {
+                if self.state.levels[object].steady >= STEADY && self.may_be_proxy(object) {
                     let state = &self.report.objects[object];
                     frame.fidelity_loss += vibration(state);
-                    self.state.standing[object].stand_in = Some(state.elastic_energy);
+                    self.state.levels[object].proxy = Some(state.elastic_energy);
                     self.freeze(object);
                 }
             }
         }
     }
 
-    /// Gives an object its matter back, if a body stands in for it.
-    pub(super) fn bring_back(&mut self, object: usize) {
-        let standing = &mut self.state.standing[object];
-        (standing.steady, standing.shape) = (0.0, vec![]);
-        if standing.stand_in.take().is_some() {
+    /// Gives an object its particles back, if it is a rigid proxy.
+    pub(super) fn restore_particles(&mut self, object: usize) {
+        let level = &mut self.state.levels[object];
+        (level.steady, level.shape) = (0.0, vec![]);
+        if level.proxy.take().is_some() {
             self.thaw(object);
         }
     }
 
     /// Whether one body can be all of an object: matter that flows cannot, nor what something else moves.
-    fn may_stand_in(&self, object: usize) -> bool {
-        let parts = self.parts.iter().zip(&self.state.materials);
+    fn may_be_proxy(&self, object: usize) -> bool {
+        let parts = self.model.parts.iter().zip(&self.state.commanded.materials);
         let solid =
             |(part, material): (&Part, &Material)| part.object != object || material.law.is_solid();
-        parts.into_iter().all(solid) && !self.is_ruled(object)
+        parts.into_iter().all(solid) && !self.given().is_ruled(object)
     }
 
     /// Largest speed of any point of an object [m/s].
-    pub(super) fn fastest(&self, object: usize) -> f64 {
+    pub(super) fn max_point_speed(&self, object: usize) -> f64 {
         let ObjectState {
             linear_velocity,
             angular_velocity,
@@ -82,15 +74,19 @@ impl World {
         let Some([min, max]) = extent(blocks) else {
             return false;
         };
-        let mut others = (0..self.scene.objects.len()).filter(|&other| other != object);
+        let mut others = (0..self.model.scene.objects.len()).filter(|&other| other != object);
         let near = |other: usize| {
             let reach = reach.max(self.reach_of(other, frame.length));
             are_near(blocks, &self.blocks_of(other), reach)
         };
         let min = min.map(|i| f64::from(BLOCK * (i - reach)));
         let max = max.map(|i| f64::from(BLOCK * (i + 1 + reach)));
-        let now = self.substep(frame, frame.length);
-        others.any(near) || self.boundaries.reach(&self.state.paths, &now, min, max)
+        let now = self.fine_substep(frame, frame.length);
+        others.any(near)
+            || self
+                .model
+                .boundaries
+                .reach(&self.state.commanded.paths, &now, min, max)
     }
 
     /// Takes note of whether an object keeps its shape.
@@ -99,18 +95,18 @@ impl World {
         let [x, y, z, w] = state.rotation;
         let turn = [-x, -y, -z, w];
         let position = &self.published.position;
-        let here: Vec<[f32; 3]> = samples(&self.scene.objects[object])
+        let here: Vec<[f32; 3]> = samples(&self.model.scene.objects[object])
             .map(|p| {
                 let r = std::array::from_fn(|a| f64::from(position[p][a]) - state.com[a]);
                 crate::colliders::pose::rotate(turn, r).map(|r| r as f32)
             })
             .collect();
-        let limit = self.scene.tolerance * state.radius;
-        let standing = &mut self.state.standing[object];
-        standing.steady = match stayed(&here, &standing.shape, limit) {
-            true => standing.steady + frame,
+        let limit = self.model.scene.tolerance * state.radius;
+        let level = &mut self.state.levels[object];
+        level.steady = match stayed(&here, &level.shape, limit) {
+            true => level.steady + frame,
             false => {
-                standing.shape = here;
+                level.shape = here;
                 0.0
             }
         };

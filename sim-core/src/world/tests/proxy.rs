@@ -78,7 +78,7 @@ fn a_flying_object_is_one_body_and_lands_as_matter() {
 }
 
 #[test]
-fn the_way_with_stand_ins_is_that_of_full_modelling() {
+fn the_way_with_proxies_is_that_of_full_modelling() {
     // Until it lands for the second time: how a tumbling box bounces depends on the last digit of its attitude.
     let [mut automatic, mut full] = [Fidelity::Auto, Fidelity::Mpm].map(|fidelity| {
         let mut scene = thrown(fidelity, Law::NeoHookean);

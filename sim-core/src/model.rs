@@ -1,0 +1,275 @@
+//! The constant side of a world: the scene, and what is made of it before the first step.
+//!
+//! Only [`Model::constants`] ever change: where a command changes a material, at the start of a frame.
+
+use crate::{
+    bodies::shape::Grain,
+    colliders::{Boundaries, approach::half_spacing, edge::reconstructs_surface, rules::Rules},
+    materials::{
+        Coefficients, Law, Material,
+        limits::{DeformationBounds, bridged_stretch, critical_dt},
+    },
+    scene::{ContactMethod, DomainPolicy, Fidelity, Part, Scene},
+    simd::Isa,
+    step::{constitutive::PartLaw, volume::NEARLY_INCOMPRESSIBLE},
+};
+
+/// Largest coordinate [cells]: beyond it single precision cannot tell nodes apart.
+pub(crate) const MAX_CELLS: f64 = 16_777_216.0;
+
+/// Share of the stretch that tears matter from which on objects are looked at: the fit is right within a tenth.
+const WARY: f64 = 0.9;
+/// Stretch below which nothing tears, however few its particles are.
+const HARMLESS: f64 = 1.05;
+
+/// A scene, and what every step reads of it.
+#[derive(Debug)]
+pub(crate) struct Model {
+    pub scene: Scene,
+    /// Instruction set of the kernels.
+    pub isa: Isa,
+    /// Parts of all objects: each has one material.
+    pub parts: Vec<Part>,
+    /// Mass of the heaviest particle [kg]: the solver's unit, so that single precision never under- or overflows.
+    pub mass_unit: f64,
+    /// Colliders and regions [cells]: what matter meets.
+    pub boundaries: Boundaries,
+    /// Colliders [m]: what rigid bodies meet.
+    pub solids: Boundaries,
+    /// Prescribed motion, impulses, releases.
+    pub rules: Rules,
+    /// Radius of every particle of the scene, as colliders see it [cells].
+    pub half_spacings: Vec<f64>,
+    /// Per part the stretch from which on it may have torn.
+    pub tearing_stretch: Vec<f64>,
+    /// Per part the volume of one unit of mass at rest [cells].
+    pub cells_per_mass: Vec<f64>,
+    /// Per object the rest volume per mass, up to a common factor.
+    pub specific_volumes: Vec<f64>,
+    /// What is made of materials when they change.
+    pub constants: Constants,
+}
+
+/// What is made of materials when they change, per part unless it says otherwise.
+#[derive(Debug, Default)]
+pub(crate) struct Constants {
+    /// Law and numbers.
+    pub laws: Vec<PartLaw>,
+    /// The same of viscous stress alone, which depends on velocities.
+    pub viscous_laws: Vec<PartLaw>,
+    /// Bound of the substep at rest [s].
+    pub rest_dt: Vec<f64>,
+    /// Per grid field, whether its surface is reconstructed from nodal masses.
+    pub reconstructs_surface: Vec<bool>,
+}
+
+impl Model {
+    /// The model of a valid scene.
+    pub fn new(scene: Scene, isa: Isa) -> Self {
+        let parts = scene.parts();
+        let mass_unit = heaviest_particle(&scene, &parts);
+        let cell = scene.dx.powi(3);
+        let objects = scene.objects.iter();
+        let mut model = Self {
+            isa,
+            mass_unit,
+            boundaries: Boundaries::new(&scene, scene.dx),
+            solids: Boundaries::new(&scene, 1.0),
+            rules: Rules::new(&scene, scene.dx),
+            half_spacings: half_spacings(&scene),
+            tearing_stretch: tearing_stretch(&scene, &parts),
+            cells_per_mass: parts
+                .iter()
+                .map(|part| mass_unit / (part.material.density * cell))
+                .collect(),
+            specific_volumes: objects.map(|o| o.material.density.recip()).collect(),
+            constants: Constants::default(),
+            parts,
+            scene,
+        };
+        let at_rest: Vec<Material> = model.parts.iter().map(|p| p.material.clone()).collect();
+        model.set_materials(&at_rest);
+        model
+    }
+
+    /// Makes the constants of these materials, one per part.
+    pub fn set_materials(&mut self, materials: &[Material]) {
+        let parts = 0..self.parts.len();
+        let rest = &DeformationBounds::REST;
+        self.constants = Constants {
+            laws: parts
+                .clone()
+                .map(|part| self.law(part, &materials[part]))
+                .collect(),
+            viscous_laws: parts
+                .clone()
+                .map(|part| self.viscous_law(part, &materials[part]))
+                .collect(),
+            rest_dt: parts
+                .map(|part| self.critical_dt(part, &materials[part], rest))
+                .collect(),
+            reconstructs_surface: self.reconstructs_surface(materials),
+        };
+    }
+
+    /// Law and numbers of a part.
+    fn law(&self, part: usize, material: &Material) -> PartLaw {
+        let dx = self.scene.dx;
+        let density = self.parts[part].material.density;
+        PartLaw {
+            law: material.law,
+            coefficients: Coefficients::new(material),
+            shares_volume: material.law.is_fluid()
+                || material.law.is_solid() && material.poisson_ratio > NEARLY_INCOMPRESSIBLE,
+            cells_per_rest_mass: self.mass_unit / (density * dx * dx * dx),
+            inertia: density * dx * dx,
+            visible: self.is_visible(part),
+        }
+    }
+
+    /// The same of the stress alone that depends on velocities: viscous stress in fluids.
+    fn viscous_law(&self, part: usize, material: &Material) -> PartLaw {
+        let whole = self.law(part, material);
+        match material.law.friction() {
+            Some(law) => PartLaw {
+                coefficients: Coefficients::new(&Material {
+                    law,
+                    ..material.clone()
+                }),
+                ..whole
+            },
+            None => PartLaw {
+                inertia: f64::INFINITY,
+                ..whole
+            },
+        }
+    }
+
+    /// Per grid field, whether its surface is reconstructed from nodal masses.
+    fn reconstructs_surface(&self, materials: &[Material]) -> Vec<bool> {
+        let scene = &self.scene;
+        let parts = self.parts.iter().zip(materials).enumerate();
+        let on_grid = parts.filter(|(_, (part, _))| {
+            let fidelity = scene.objects[part.object].fidelity;
+            !matches!(fidelity, Fidelity::Static | Fidelity::Rigid)
+        });
+        let densities = on_grid.map(|(id, (part, material))| {
+            let field = self.field_of(id) as usize;
+            (field, part.material.density, material.law)
+        });
+        reconstructs_surface(scene.objects.len(), densities)
+    }
+
+    /// Bound of the substep of a part by the speed of sound, where it is of `material` and deformed within `bounds` [s].
+    pub fn critical_dt(&self, part: usize, material: &Material, bounds: &DeformationBounds) -> f64 {
+        let density = self.parts[part].material.density;
+        let conditions = &self.scene.conditions;
+        let kept = conditions.time_step_kept(material.law.is_fluid());
+        kept * critical_dt(material, density, self.scene.dx, bounds)
+    }
+
+    /// Grid field of the particles of a part: objects that do not share one do not meet on the grid.
+    pub fn field_of(&self, part: usize) -> u32 {
+        match self.scene.contact.method {
+            ContactMethod::SingleField => 0,
+            ContactMethod::MultiField | ContactMethod::ComSphere | ContactMethod::TwoScale => {
+                self.parts[part].object as u32
+            }
+        }
+    }
+
+    /// Grid field of every part.
+    pub fn fields(&self) -> Vec<u32> {
+        (0..self.parts.len()).map(|p| self.field_of(p)).collect()
+    }
+
+    /// Whether all matter is in one grid field.
+    pub fn is_single_field(&self) -> bool {
+        (0..self.parts.len()).all(|part| self.field_of(part) == 0)
+    }
+
+    /// Whether Gaussians follow a part.
+    pub fn is_visible(&self, part: usize) -> bool {
+        !self.scene.objects[self.parts[part].object]
+            .gaussians
+            .is_empty()
+    }
+
+    /// Whether the visible deformation of a part under this law must be carried apart from the elastic one.
+    pub fn is_shaped(&self, part: usize, law: Law) -> bool {
+        law.is_plastic() && self.is_visible(part)
+    }
+
+    /// Whether a part has particles that are not for show alone.
+    pub fn has_particles(&self, part: usize) -> bool {
+        let Part {
+            object, particles, ..
+        } = &self.parts[part];
+        self.scene.objects[*object].fidelity != Fidelity::Static && !particles.is_empty()
+    }
+
+    /// Whether an object may be modelled with less than all of its particles.
+    pub fn is_automatic(&self, object: usize) -> bool {
+        self.scene.contact.method.tells_apart()
+            && self.scene.objects[object].fidelity == Fidelity::Auto
+    }
+
+    /// Mass and volume of a particle at a place.
+    pub fn grain(&self, object: usize, id: u32, x: [f64; 3]) -> Grain {
+        let volume = self.scene.particles.volume[id as usize];
+        let density = self.scene.objects[object].density_of(id as usize);
+        Grain {
+            x,
+            mass: density * volume,
+            volume,
+        }
+    }
+
+    /// Whether a point [m] is in the domain.
+    pub fn is_inside(&self, x: [f64; 3]) -> bool {
+        let domain = &self.scene.domain;
+        (0..3).all(|a| (domain.min[a]..=domain.max[a]).contains(&x[a]))
+    }
+
+    /// Smallest and largest position that a particle may have [cells].
+    pub fn domain_in_cells(&self) -> [[f64; 3]; 2] {
+        // Walls bring a particle back after the grid moved it.
+        let slack = match self.scene.conditions.domain_policy {
+            DomainPolicy::Bounce => 2.0,
+            DomainPolicy::Delete | DomainPolicy::Stop => 0.0,
+        };
+        let cells = |x: f64| x / self.scene.dx;
+        let inside = |x: f64| x.clamp(-MAX_CELLS, MAX_CELLS);
+        [
+            self.scene.domain.min.map(|x| inside(cells(x) - slack)),
+            self.scene.domain.max.map(|x| inside(cells(x) + slack)),
+        ]
+    }
+}
+
+/// Largest particle mass [kg].
+fn heaviest_particle(scene: &Scene, parts: &[Part]) -> f64 {
+    let heaviest = parts.iter().flat_map(|part| {
+        let volumes = &scene.particles.volume[part.particles.clone()];
+        volumes.iter().map(|v| v * part.material.density)
+    });
+    heaviest.fold(f64::MIN_POSITIVE, f64::max)
+}
+
+/// Half the spacing of particles by their rest volume, in scene order [cells].
+fn half_spacings(scene: &Scene) -> Vec<f64> {
+    let volumes = scene.particles.volume.iter();
+    volumes
+        .map(|volume| half_spacing(volume / scene.dx.powi(3), 1.0))
+        .collect()
+}
+
+/// Per part the stretch from which on it may have torn.
+fn tearing_stretch(scene: &Scene, parts: &[Part]) -> Vec<f64> {
+    let stretch = |part: &Part| {
+        let volumes = &scene.particles.volume[part.particles.clone()];
+        let mean = volumes.iter().sum::<f64>() / volumes.len().max(1) as f64;
+        (WARY * bridged_stretch(scene.dx.powi(3) / mean)).max(HARMLESS)
+    };
+    parts.iter().map(stretch).collect()
+}

@@ -1,0 +1,267 @@
+//! What varies in time, grouped by the phase that writes it, and the memory that steps work in.
+//!
+//! A step borrows the groups one by one: what a phase does not get it cannot change. All groups are saved in checkpoints.
+
+pub(crate) mod rigid;
+pub(crate) mod sleep;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    bodies::{body::Body, engine::CachedImpulse, shape::Shape},
+    colliders::{Paths, rules::Pins},
+    contact::Episodes,
+    grid::Grid,
+    materials::{Material, limits::DeformationBounds},
+    model::Model,
+    particles::{Backup, Block, Extremes, Motion, Particles},
+    scene::Fidelity,
+};
+use rigid::RigidBody;
+use sleep::SleepState;
+
+/// What varies in time.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct State {
+    /// Written where a frame ends.
+    pub progress: Progress,
+    /// Written by commands, before a frame.
+    pub commanded: Commanded,
+    /// How every object is modelled. Written before the substeps of a frame.
+    pub levels: Vec<SleepState>,
+    /// Written by the sort, the particle pass and the guard.
+    pub matter: Matter,
+    /// Written by the grid pass and the guard.
+    pub motion: GridMotion,
+    /// Pairs of objects in contact. Written by contact on the grid.
+    pub episodes: Episodes,
+    /// Written by the rigid bodies.
+    pub bodies: RigidBodies,
+}
+
+/// What frames leave behind.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Progress {
+    /// Frames stepped since the world was made.
+    pub steps: u64,
+    /// Simulated time [s].
+    pub sim_time: f64,
+    /// Momentum of every object after the latest frame and the commands since [kg m/s].
+    pub momentum: Vec<[f64; 3]>,
+}
+
+/// What commands may change.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Commanded {
+    /// Gravitational acceleration [m/s^2].
+    pub gravity: [f64; 3],
+    /// Material of every part.
+    pub materials: Vec<Material>,
+    /// What commands made of each collider.
+    pub paths: Paths,
+    /// Particles that are held in place, per object.
+    pub pins: Pins,
+}
+
+/// Deformable matter.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Matter {
+    /// Particles in blocks.
+    pub particles: Particles,
+    /// Parts whose visible deformation is not, or was not always, the elastic one.
+    pub shaped: Vec<bool>,
+    /// Particles that are simulated.
+    pub live: usize,
+    /// Particles taken out so far, in the order it happened.
+    pub removed: Vec<u32>,
+    /// How far any particle is out of its block, along one axis [cells]; infinite where a sort is due anyhow.
+    pub drift: f64,
+    /// Per part the extremes of its particles after the latest substep.
+    pub extremes: Vec<Extremes>,
+}
+
+/// What velocities of particles and nodes are relative to, and how fast they are.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct GridMotion {
+    /// Velocity that those of particles and nodes are relative to [cells/s]: all that gravity adds goes here, in
+    /// double precision.
+    pub frame_velocity: [f64; 3],
+    /// Largest velocity component on the grid in the latest substep [cells/s].
+    pub max_speed: f64,
+    /// Time by which velocities of particles are behind positions, see [`kick`](crate::kinematics::kick) [s]: half a
+    /// substep, nothing where they begin to move.
+    pub velocity_offset: f64,
+    /// The same per object: rates differ.
+    pub velocity_offsets: Vec<f64>,
+}
+
+/// The groups that substeps change.
+pub(crate) struct Moving<'a> {
+    pub matter: &'a mut Matter,
+    pub motion: &'a mut GridMotion,
+    pub episodes: &'a mut Episodes,
+    pub bodies: &'a mut RigidBodies,
+}
+
+impl State {
+    /// What substeps read, and what they change.
+    pub fn split<'a>(&'a mut self, model: &'a Model) -> (Given<'a>, Moving<'a>) {
+        let given = Given {
+            model,
+            commanded: &self.commanded,
+            levels: &self.levels,
+            time: self.progress.sim_time,
+        };
+        let moving = Moving {
+            matter: &mut self.matter,
+            motion: &mut self.motion,
+            episodes: &mut self.episodes,
+            bodies: &mut self.bodies,
+        };
+        (given, moving)
+    }
+
+    /// Whether an object sleeps.
+    pub fn sleeps(&self, object: usize) -> bool {
+        self.levels[object].is_asleep()
+    }
+
+    /// Blocks of an object's particles, awake or not, as of the last sort.
+    pub fn blocks_of_particles(&self, object: usize) -> &[Block] {
+        if let Some(particles) = self.levels[object].sleeping() {
+            return &particles.blocks;
+        }
+        let blocks = &self.matter.particles.blocks;
+        let field = object as u32;
+        let first = blocks.partition_point(|b| b.field < field);
+        let end = blocks.partition_point(|b| b.field <= field);
+        &blocks[first..end]
+    }
+}
+
+/// Rigid bodies.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct RigidBodies {
+    /// Per object.
+    pub of: Vec<Option<RigidBody>>,
+    /// Per object the shape of its body: made from its members, so not saved.
+    #[serde(skip)]
+    pub shapes: Vec<Option<Shape>>,
+    /// Forces between bodies, and colliders, in the latest substep: where the next one begins its search.
+    pub warm_start: Vec<CachedImpulse>,
+}
+
+impl RigidBodies {
+    /// Whether there is any.
+    pub fn any(&self) -> bool {
+        self.of.iter().any(Option::is_some)
+    }
+
+    /// The body of an object and its shape.
+    pub fn get(&self, object: usize) -> Option<(&RigidBody, &Shape)> {
+        Some((self.of[object].as_ref()?, self.shapes[object].as_ref()?))
+    }
+
+    /// Where all of them are.
+    pub fn places(&self) -> Vec<Option<Body>> {
+        let bodies = self.of.iter();
+        bodies.map(|rigid| rigid.as_ref().map(|r| r.body)).collect()
+    }
+}
+
+/// What phases of a substep read and leave alone.
+#[derive(Clone, Copy)]
+pub(crate) struct Given<'a> {
+    pub model: &'a Model,
+    /// See [`State::commanded`].
+    pub commanded: &'a Commanded,
+    /// See [`State::levels`].
+    pub levels: &'a [SleepState],
+    /// Simulated time where the frame begins [s].
+    pub time: f64,
+}
+
+impl<'a> Given<'a> {
+    /// What substeps read of a model and a state.
+    pub fn new(model: &'a Model, state: &'a State) -> Self {
+        Self {
+            model,
+            commanded: &state.commanded,
+            levels: &state.levels,
+            time: state.progress.sim_time,
+        }
+    }
+
+    /// Whether the particles of a part are joined to a rigid body.
+    pub fn is_joined(&self, part: usize) -> bool {
+        let object = self.model.parts[part].object;
+        self.commanded.materials[part].law.is_rigid()
+            || self.model.scene.objects[object].fidelity == Fidelity::Rigid
+            || self.levels[object].proxy.is_some()
+    }
+
+    /// Whether a part has particles that move.
+    pub fn is_simulated(&self, part: usize) -> bool {
+        let object = self.model.parts[part].object;
+        self.model.has_particles(part) && !self.is_joined(part) && !self.levels[object].is_asleep()
+    }
+
+    /// Whether a command or a rule of the scene, now or later, has a say in how an object moves.
+    pub fn is_ruled(&self, object: usize) -> bool {
+        let mut particles = self.model.scene.objects[object].particles.clone();
+        let rules = &self.model.rules;
+        self.commanded.pins[object].is_some()
+            || particles.any(|p| rules.concern_after(self.time, p as u32))
+    }
+
+    /// Bound of the substep of a part by the speed of sound, where it is deformed within `bounds` [s].
+    pub fn critical_dt(&self, part: usize, bounds: &DeformationBounds) -> f64 {
+        let material = &self.commanded.materials[part];
+        self.model.critical_dt(part, material, bounds)
+    }
+
+    /// Frame velocity after a transfer in which forces act for `kick` [s]: gravity and damping are its own [cells/s].
+    pub fn frame_velocity_after(&self, before: [f64; 3], kick: f64) -> [f64; 3] {
+        let keep = self.model.scene.conditions.damping_factor(kick) as f32;
+        std::array::from_fn(|a| {
+            let pulled = kick * self.commanded.gravity[a] / self.model.scene.dx;
+            (before[a] + pulled) * f64::from(keep)
+        })
+    }
+}
+
+/// Scratch memory that lives as long as a world.
+#[derive(Debug, Default)]
+pub(crate) struct Workspace {
+    pub grid: Grid,
+    /// Where sorting writes to.
+    pub sorted: Particles,
+    /// Particles at the start of the segment.
+    pub backup: Backup,
+    /// Per block, whether a rule names one of its particles; empty when there is no rule.
+    pub concerned: Vec<bool>,
+    /// Per prescribed motion its largest speed in this frame [cells/s].
+    pub prescribed: Vec<f64>,
+    /// Smallest and largest block index.
+    pub extent: [[i32; 3]; 2],
+    /// Objects that were stretched by as much as tears them; empty while none was.
+    pub strained: Vec<bool>,
+    /// Velocities at the end of the segment, until it is accepted.
+    pub motion: Vec<Motion>,
+    /// Pairs of bodies, and colliders behind the last of them, in contact after the latest substep.
+    pub body_pairs: Vec<[u32; 2]>,
+    /// The coarse substep at hand.
+    pub coarse: CoarseSubstep,
+    /// Substeps of the latest frame [s], for comparison with the reference solver.
+    #[cfg(test)]
+    pub substeps: Vec<f64>,
+}
+
+/// What is known of the coarse substep that some objects are in, since its first fine one.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct CoarseSubstep {
+    /// Frame velocity in the first fine one [cells/s].
+    pub frame_velocity: [f64; 3],
+    /// Largest velocity component on the grid [cells/s].
+    pub max_speed: f32,
+}

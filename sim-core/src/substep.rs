@@ -1,0 +1,82 @@
+//! The substep on one page: P2G, grid pass, contact, rigid bodies, G2P, guard, in the order of `docs/model.md`.
+//!
+//! Every phase is a function over what it reads and what it changes. Who takes which substep is decided before a segment of
+//! them (`multirate`), how long it is before each (`limit`, `schedule`); the loop with its rollbacks is the world's.
+
+mod bodies;
+mod contact;
+mod grid;
+mod guard;
+mod limit;
+mod multirate;
+mod particles;
+mod rates;
+mod schedule;
+mod tally;
+
+pub(crate) use bodies::move_bodies;
+pub(crate) use guard::Failure;
+pub(crate) use limit::{Limit, smallest_dt};
+pub(crate) use multirate::choose_rates;
+pub(crate) use rates::Rates;
+pub(crate) use schedule::{Schedule, Segment};
+pub(crate) use tally::{Tally, timed};
+
+use crate::{
+    model::Model,
+    state::{State, Workspace},
+};
+use contact::contact;
+use grid::{NodeInput, field_passes, grid_pass};
+use guard::{check_travel, collect_extremes, larger, offset_velocities, travel};
+use particles::{gather, scatter};
+use schedule::Context;
+
+/// Takes one substep of a segment; returns the next one, if the segment goes on.
+///
+/// # Errors
+/// [`Failure`] where the guard trips: whoever called undoes what has changed by then.
+pub(crate) fn substep(
+    model: &Model,
+    segment: &Segment,
+    schedule: &Schedule,
+    state: &mut State,
+    workspace: &mut Workspace,
+    tally: &mut Tally,
+) -> Result<Option<Schedule>, Failure> {
+    let (given, moving) = state.split(model);
+    let (matter, motion) = (moving.matter, moving.motion);
+    let at = &Context::new(given, segment, schedule, motion.velocity_offset);
+    // P2G: of the first substep of a segment. That of the others came with the G2P before.
+    if segment.taken.is_empty() {
+        scatter(at, matter, motion, workspace, tally)?;
+    }
+    // Grid pass: momentum to velocity, gravity, boundary conditions.
+    let passes = &field_passes(at, motion, &mut workspace.coarse);
+    let (grid, concerned) = (&mut workspace.grid, &workspace.concerned);
+    let input = &NodeInput::new(at, passes, matter, concerned, grid, tally);
+    let on_nodes = grid_pass(at, input, grid, tally);
+    // Contact: between the fields of objects.
+    let in_contact = contact(at, input, matter, motion, grid, moving.episodes, tally);
+    // Rigid bodies: at nodes, at each other and at colliders.
+    let bodies = moving.bodies;
+    let at_bodies = move_bodies(
+        &given, &at.now, passes, matter, motion, bodies, workspace, tally,
+    );
+    // Guard: nothing may travel farther than the tiles reach.
+    let speeds = [on_nodes, larger(in_contact, at_bodies)];
+    let travel = travel(at, speeds, workspace, motion);
+    let bounds = check_travel(at, matter.drift, travel);
+    if !segment.is_last_try() {
+        bounds?;
+    }
+    // G2P, constitutive law, and the P2G of the next substep.
+    let next = segment.next(at, matter, motion);
+    let ends = segment.ends(schedule, matter.drift, travel);
+    let deformation = gather(at, &next, ends, matter, motion, workspace, tally);
+    // Guard: nothing may be inside out, or nowhere.
+    bounds.and(deformation)?;
+    offset_velocities(at, motion);
+    collect_extremes(&given, matter, &mut workspace.strained);
+    Ok((!ends).then_some(next))
+}

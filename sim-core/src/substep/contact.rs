@@ -1,0 +1,61 @@
+//! Contact between the grid fields of objects.
+
+use super::{
+    grid::NodeInput,
+    schedule::Context,
+    tally::{Tally, timed},
+};
+use crate::{
+    contact::{Episodes, Meeting, Wish, meet},
+    grid::Grid,
+    mat3::dot,
+    materials::Law,
+    state::{Given, GridMotion, Matter},
+};
+
+/// Lets fields meet at the nodes that they share; returns the largest velocity component given to a node [cells/s].
+pub(super) fn contact(
+    at: &Context<'_>,
+    input: &NodeInput<'_>,
+    matter: &Matter,
+    motion: &GridMotion,
+    grid: &mut Grid,
+    episodes: &mut Episodes,
+    Tally { timings, work }: &mut Tally,
+) -> f32 {
+    let (given, now) = (&at.given, &at.now);
+    let model = given.model;
+    let (scene, gravity) = (&model.scene, given.commanded.gravity);
+    let meeting = Meeting {
+        method: scene.contact.method,
+        isa: model.isa,
+        particles: &matter.particles,
+        cells_per_mass: &model.cells_per_mass,
+        specific_volumes: &model.specific_volumes,
+        friction: &|[a, b]| scene.surface_between(a as usize, b as usize).friction,
+        wish: &|fields| requested_restitution(given, fields),
+        gravity: dot(gravity, gravity).sqrt() / scene.dx,
+        time: now.time + now.dt,
+        dt: now.dt,
+        acting: input.acting(),
+        frame_velocity: motion.frame_velocity,
+    };
+    let met = timed(&mut timings.contact, || meet(grid, &meeting, episodes));
+    work.contact_nodes += met.work.nodes;
+    work.contact_particles += met.work.particles;
+    met.largest
+}
+
+/// Restitution that is asked of two objects.
+fn requested_restitution(given: &Given<'_>, fields: [u32; 2]) -> Wish {
+    let [a, b] = fields.map(|field| field as usize);
+    let all = |what: fn(Law) -> bool| {
+        let mut parts = given.model.parts.iter().zip(&given.commanded.materials);
+        parts.all(|(part, m)| part.object != a && part.object != b || what(m.law))
+    };
+    Wish {
+        restitution: given.model.scene.surface_between(a, b).restitution,
+        solid: all(Law::is_solid),
+        elastic: all(|law| law.is_solid() && !law.is_plastic()),
+    }
+}

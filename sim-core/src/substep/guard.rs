@@ -1,0 +1,159 @@
+//! The guard: how far a substep may carry particles, and what became of them.
+
+use super::{
+    limit::MAX_TRAVEL,
+    rates::Rate,
+    schedule::{Context, MARGIN, Schedule},
+};
+use crate::{
+    colliders::{Substep, sweep::SKIN, touch::Touch},
+    kinematics::kick,
+    particles::{BLOCK, Extremes},
+    report::DtLimit,
+    state::{Given, GridMotion, Matter, Workspace},
+};
+
+/// Why a substep cannot stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Failure {
+    /// Particles move absurdly for any substep, before it began.
+    Absurd,
+    /// Particles would have travelled too far.
+    Travel,
+    /// Particles turned inside out, or are nowhere.
+    Deformation,
+}
+
+impl Failure {
+    /// What limits the substep that is tried next.
+    pub fn cause(self) -> DtLimit {
+        match self {
+            Self::Travel => DtLimit::Velocity,
+            Self::Absurd | Self::Deformation => DtLimit::Deformation,
+        }
+    }
+}
+
+/// Of components of velocities the larger; compared as integers, so that NaN is the largest of all.
+pub(super) fn larger(a: f32, b: f32) -> f32 {
+    f32::from_bits(a.to_bits().max(b.to_bits()))
+}
+
+/// Takes note of the largest velocity components on the grid, `on_nodes` with the frame velocity, `given_later` without;
+/// returns the largest distance that particles travel [cells].
+pub(super) fn travel(
+    at: &Context<'_>,
+    [on_nodes, given_later]: [f32; 2],
+    workspace: &mut Workspace,
+    motion: &mut GridMotion,
+) -> f64 {
+    let now = &at.now;
+    let coarse = &mut workspace.coarse;
+    let fold = |m: f32, u: f64| m.max(u.abs() as f32);
+    let given_later = given_later + motion.frame_velocity.into_iter().fold(0.0, fold);
+    coarse.max_speed = larger(coarse.max_speed, larger(on_nodes, given_later));
+    motion.max_speed = coarse.max_speed.into();
+    let outside = OutsideSpeeds::new(&at.given, now, workspace.extent, &workspace.prescribed);
+    motion.max_speed = motion.max_speed.max(outside.prescribed);
+    let speed = match outside.colliders {
+        None => motion.max_speed,
+        Some(speed) => {
+            motion.max_speed += 2.0 * speed;
+            // Contact may turn a particle's way into one axis and moves it by its skin.
+            3.0_f64.sqrt() * motion.max_speed + 2.0 * SKIN / now.dt
+        }
+    };
+    now.dt * speed
+}
+
+/// Largest speeds that come from outside in a substep [cells/s].
+#[derive(Clone, Copy, Debug)]
+struct OutsideSpeeds {
+    /// Of prescribed particles.
+    prescribed: f64,
+    /// Of colliders that act on particles; none when no particle is near one.
+    colliders: Option<f64>,
+}
+
+impl OutsideSpeeds {
+    /// How fast boundaries and rules may move particles in a substep; `speeds` is per prescribed motion.
+    fn new(given: &Given<'_>, now: &Substep, [min, max]: [[i32; 3]; 2], speeds: &[f64]) -> Self {
+        let (model, commanded) = (given.model, given.commanded);
+        let touch = Touch::new(
+            &model.boundaries,
+            &commanded.paths,
+            &model.rules,
+            &commanded.pins,
+            *now,
+            *now,
+            commanded.gravity,
+        );
+        let Some(touch) = touch.filter(|_| min[0] <= max[0]) else {
+            return Self {
+                prescribed: 0.0,
+                colliders: None,
+            };
+        };
+        // Blocks, and what may have drifted out of them.
+        let min = min.map(|i| f64::from(BLOCK * i) - 2.5);
+        let max = max.map(|i| f64::from(BLOCK * (i + 1)) + 1.5);
+        Self {
+            prescribed: model.rules.speed(speeds, now),
+            colliders: touch.collider_speed(min, max),
+        }
+    }
+}
+
+/// Checks that no particle travels farther than its tiles reach, in this substep and, where objects are coarse, in all of
+/// theirs.
+pub(super) fn check_travel(at: &Context<'_>, drift: f64, travel: f64) -> Result<(), Failure> {
+    let whole = travel * f64::from(at.segment.rates.per_coarse);
+    match whole < MAX_TRAVEL && (at.ends_coarse() || drift + travel <= MARGIN) {
+        true => Ok(()),
+        false => Err(Failure::Travel),
+    }
+}
+
+/// Takes note of how far velocities are behind positions after a substep.
+pub(super) fn offset_velocities(at: &Context<'_>, motion: &mut GridMotion) {
+    let Schedule { dt, coarse_dt, .. } = *at.schedule;
+    let cfl = at.given.model.scene.cfl;
+    motion.velocity_offset = kick(motion.velocity_offset, dt, cfl)[1];
+    for (object, offset) in motion.velocity_offsets.iter_mut().enumerate() {
+        match at.segment.rates.of(object) {
+            Rate::Fine => *offset = kick(*offset, dt, cfl)[1],
+            _ if at.ends_coarse() => *offset = kick(*offset, coarse_dt, cfl)[1],
+            _ => {}
+        }
+    }
+    // What differs by rounding alone is one group again.
+    let common = motion.velocity_offset;
+    for offset in &mut motion.velocity_offsets {
+        if (*offset - common).abs() < 1e-9 * dt {
+            *offset = common;
+        }
+    }
+}
+
+/// Joins the extremes of all runs per part, and takes how far particles are out of their blocks.
+pub(super) fn collect_extremes(given: &Given<'_>, matter: &mut Matter, strained: &mut Vec<bool>) {
+    matter.extremes.fill(Extremes::NONE);
+    let mut reach = 0.0_f32;
+    for run in &matter.particles.runs {
+        matter.extremes[run.part].join(&run.extremes);
+        reach = reach.max(run.extremes.reach);
+    }
+    matter.drift = (f64::from(reach) - 0.5 * f64::from(BLOCK)).max(0.0);
+    let Given {
+        model, commanded, ..
+    } = *given;
+    // Objects that are stretched now by as much as tears them.
+    for (n, part) in model.parts.iter().enumerate() {
+        let stretch = f64::from(matter.extremes[n].stretch_squared).sqrt();
+        let tears = stretch > model.tearing_stretch[n];
+        if tears && commanded.materials[n].law.keeps_elastic() {
+            strained.resize(model.scene.objects.len(), false);
+            strained[part.object] = true;
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! The report of a step: moments, energies, contacts, hash.
+
+use super::{World, frame::Frame, hash};
+use crate::{
+    contact::Closed,
+    moments::{bodies_of, object_moments, total_momentum},
+    report::{ContactEpisode, StepReport},
+};
+
+impl World {
+    /// Report of the current state and of what `frame` did.
+    pub(super) fn measure(&mut self, frame: &Frame) -> StepReport {
+        let arrays = self.published.arrays();
+        let mut report = frame.report(&self.state);
+        let before = &self.report.objects;
+        for id in 0..self.model.scene.objects.len() {
+            let bodies = bodies_of(id, &self.model.parts, &self.state.commanded.materials);
+            let mut state = match before.get(id) {
+                Some(old) if self.state.sleeps(id) => *old,
+                _ => match self.body_state(id) {
+                    Some(state) => state,
+                    None => object_moments(&arrays, &bodies, self.model.scene.dx),
+                },
+            };
+            state.level = self.level(id, state.mass);
+            let whole = self.mass_of_body(id);
+            let kicked = frame.kicked.get(id).copied().unwrap_or(0.0);
+            // What left with particles that were taken out is no contact.
+            let kept = match before.get(id) {
+                Some(old) if old.mass > 0.0 => Some(state.mass / old.mass),
+                _ => None,
+            };
+            for a in 0..3 {
+                let momentum = state.mass * state.linear_velocity[a];
+                let pulled = whole * frame.length + (state.mass - whole) * kicked;
+                let weight = self.state.commanded.gravity[a] * pulled;
+                if let Some(kept) = kept {
+                    let expected = kept * self.state.progress.momentum[id][a] + weight;
+                    state.contact_impulse[a] = momentum - expected;
+                }
+                self.state.progress.momentum[id][a] = momentum;
+                report.potential_energy -=
+                    state.mass * self.state.commanded.gravity[a] * state.com[a];
+            }
+            report.kinetic_energy += state.kinetic_energy;
+            report.elastic_energy += state.elastic_energy;
+            report.objects.push(state);
+        }
+        report.particle_updates_full = self
+            .updates_of_full_mpm(frame.length, report.substeps)
+            .max(report.particle_updates);
+        let ended = self.state.episodes.take_closed();
+        let (unit, dx) = (self.model.mass_unit, self.model.scene.dx);
+        report.contacts = ended.iter().map(|e| episode(e, unit, dx)).collect();
+        (report.linear_momentum, report.angular_momentum) = total_momentum(&report.objects);
+        report.state_hash = hash::state_hash(&self.published, &self.state);
+        report.torn = self.torn(|id| report.objects[id].level);
+        report
+    }
+
+    /// Particle-substeps of a frame in which every particle is stepped, as often as was needed or, where more were
+    /// asleep, as often as matter at rest needs.
+    fn updates_of_full_mpm(&self, length: f64, substeps: u32) -> u64 {
+        let at_rest = self.model.constants.rest_dt.iter().enumerate();
+        let at_rest = at_rest.filter(|(id, _)| self.model.has_particles(*id));
+        let shortest = at_rest.map(|(_, dt)| *dt).fold(f64::INFINITY, f64::min);
+        let needed = (length / (self.model.scene.cfl * shortest)).ceil() as u64;
+        let rigid = self.state.bodies.of.iter().flatten();
+        let rigid: usize = rigid.map(|rigid| rigid.members.len()).sum();
+        (self.state.matter.live + rigid) as u64 * needed.max(u64::from(substeps))
+    }
+}
+
+/// An ended contact in SI units.
+fn episode(closed: &Closed, mass_unit: f64, dx: f64) -> ContactEpisode {
+    let ratio = |speed: f64| (closed.before > 0.0).then(|| speed / closed.before);
+    ContactEpisode {
+        objects: closed.fields.map(|field| field as usize),
+        impulse: closed.impulse.map(|p| p * mass_unit * dx),
+        speed_before: closed.before * dx,
+        speed_after: closed.after.map_or(0.0, |speed| speed * dx),
+        lasting: closed.after.is_none(),
+        restitution_requested: closed.requested,
+        restitution_natural: closed.natural.and_then(ratio),
+        restitution_achieved: closed.after.and_then(ratio),
+        energy_taken: closed.lost * mass_unit * dx * dx,
+        duration: closed.duration,
+        time: closed.time,
+    }
+}

@@ -1,0 +1,262 @@
+//! Segments of substeps: the loop round the substep, with rollback and retry.
+
+use super::{World, frame::Frame};
+use crate::{
+    bodies::{body::Body, engine::CachedImpulse},
+    colliders::Substep,
+    contact::Episodes,
+    kinematics::kick,
+    particles::Extremes,
+    state::GridMotion,
+    step::{shapes::limit_shapes, volume::average_volume},
+    substep::{
+        Failure, Limit, Rates, Schedule, Segment, choose_rates, move_bodies, smallest_dt, substep,
+        timed,
+    },
+};
+
+/// Drift beyond which a new segment sorts first [cells].
+const SORT_DRIFT: f64 = 0.5;
+/// Times that a failing substep is halved before its bad particles are quarantined.
+const RETRIES: u32 = 6;
+
+/// What a rollback returns to, besides the particles in the workspace.
+struct Start {
+    bodies: Vec<Option<Body>>,
+    warm_start: Vec<CachedImpulse>,
+    remaining: f64,
+    substeps: u32,
+    drift: f64,
+    motion: GridMotion,
+    extremes: Vec<Extremes>,
+    episodes: Episodes,
+}
+
+impl World {
+    /// Advances by one frame, segment after segment.
+    pub(super) fn advance(&mut self, frame: &mut Frame) {
+        #[cfg(test)]
+        self.workspace.substeps.clear();
+        if frame.remaining == 0.0 {
+            return;
+        }
+        frame.smallest_dt = smallest_dt(&self.given(), frame.length);
+        let cells = &self.published.cells;
+        self.workspace.prescribed = self.model.rules.speeds(cells, frame.length);
+        self.recentre();
+        if self.state.matter.particles.groups.is_empty() {
+            self.state.motion.velocity_offset = 0.0;
+        }
+        self.join_offsets();
+        let offsets = self.state.motion.velocity_offsets.clone();
+        while frame.remaining > 0.0 {
+            if !self.state.matter.particles.groups.is_empty() {
+                self.meet_as_spheres(frame);
+                self.segment(frame);
+            } else if self.state.bodies.any() {
+                self.bodies_alone(frame);
+            } else {
+                break;
+            }
+        }
+        let now = offsets.iter().zip(&self.state.motion.velocity_offsets);
+        frame.kicked = now
+            .map(|(before, now)| frame.length + before - now)
+            .collect();
+        self.join_offsets();
+        self.take_out_bodies(frame);
+        let laws = &self.model.constants.laws;
+        let particles = &mut self.state.matter.particles;
+        limit_shapes(self.model.isa, particles, laws, frame.length);
+    }
+
+    /// What is left of a frame in which there are rigid bodies and nothing else.
+    fn bodies_alone(&mut self, frame: &mut Frame) {
+        let dt = frame.remaining;
+        let now = self.fine_substep(frame, dt);
+        let (given, moving) = self.state.split(&self.model);
+        let (matter, motion, bodies) = (moving.matter, moving.motion, moving.bodies);
+        let (workspace, tally) = (&mut self.workspace, &mut frame.tally);
+        move_bodies(&given, &now, &[], matter, motion, bodies, workspace, tally);
+        frame.accept(dt, Limit::FRAME);
+    }
+
+    /// The substep of this size [s] that comes next in a frame, of fine objects.
+    pub(super) fn fine_substep(&self, frame: &Frame, dt: f64) -> Substep {
+        let start = self.state.progress.sim_time;
+        let offset = self.state.motion.velocity_offset;
+        Substep {
+            time: start + (frame.length - frame.remaining),
+            dt,
+            kick: kick(offset, dt, self.model.scene.cfl)[0],
+            frame_start: start,
+            frame_length: frame.length,
+        }
+    }
+
+    /// Takes substeps until velocities must be written out: the frame ends, particles drifted too far from
+    /// their blocks, or enough work has piled up. After a failure the state is that of the segment's start.
+    fn segment(&mut self, frame: &mut Frame) {
+        if self.state.matter.drift > SORT_DRIFT {
+            self.sort(frame);
+        }
+        let start = self.start(frame);
+        let mut segment = self.begin_segment(frame);
+        let matter = &self.state.matter;
+        let mut at = segment.first(&self.given(), matter, &self.state.motion, frame.remaining);
+        loop {
+            let (state, workspace) = (&mut self.state, &mut self.workspace);
+            let taken = substep(
+                &self.model,
+                &segment,
+                &at,
+                state,
+                workspace,
+                &mut frame.tally,
+            );
+            let next = match taken {
+                Ok(next) => next,
+                Err(failure) => return self.retry(frame, segment, &at, failure, &start),
+            };
+            frame.accept(at.dt, at.limit);
+            segment.taken.push(at.dt);
+            match next {
+                Some(next) => at = next,
+                None => break,
+            }
+        }
+        self.end_segment(frame, &segment);
+    }
+
+    /// Who takes coarse substeps in a segment that begins now, and what failures before it ask for.
+    fn begin_segment(&self, frame: &mut Frame) -> Segment {
+        let rates = match frame.retry.allows_coarse() {
+            true => choose_rates(
+                &self.model,
+                &self.state,
+                &self.workspace.grid,
+                &|object| self.max_point_speed(object),
+                frame.remaining,
+            ),
+            false => Rates::fine(),
+        };
+        Segment {
+            rates,
+            length: frame.length,
+            smallest_dt: frame.smallest_dt,
+            cap: frame.retry.cap,
+            replay: std::mem::take(&mut frame.retry.replay),
+            taken: vec![],
+            last_try: frame.retry.failures >= RETRIES,
+            asleep: frame.asleep,
+        }
+    }
+
+    /// Undoes a segment whose substep `at` failed, and says how it is tried again.
+    fn retry(
+        &mut self,
+        frame: &mut Frame,
+        segment: Segment,
+        at: &Schedule,
+        failure: Failure,
+        start: &Start,
+    ) {
+        if failure == Failure::Absurd {
+            // No retry can help.
+            self.quarantine(frame);
+            return;
+        }
+        self.roll_back(frame, start);
+        if segment.rates.per_coarse > 1 {
+            // All fine first: where that fails as well it is known what to blame.
+            frame.retry.only_fine = true;
+            return;
+        }
+        frame.halve(at, failure.cause(), self.first_flagged_object());
+        if segment.is_last_try() {
+            self.quarantine(frame);
+            frame.retry.cap = Limit::FRAME;
+            frame.retry.failures = 0;
+        }
+        frame.retry.replay = segment.taken;
+    }
+
+    /// Writes velocities out, and does what is done between segments.
+    fn end_segment(&mut self, frame: &mut Frame, segment: &Segment) {
+        let elapsed = segment.taken.iter().sum();
+        #[cfg(test)]
+        self.workspace.substeps.extend(&segment.taken);
+        let particles = &mut self.state.matter.particles;
+        std::mem::swap(&mut particles.motion, &mut self.workspace.motion);
+        self.cohere(frame, elapsed);
+        self.share_volume(frame);
+        let flags = &self.state.matter.particles.flags;
+        if flags.iter().any(|f| f.outside != 0) {
+            let left = self.take_out(|flags| flags.outside);
+            frame.left_domain.extend(left);
+        }
+    }
+
+    /// Lets nearly incompressible parts share their volume over the grid.
+    fn share_volume(&mut self, frame: &mut Frame) {
+        timed(&mut frame.tally.timings.particles, || {
+            average_volume(
+                self.model.isa,
+                &self.model.constants.laws,
+                &mut self.state.matter.particles,
+                &mut self.workspace.grid,
+            );
+        });
+    }
+
+    /// Gives objects without particles in motion the common velocity offset.
+    fn join_offsets(&mut self) {
+        let (given, moving) = self.state.split(&self.model);
+        let mut moves = vec![false; moving.motion.velocity_offsets.len()];
+        for (id, part) in self.model.parts.iter().enumerate() {
+            moves[part.object] |= given.is_simulated(id);
+        }
+        let GridMotion {
+            velocity_offset,
+            velocity_offsets,
+            ..
+        } = moving.motion;
+        for (offset, moves) in velocity_offsets.iter_mut().zip(moves) {
+            if !moves {
+                *offset = *velocity_offset;
+            }
+        }
+    }
+
+    /// What a rollback returns to.
+    fn start(&self, frame: &Frame) -> Start {
+        let state = &self.state;
+        Start {
+            bodies: state.bodies.places(),
+            warm_start: state.bodies.warm_start.clone(),
+            remaining: frame.remaining,
+            substeps: frame.substeps(),
+            drift: state.matter.drift,
+            motion: state.motion.clone(),
+            extremes: state.matter.extremes.clone(),
+            episodes: state.episodes.clone(),
+        }
+    }
+
+    /// Restores the state at the start of the segment.
+    fn roll_back(&mut self, frame: &mut Frame, to: &Start) {
+        frame.roll_back(to.substeps, to.remaining);
+        let state = &mut self.state;
+        state.matter.drift = to.drift;
+        state.matter.extremes.clone_from(&to.extremes);
+        state.motion.clone_from(&to.motion);
+        state.episodes.clone_from(&to.episodes);
+        for (rigid, body) in state.bodies.of.iter_mut().zip(&to.bodies) {
+            if let (Some(rigid), Some(body)) = (rigid, body) {
+                rigid.body = *body;
+            }
+        }
+        state.bodies.warm_start.clone_from(&to.warm_start);
+        self.workspace.backup.restore(&mut state.matter.particles);
+    }
+}
