@@ -123,6 +123,11 @@ enum Ctl {
     Pause,
     /// Step again; a paused server can be resumed at its next step only.
     Resume,
+    /// Go to a step of a replay.
+    Seek {
+        /// The step.
+        step: u64,
+    },
     /// Go back to the initial state.
     Reset,
     /// Shut the server down.
@@ -155,7 +160,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         _ => {
             let order = order(&args.order)?;
             let mut controller = Controller::connect(&domain, &args.session, timeout)?;
-            report(args, &controller.send(&[(args.at_step, order)], &material)?)
+            let step = match args.order {
+                Ctl::Seek { step } => step,
+                _ => args.at_step,
+            };
+            report(args, &controller.send(&[(step, order)], &material)?)
         }
     }
 }
@@ -233,6 +242,7 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
         Ctl::Checkpoint => Order::Checkpoint,
         Ctl::Pause => Order::Pause,
         Ctl::Resume => Order::Resume,
+        Ctl::Seek { .. } => Order::Seek,
         Ctl::Reset => Order::Reset,
         Ctl::Stop => Order::Stop,
         Ctl::Script { .. } | Ctl::Status | Ctl::List => bail!("not an order"),

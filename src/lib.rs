@@ -1,19 +1,24 @@
 //! The `cosplat` command line, one file per subcommand; a library, so that benchmarks run scenes by the same code.
 
 mod bench;
+mod branch;
 pub mod child;
 pub mod ctl;
 mod demo;
 mod explain;
 mod import;
+mod inspect;
 pub mod output;
 pub mod progress;
 pub mod record;
 mod recover;
+mod replay;
+pub mod resimulate;
 mod seconds;
 pub mod serve;
 pub mod signals;
 pub mod simulate;
+pub mod verify;
 mod view;
 
 use std::process::ExitCode;
@@ -35,14 +40,18 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Bench(bench::Args),
+    Branch(branch::Args),
     Ctl(ctl::Args),
     Demo(demo::Args),
     Explain(explain::Args),
     Import(import::Args),
+    Inspect(inspect::Args),
     Record(record::Args),
     Recover(recover::Args),
+    Replay(replay::Args),
     Serve(serve::Args),
     Simulate(simulate::Args),
+    Verify(verify::Args),
     View(view::Args),
 }
 
@@ -54,14 +63,18 @@ pub fn main() -> ExitCode {
     let prepared = signals::outlive_full_files().and(bound);
     exit_code(prepared.and_then(|()| match cli.command {
         Command::Bench(args) => bench::run(&args),
+        Command::Branch(args) => branch::run(&args),
         Command::Ctl(args) => ctl::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Import(args) => import::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Recover(args) => recover::run(&args),
+        Command::Replay(args) => replay::run(&args),
         Command::Serve(args) => serve::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Verify(args) => verify::run(&args),
         Command::View(args) => view::run(&args),
     }))
 }

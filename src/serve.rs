@@ -1,10 +1,10 @@
 //! `cosplat serve`: the simulation process.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::atomic::AtomicBool};
 
 use anyhow::Context;
 use cosplat_ipc::Domain;
-use cosplat_scene::load::load_scene;
+use cosplat_scene::load::{LoadedScene, load_scene};
 use cosplat_server::{
     pace::Pace,
     serve::{ServeOptions, ServeSummary, serve},
@@ -18,6 +18,16 @@ use crate::{note, say, seconds, signals};
 pub struct Args {
     /// Scene file.
     scene: PathBuf,
+    /// Begin with this checkpoint of the same scene.
+    #[arg(long, value_name = "FILE")]
+    restore: Option<PathBuf>,
+    #[command(flatten)]
+    how: How,
+}
+
+/// How a scene is served, whatever it begins with.
+#[derive(clap::Args)]
+pub struct How {
     /// Name under which clients find this simulation.
     #[arg(long, default_value = "default")]
     session: String,
@@ -26,7 +36,7 @@ pub struct Args {
     pace: PaceName,
     /// Threads of the solver; 0 means one per core. Results do not depend on it.
     #[arg(long, default_value_t = 0)]
-    threads: usize,
+    pub threads: usize,
     /// Simulated seconds after which to stop; without it, runs until Ctrl-C or `cosplat ctl stop`.
     #[arg(long, value_name = "S", value_parser = seconds::number)]
     duration: Option<f64>,
@@ -42,9 +52,6 @@ pub struct Args {
     /// Folder for the checkpoints that clients order with `cosplat ctl checkpoint`.
     #[arg(long, value_name = "DIR", default_value = ".")]
     checkpoints: PathBuf,
-    /// Begin with this checkpoint of the same scene.
-    #[arg(long, value_name = "FILE")]
-    restore: Option<PathBuf>,
     /// Print one JSON object when done.
     #[arg(long)]
     json: bool,
@@ -63,6 +70,19 @@ enum PaceName {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let stop = signals::stop_flag()?;
     let scene = load_scene(&args.scene)?;
+    serve_scene(scene, args.restore.clone(), &args.how, &stop)
+}
+
+/// Serves a scene from its start, or from the checkpoint `restore` on, until it ends or `stop` is set.
+///
+/// # Errors
+/// When it cannot be served.
+pub fn serve_scene(
+    scene: LoadedScene,
+    restore: Option<PathBuf>,
+    args: &How,
+    stop: &AtomicBool,
+) -> anyhow::Result<()> {
     for warning in &scene.report.warnings {
         note!("warning: {warning}");
     }
@@ -83,9 +103,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         lossless: args.lossless,
         frame_slots: args.frame_slots,
         checkpoints: Some(checkpoints),
-        restore: args.restore.clone(),
+        restore,
     };
-    let summary = serve(scene, &options, &stop, |summary| {
+    let summary = serve(scene, &options, stop, |summary| {
         note!(
             "serving session \"{}\": {} Gaussians on {} particles in {} objects{}",
             args.session,

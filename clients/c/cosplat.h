@@ -20,7 +20,7 @@
 #endif
 
 /** Hash of the layout of all types: a server with another one in its hello must not be read. */
-#define COSPLAT_SCHEMA_HASH UINT64_C(0x0c2d81f506ad0dc2)
+#define COSPLAT_SCHEMA_HASH UINT64_C(0x99f49160952eefe4)
 /** `Command::kind`: add `vector` [N s] to the momentum of `object`. */
 #define COSPLAT_COMMAND_IMPULSE UINT32_C(1)
 /** Impulse `vector` [N s] on the particles of `object` within `radius` of `point`. */
@@ -47,6 +47,8 @@
 #define COSPLAT_COMMAND_RELEASE UINT32_C(12)
 /** Write a checkpoint of the state before `apply_at_step`; the answer's `reason` is the file's path. */
 #define COSPLAT_COMMAND_CHECKPOINT UINT32_C(13)
+/** Have a replay go to `apply_at_step`, or to the first recorded step behind it; servers that simulate refuse it. */
+#define COSPLAT_COMMAND_SEEK UINT32_C(20)
 /** The command takes effect at `applied_at_step`. */
 #define COSPLAT_ACK_ACCEPTED UINT32_C(1)
 /** The command is refused and changes nothing; see `reason`. */
@@ -61,6 +63,10 @@
 #define COSPLAT_FRAME_FLAG_LAST UINT32_C(4)
 /** Major version of the wire contract; part of every service and type name. */
 #define COSPLAT_WIRE_VERSION UINT32_C(1)
+/** `SceneFile::kind`: a splat or mesh that the scene file names. */
+#define COSPLAT_SCENE_FILE_ASSET UINT32_C(1)
+/** `SceneFile::kind`: the checkpoint that the server began with. */
+#define COSPLAT_SCENE_FILE_CHECKPOINT UINT32_C(2)
 /** The server is stepping. */
 #define COSPLAT_SERVER_RUNNING UINT32_C(1)
 /** The server is paused. */
@@ -210,15 +216,18 @@ struct cosplat_objects_header {
     uint32_t count;
     /** Zero. */
     uint32_t reserved;
+    /** Hash of the complete simulation state, as in `frame`; here also of steps whose frame was skipped. */
+    uint64_t state_hash;
 };
 #define COSPLAT_OBJECTS_HEADER_TYPE_NAME "cosplat.v1.ObjectsHeader"
-COSPLAT_ASSERT(sizeof(struct cosplat_objects_header) == 32, "cosplat_objects_header");
+COSPLAT_ASSERT(sizeof(struct cosplat_objects_header) == 40, "cosplat_objects_header");
 COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_objects_header) == 8, "cosplat_objects_header");
 COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, step) == 0, "cosplat_objects_header");
 COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, sim_time) == 8, "cosplat_objects_header");
 COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, epoch) == 16, "cosplat_objects_header");
 COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, count) == 24, "cosplat_objects_header");
 COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, reserved) == 28, "cosplat_objects_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, state_hash) == 32, "cosplat_objects_header");
 
 /** One Gaussian at rest (block `scene/gaussians`). */
 struct cosplat_gaussian_rest {
@@ -281,6 +290,31 @@ COSPLAT_ASSERT(offsetof(struct cosplat_object_info, poisson_ratio) == 32, "cospl
 COSPLAT_ASSERT(offsetof(struct cosplat_object_info, density) == 40, "cosplat_object_info");
 COSPLAT_ASSERT(offsetof(struct cosplat_object_info, name) == 48, "cosplat_object_info");
 COSPLAT_ASSERT(offsetof(struct cosplat_object_info, material) == 112, "cosplat_object_info");
+
+/** One file that the server read beside the scene file (block `scene/files`). With them the run can be simulated again. */
+struct cosplat_scene_file {
+    /** `SCENE_FILE_*`. */
+    uint32_t kind;
+    /** Zero. */
+    uint32_t reserved;
+    /** Length of its content when the server read it [byte]. */
+    uint64_t bytes;
+    /** XXH3 of its content then, 64 bits, seed 0. */
+    uint64_t hash;
+    /** As the scene file names it; the file name of a checkpoint. UTF-8, zero-padded. */
+    char name[4096];
+    /** Absolute path on the server's machine, UTF-8, zero-padded. */
+    char path[4096];
+};
+#define COSPLAT_SCENE_FILE_TYPE_NAME "cosplat.v1.SceneFile"
+COSPLAT_ASSERT(sizeof(struct cosplat_scene_file) == 8216, "cosplat_scene_file");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_scene_file) == 8, "cosplat_scene_file");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, kind) == 0, "cosplat_scene_file");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, reserved) == 4, "cosplat_scene_file");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, bytes) == 8, "cosplat_scene_file");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, hash) == 16, "cosplat_scene_file");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, name) == 24, "cosplat_scene_file");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, path) == 4120, "cosplat_scene_file");
 
 /** User header of every `scene` block. */
 struct cosplat_scene_header {

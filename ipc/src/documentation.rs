@@ -70,6 +70,7 @@ fn stream_table() -> String {
         (session::SCENE_OBJECTS, "[ObjectInfo]", "SceneHeader"),
         (session::SCENE_FEATURES, "[f32]", "SceneHeader"),
         (session::SCENE_SOURCE, "[u8]", "SceneHeader"),
+        (session::SCENE_FILES, "[SceneFile]", "SceneHeader"),
     ] {
         let header = match header {
             "" => "none".into(),

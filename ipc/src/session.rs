@@ -72,6 +72,7 @@ pub(crate) const SCENE_SH: Stream = scene("scene/sh");
 pub(crate) const SCENE_OBJECTS: Stream = scene("scene/objects");
 pub(crate) const SCENE_FEATURES: Stream = scene("scene/features");
 pub(crate) const SCENE_SOURCE: Stream = scene("scene/source");
+pub(crate) const SCENE_FILES: Stream = scene("scene/files");
 
 const fn scene(name: &'static str) -> Stream {
     Stream {

@@ -11,4 +11,5 @@ pub mod fill;
 pub mod load;
 pub mod scene_file;
 pub mod settings;
+pub mod sources;
 pub mod summary;

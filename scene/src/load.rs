@@ -1,6 +1,8 @@
 //! Reads a scene file and the assets it names from disk.
 
 use std::{
+    cell::RefCell,
+    collections::BTreeMap,
     error::Error,
     fs, io,
     path::{Path, PathBuf},
@@ -12,6 +14,7 @@ use crate::{
     assets::{self, Gaussians, ReadReport},
     scene_file::{BuildReport, SceneErrors, SceneFile, build_with_meshes},
     settings::{self, SettingError},
+    sources::{HeldFile, SourceFile, SourceKind},
 };
 
 /// A scene file, built.
@@ -25,6 +28,8 @@ pub struct LoadedScene {
     pub text: String,
     /// Warnings and what became of the assets.
     pub report: BuildReport,
+    /// The files that were read beside it, each once, in the order of reading.
+    pub sources: Vec<SourceFile>,
 }
 
 /// Why a scene file cannot be used.
@@ -95,39 +100,78 @@ pub fn load_scene_with(path: &Path, settings: &[String]) -> Result<LoadedScene, 
 /// # Errors
 /// Everything that is wrong with the text or its assets.
 pub fn load_text(text: String, path: &Path) -> Result<LoadedScene, LoadError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    build(text, path, &|name| {
+        let path = folder.join(name);
+        let content = fs::read(&path);
+        (path, content)
+    })
+}
+
+/// Builds a scene from a text and from files that are held in memory, by the names in the text; `path` names it in
+/// messages. No other file is opened.
+///
+/// # Errors
+/// As [`load_text`]; a file that is not among `files` counts as one that cannot be read.
+pub fn load_held(
+    text: String,
+    path: &Path,
+    files: &BTreeMap<String, HeldFile>,
+) -> Result<LoadedScene, LoadError> {
+    build(text, path, &|name| match files.get(name) {
+        Some(file) => (file.path.clone(), Ok(file.content.to_vec())),
+        None => (name.into(), Err(io::ErrorKind::NotFound.into())),
+    })
+}
+
+/// Where a file was looked for, and its content.
+type Opened = (PathBuf, io::Result<Vec<u8>>);
+
+/// Builds a scene with what `open` finds by a name in its text: a path and the content there.
+fn build(
+    text: String,
+    path: &Path,
+    open: &dyn Fn(&str) -> Opened,
+) -> Result<LoadedScene, LoadError> {
     let wrong = |errors| LoadError::Scene {
         path: path.into(),
         errors,
     };
-    let folder = path.parent().unwrap_or(Path::new(""));
     let file = SceneFile::parse(&text).map_err(wrong)?;
-    let (scene, report) = build_with_meshes(
-        &file,
-        &mut |name| read_asset(&folder.join(name)),
-        &mut |name| read_mesh(&folder.join(name)),
-    )
-    .map_err(wrong)?;
+    let sources = RefCell::new(Vec::<SourceFile>::new());
+    let read = |name: &str| {
+        let (path, content) = open(name);
+        let content = content.map_err(|cause| (path.clone(), cause))?;
+        let mut sources = sources.borrow_mut();
+        if sources.iter().all(|known| known.name != name) {
+            sources.push(SourceFile::of(SourceKind::Asset, name, &path, &content));
+        }
+        Ok((path, content))
+    };
+    let (scene, report) =
+        build_with_meshes(&file, &mut |name| read_asset(read(name)), &mut |name| {
+            read_mesh(read(name))
+        })
+        .map_err(wrong)?;
     Ok(LoadedScene {
         scene,
         file,
         text,
         report,
+        sources: sources.into_inner(),
     })
 }
 
-fn read_mesh(path: &Path) -> Result<TriangleMesh, Box<dyn Error + Send + Sync>> {
-    let bytes = fs::read(path).map_err(|cause| MeshFile {
-        path: path.into(),
-        cause,
-    })?;
+/// A file's path and content, or its path and why it has none.
+type Found = Result<(PathBuf, Vec<u8>), (PathBuf, io::Error)>;
+
+fn read_mesh(found: Found) -> Result<TriangleMesh, Box<dyn Error + Send + Sync>> {
+    let (path, bytes) = found.map_err(|(path, cause)| MeshFile { path, cause })?;
     Ok(assets::mesh::read(&path.display().to_string(), &bytes)?)
 }
 
-fn read_asset(path: &Path) -> Result<(Gaussians, ReadReport), Box<dyn Error + Send + Sync>> {
-    let bytes = fs::read(path).map_err(|cause| AssetFile {
-        path: path.into(),
-        cause,
-    })?;
+fn read_asset(found: Found) -> Result<(Gaussians, ReadReport), Box<dyn Error + Send + Sync>> {
+    let (path, bytes) = found.map_err(|(path, cause)| AssetFile { path, cause })?;
     Ok(assets::read(&path.display().to_string(), &bytes)?)
 }
 
@@ -161,6 +205,32 @@ fidelity = "static"
         assert_eq!(loaded.scene.gaussians.len(), vase.len());
         assert_eq!(loaded.text, TEXT);
         assert_eq!(loaded.report.assets[0].gaussians, vase.len());
+        let [source] = &loaded.sources[..] else {
+            panic!("{:?}", loaded.sources)
+        };
+        assert_eq!(source.name, "assets/vase.ply");
+        assert_eq!(source.path, folder.path().join("assets/vase.ply"));
+        assert_eq!(source.bytes, ply::write(&vase).len() as u64);
+    }
+
+    #[test]
+    fn a_scene_can_be_built_from_memory_alone() {
+        let vase = generate::builtin("vase").expect("known");
+        let held = HeldFile {
+            path: "/nowhere/vase.ply".into(),
+            content: ply::write(&vase).into(),
+        };
+        let files = BTreeMap::from([("assets/vase.ply".to_owned(), held)]);
+        let path = Path::new("run.mcap");
+        let loaded = load_held(TEXT.into(), path, &files).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(loaded.scene.gaussians.len(), vase.len());
+        assert_eq!(loaded.sources[0].path, Path::new("/nowhere/vase.ply"));
+        let error = load_held(TEXT.into(), path, &BTreeMap::new()).expect_err("no vase");
+        let words = error.to_string();
+        assert!(
+            words.contains("cannot read asset assets/vase.ply"),
+            "{words}"
+        );
     }
 
     #[test]

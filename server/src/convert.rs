@@ -1,6 +1,7 @@
 //! Between wire types and solver types: written by hand, so that neither side's layout leaks into the other.
 
 use cosplat_ipc::schema::{self as wire, padded};
+use cosplat_scene::sources::{SourceFile, SourceKind};
 use cosplat_sim_core::{
     Action, ObjectState, Scene,
     materials::{Law, Material, laws::LAWS},
@@ -19,6 +20,9 @@ pub enum WireError {
         /// The value sent.
         kind: u32,
     },
+    /// Only a replay can go to a step.
+    #[error("this session simulates and cannot go to a step: only a replay can")]
+    Seek,
     /// `material.law` is none of the known ones.
     #[error("material law {law} is unknown: expected 1 to {}", LAWS.len())]
     UnknownLaw {
@@ -83,6 +87,7 @@ pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
         wire::COMMAND_RELEASE => Action::Release { object },
         wire::COMMAND_RESET => Action::Reset,
         wire::COMMAND_CHECKPOINT => return Ok(Order::Checkpoint),
+        wire::COMMAND_SEEK => return Err(WireError::Seek),
         wire::COMMAND_PAUSE => return Ok(Order::Server(Control::Pause)),
         wire::COMMAND_RESUME => return Ok(Order::Server(Control::Resume)),
         wire::COMMAND_STOP => return Ok(Order::Server(Control::Stop)),
@@ -138,6 +143,16 @@ pub fn object_info(id: usize, object: &Object) -> wire::ObjectInfo {
         name: padded(&object.name),
         material: padded(&object.material.name),
     }
+}
+
+/// The file's row in the `scene/files` block.
+pub fn source_to_wire(source: &SourceFile) -> wire::SceneFile {
+    let kind = match source.kind {
+        SourceKind::Asset => wire::SCENE_FILE_ASSET,
+        SourceKind::Checkpoint => wire::SCENE_FILE_CHECKPOINT,
+    };
+    let path = source.path.to_string_lossy();
+    wire::SceneFile::new(kind, &source.name, &path, source.bytes, source.hash)
 }
 
 /// Colour of degree-0 spherical harmonics with opacity, as eight-bit RGBA, for every Gaussian.

@@ -3,7 +3,9 @@
 use std::{collections::VecDeque, time::Instant};
 
 use cosplat_ipc::{
-    schema::{self as wire, GaussianRest, GaussianState, ObjectInfo, SceneHeader, Status},
+    schema::{
+        self as wire, GaussianRest, GaussianState, ObjectInfo, SceneFile, SceneHeader, Status,
+    },
     server::SceneBlocks,
 };
 use cosplat_scene::load::LoadedScene;
@@ -15,7 +17,10 @@ use cosplat_sim_core::{
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
-    convert::{base_colors, gaussian_objects, gaussians_as_poses, object_info, object_to_wire},
+    convert::{
+        base_colors, gaussian_objects, gaussians_as_poses, object_info, object_to_wire,
+        source_to_wire,
+    },
     serve::ServeSummary,
 };
 
@@ -143,6 +148,7 @@ impl Output {
 pub struct SceneBuffers {
     gaussians: Vec<GaussianRest>,
     objects: Vec<ObjectInfo>,
+    files: Vec<SceneFile>,
 }
 
 impl SceneBuffers {
@@ -167,6 +173,7 @@ impl SceneBuffers {
                 .enumerate()
                 .map(|(id, object)| object_info(id, object))
                 .collect(),
+            files: loaded.sources.iter().map(source_to_wire).collect(),
         }
     }
 
@@ -194,6 +201,7 @@ impl SceneBuffers {
             objects: &self.objects,
             features: &scene.gaussians.feature,
             source: &loaded.text,
+            files: &self.files,
         }
     }
 

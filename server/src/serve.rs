@@ -12,7 +12,10 @@ use cosplat_ipc::{
     schema::{self as wire, FrameHeader},
     server::{CreateError, FrameLoan, LoanRefused, PoolPlan, PublishError, Reply, ServerPorts},
 };
-use cosplat_scene::load::LoadedScene;
+use cosplat_scene::{
+    load::LoadedScene,
+    sources::{SourceFile, SourceKind},
+};
 use cosplat_sim_core::{CheckpointError, StepReport, World, WorldError, notices::Notices};
 
 use crate::{
@@ -137,7 +140,7 @@ const LAST_WAIT: Duration = Duration::from_secs(2);
 /// # Errors
 /// See [`ServeError`]. Whatever clients do is no error.
 pub fn serve(
-    scene: LoadedScene,
+    mut scene: LoadedScene,
     options: &ServeOptions,
     stop: &AtomicBool,
     started: impl FnOnce(&ServeSummary),
@@ -150,23 +153,17 @@ pub fn serve(
             threads: options.threads,
             reason: error.to_string(),
         })?;
-    let buffers = SceneBuffers::new(&scene);
-    let blocks = buffers.blocks(&scene);
     let output = Output::new(&scene.scene);
     let mut world = pool
         .install(|| World::new(scene.scene.clone()))
         .map_err(ServeError::World)?;
     if let Some(path) = &options.restore {
-        let bytes = fs::read(path).map_err(|cause| ServeError::ReadCheckpoint {
-            path: path.clone(),
-            cause,
-        })?;
-        let restored = pool.install(|| world.restore(&bytes));
-        restored.map_err(|cause| ServeError::Restore {
-            path: path.clone(),
-            cause,
-        })?;
+        scene
+            .sources
+            .push(pool.install(|| restore(&mut world, path))?);
     }
+    let buffers = SceneBuffers::new(&scene);
+    let blocks = buffers.blocks(&scene);
     let plan = PoolPlan {
         frame_slots: options.frame_slots,
         ..PoolPlan::new(&blocks)
@@ -201,6 +198,21 @@ pub fn serve(
     started(&server.summary);
     server.run()?;
     Ok(server.summary)
+}
+
+/// Has `world` begin with the checkpoint at `path`.
+fn restore(world: &mut World, path: &Path) -> Result<SourceFile, ServeError> {
+    let bytes = fs::read(path).map_err(|cause| ServeError::ReadCheckpoint {
+        path: path.into(),
+        cause,
+    })?;
+    world.restore(&bytes).map_err(|cause| ServeError::Restore {
+        path: path.into(),
+        cause,
+    })?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let kind = SourceKind::Checkpoint;
+    Ok(SourceFile::of(kind, &name, path, &bytes))
 }
 
 struct Server<'a> {
@@ -396,6 +408,7 @@ impl Server<'_> {
             &wire::ObjectsHeader {
                 step: report.step,
                 sim_time: report.sim_time,
+                state_hash: report.state_hash,
                 ..Default::default()
             },
             &objects,

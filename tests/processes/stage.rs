@@ -106,6 +106,12 @@ impl Stage {
         let mut all = vec!["serve", path.to_str().expect("a plain path"), "--json"];
         all.extend(arguments);
         let mut process = Process::start(self.cosplat(&all));
+        self.wait_for_server(&mut process);
+        process
+    }
+
+    /// Waits until clients can attach to what `process` serves.
+    pub fn wait_for_server(&self, process: &mut Process) {
         let deadline = Instant::now() + PATIENCE;
         while let Err(error) =
             Client::connect(&self.domain, "default", "probe", Duration::from_millis(20))
@@ -117,7 +123,6 @@ impl Stage {
             );
             assert!(Instant::now() < deadline, "no server: {error}");
         }
-        process
     }
 
     /// Attaches to the stage's server.

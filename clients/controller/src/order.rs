@@ -77,6 +77,8 @@ pub enum Order {
     Pause,
     /// Step again.
     Resume,
+    /// Have a replay go to the step at which the order is to take effect.
+    Seek,
     /// Back to the initial state.
     Reset,
     /// Shut the server down.
@@ -294,6 +296,7 @@ impl Order {
             Order::Checkpoint => of_kind(wire::COMMAND_CHECKPOINT),
             Order::Pause => of_kind(wire::COMMAND_PAUSE),
             Order::Resume => of_kind(wire::COMMAND_RESUME),
+            Order::Seek => of_kind(wire::COMMAND_SEEK),
             Order::Reset => of_kind(wire::COMMAND_RESET),
             Order::Stop => of_kind(wire::COMMAND_STOP),
         })

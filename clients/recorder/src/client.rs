@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::RecordingError;
 use crate::latency::Latencies;
-use crate::messages::{GapReason, GapRecord, Hex64};
+use crate::messages::{GapReason, GapRecord, Hex64, JournalEntry};
 use crate::pipeline::{Pipeline, WriterEnded};
 use crate::writer::{RecordingWriter, WriterOptions};
 
@@ -263,6 +263,10 @@ impl Recorder {
                 self.latencies
                     .add(received_ns.saturating_sub(header.publish_ns));
             }
+            if header.epoch != self.epoch {
+                // What the old run left behind belongs before the new one's scene.
+                self.accompany(streams, (self.epoch, u64::MAX))?;
+            }
             self.gaps(&frame, stop)?;
             self.accompany(streams, (header.epoch, header.step))?;
             let status = streams.status.newest().unwrap_or_default();
@@ -387,8 +391,13 @@ impl Recorder {
             |m| (m.header().epoch, m.header().step) <= until,
         )? {
             self.summary.journal_missed += message.missed();
-            for entry in message.items() {
-                self.pipeline.journal(entry)?;
+            let header = *message.header();
+            for (applied, place) in message.items().iter().zip(0..) {
+                self.pipeline.journal(JournalEntry {
+                    applied: *applied,
+                    epoch: Some(header.epoch),
+                    index: Some(header.first.saturating_add(place)),
+                })?;
                 self.summary.journal_entries += 1;
             }
         }

@@ -1,11 +1,13 @@
 //! Recorder client: every published step into an MCAP file, and the way back.
 //!
 //! Reading order: what a message looks like ([`messages`], [`point_cloud`], [`ply`]), how a file is written
-//! ([`writer`]), read ([`reader`]) and repaired ([`recover`](mod@recover)), and the process that does it live
-//! ([`client`]). The file format is `docs/recording-format.md`.
+//! ([`writer`]), read ([`reader`], from any place on with [`chunks`]), played in any order with [`tape`], understood ([`runs`], [`survey`]) and repaired
+//! ([`recover`](mod@recover)), and the process that does it live ([`client`]). The file format is `docs/recording-format.md`.
 
+pub mod chunks;
 pub mod client;
 mod error;
+pub mod files;
 mod latency;
 pub mod messages;
 mod pipeline;
@@ -14,7 +16,10 @@ pub mod point_cloud;
 pub mod reader;
 mod records;
 pub mod recover;
+pub mod runs;
 mod segments;
+pub mod survey;
+pub mod tape;
 mod time_line;
 pub mod topics;
 mod write_behind;

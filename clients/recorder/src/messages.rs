@@ -231,6 +231,8 @@ pub struct ObjectsRecord {
     pub sim_time: f64,
     /// Identifies the published scene.
     pub epoch: Hex64,
+    /// Hash of the complete simulation state; recorders before it was told wrote none.
+    pub state_hash: Option<Hex64>,
     /// The objects, in the server's order.
     pub objects: Vec<ObjectRecord>,
 }
@@ -242,7 +244,20 @@ impl ObjectsRecord {
             step: header.step,
             sim_time: header.sim_time,
             epoch: Hex64(header.epoch),
+            state_hash: Some(Hex64(header.state_hash)),
             objects: objects.iter().map(ObjectRecord::from).collect(),
+        }
+    }
+
+    /// The header as wire type; a hash that was not recorded is 0.
+    pub fn header(&self) -> wire::ObjectsHeader {
+        wire::ObjectsHeader {
+            step: self.step,
+            sim_time: self.sim_time,
+            epoch: self.epoch.0,
+            count: self.objects.len() as u32,
+            state_hash: self.state_hash.map_or(0, u64::from),
+            ..Default::default()
         }
     }
 
@@ -263,9 +278,24 @@ twin! {
     }
 }
 
+/// A command as it was applied, and its place among those of its run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JournalEntry {
+    /// The command.
+    pub applied: wire::AppliedCommand,
+    /// Epoch of the run; `None` in recordings of older recorders.
+    pub epoch: Option<u64>,
+    /// Commands that the run applied before; `None` in recordings of older recorders.
+    pub index: Option<u64>,
+}
+
 /// `/journal`: a command as it was applied.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JournalRecord {
+    /// Epoch of the run.
+    pub epoch: Option<Hex64>,
+    /// Commands that the run applied before: a jump shows that some are missing.
+    pub index: Option<u64>,
     /// Step at whose start it took effect.
     pub step: u64,
     /// Who sent it.
@@ -293,12 +323,19 @@ pub struct JournalRecord {
     pub material: MaterialRecord,
 }
 
-impl From<&wire::AppliedCommand> for JournalRecord {
-    fn from(entry: &wire::AppliedCommand) -> Self {
-        let command = &entry.command;
+impl From<&JournalEntry> for JournalRecord {
+    fn from(entry: &JournalEntry) -> Self {
+        let JournalEntry {
+            applied,
+            epoch,
+            index,
+        } = entry;
+        let command = &applied.command;
         Self {
-            step: entry.step,
-            client: Hex64(entry.client),
+            epoch: epoch.map(Hex64),
+            index: *index,
+            step: applied.step,
+            client: Hex64(applied.client),
             name: command_name(command.kind).to_owned(),
             kind: command.kind,
             object: command.object,
@@ -308,6 +345,16 @@ impl From<&wire::AppliedCommand> for JournalRecord {
             point: command.point,
             radius: command.radius,
             material: (&command.material).into(),
+        }
+    }
+}
+
+impl From<&JournalRecord> for JournalEntry {
+    fn from(record: &JournalRecord) -> Self {
+        Self {
+            applied: record.into(),
+            epoch: record.epoch.map(u64::from),
+            index: record.index,
         }
     }
 }
@@ -332,7 +379,7 @@ impl From<&JournalRecord> for wire::AppliedCommand {
 }
 
 /// Name of a command kind.
-fn command_name(kind: u32) -> &'static str {
+pub fn command_name(kind: u32) -> &'static str {
     match kind {
         wire::COMMAND_IMPULSE => "impulse",
         wire::COMMAND_IMPULSE_AT => "impulse_at",
@@ -376,182 +423,4 @@ pub enum GapReason {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Numbers whose shortest decimal form is long, very large, very small, or negative zero.
-    fn awkward(i: usize) -> f64 {
-        [
-            0.1,
-            -0.0,
-            5e-324,
-            f64::MAX,
-            1.0 / 3.0,
-            123_456_789.123_456_79,
-            -2.5e-17,
-        ][i % 7]
-    }
-
-    #[test]
-    fn objects_come_back_bit_for_bit() {
-        let v = |o: usize| [awkward(o), awkward(o + 1), awkward(o + 2)];
-        let object = wire::ObjectState {
-            id: 7,
-            fidelity: 2,
-            mass: awkward(0),
-            com: v(1),
-            rotation: [awkward(2), awkward(3), awkward(4), awkward(5)],
-            linear_velocity: v(3),
-            angular_velocity: v(4),
-            inertia: std::array::from_fn(awkward),
-            radius: awkward(6),
-            kinetic_energy: awkward(2),
-            elastic_energy: awkward(4),
-            contact_impulse: v(5),
-        };
-        let json = serde_json::to_vec(&ObjectRecord::from(&object)).unwrap();
-        let back: ObjectRecord = serde_json::from_slice(&json).unwrap();
-        assert_eq!(
-            bytemuck::bytes_of(&wire::ObjectState::from(&back)),
-            bytemuck::bytes_of(&object)
-        );
-    }
-
-    #[test]
-    fn journal_and_status_come_back_bit_for_bit() {
-        let entry = wire::AppliedCommand {
-            step: u64::MAX >> 12,
-            client: u64::MAX - 1,
-            command: wire::Command {
-                kind: wire::COMMAND_SET_MATERIAL,
-                object: 3,
-                sequence: 9,
-                apply_at_step: 12,
-                vector: [awkward(0), awkward(1), awkward(2)],
-                point: [awkward(4), awkward(5), awkward(6)],
-                radius: awkward(4),
-                material: wire::MaterialSpec {
-                    law: 6,
-                    region: 2,
-                    youngs_modulus: 1e6 / 3.0,
-                    poisson_ratio: 0.3,
-                    parameters: [awkward(3), awkward(1), 0.4, 0.0],
-                },
-            },
-        };
-        let json = serde_json::to_vec(&JournalRecord::from(&entry)).unwrap();
-        let back: JournalRecord = serde_json::from_slice(&json).unwrap();
-        assert_eq!(
-            bytemuck::bytes_of(&wire::AppliedCommand::from(&back)),
-            bytemuck::bytes_of(&entry)
-        );
-
-        let header = wire::FrameHeader {
-            step: 5,
-            sim_time: 5.0 / 60.0,
-            dt: 1.0 / 777.0,
-            epoch: u64::MAX,
-            state_hash: 0xdead_beef_dead_beef,
-            publish_ns: 77,
-            count: 4,
-            substeps: 13,
-            flags: wire::FRAME_FLAG_LAST,
-            ..Default::default()
-        };
-        let status = wire::Status {
-            state_hash: u64::MAX - 5,
-            kinetic_energy: awkward(4),
-            ..Default::default()
-        };
-        let json = serde_json::to_vec(&StatusRecord::new(&header, Some(&status))).unwrap();
-        let back: StatusRecord = serde_json::from_slice(&json).unwrap();
-        assert_eq!(
-            bytemuck::bytes_of(&back.header()),
-            bytemuck::bytes_of(&header)
-        );
-        let board = wire::Status::from(back.board.as_ref().unwrap());
-        assert_eq!(bytemuck::bytes_of(&board), bytemuck::bytes_of(&status));
-    }
-
-    #[test]
-    fn numbers_that_are_not_finite_do_not_make_a_message_unreadable() {
-        let status = wire::Status {
-            kinetic_energy: f64::INFINITY,
-            linear_momentum: [1.0, f64::NAN, 3.0],
-            ..Default::default()
-        };
-        let header = wire::FrameHeader {
-            dt: f64::NAN,
-            ..Default::default()
-        };
-        let json = serde_json::to_vec(&StatusRecord::new(&header, Some(&status))).unwrap();
-        let back: StatusRecord = serde_json::from_slice(&json).unwrap();
-        assert!(back.dt.is_nan());
-        let board = back.board.unwrap();
-        assert!(board.kinetic_energy.is_nan() && board.linear_momentum[1].is_nan());
-        assert_eq!(
-            (board.linear_momentum[0], board.linear_momentum[2]),
-            (1.0, 3.0)
-        );
-        let short = r#"{"law": 1, "youngs_modulus": null}"#;
-        assert!(serde_json::from_str::<MaterialRecord>(short).is_err());
-    }
-
-    #[test]
-    fn every_schema_names_exactly_the_fields_that_are_written() {
-        let board = BoardRecord::from(&wire::Status::default());
-        let status = StatusRecord {
-            board: Some(board),
-            ..StatusRecord::new(&wire::FrameHeader::default(), None)
-        };
-        let objects = ObjectsRecord::new(&wire::ObjectsHeader::default(), &[Default::default()]);
-        let journal = JournalRecord::from(&wire::AppliedCommand::default());
-        let gap = GapRecord {
-            epoch: Hex64(1),
-            from_step: 2,
-            to_step: Some(3),
-            reason: GapReason::Missed,
-        };
-        check(&status, crate::topics::STATUS_SCHEMA);
-        check(&objects, crate::topics::OBJECTS_SCHEMA);
-        check(&journal, crate::topics::JOURNAL_SCHEMA);
-        check(&gap, crate::topics::GAPS_SCHEMA);
-
-        fn check(value: &impl Serialize, schema: &str) {
-            let schema: serde_json::Value = serde_json::from_str(schema).unwrap();
-            same_shape(&serde_json::to_value(value).unwrap(), &schema, "");
-        }
-
-        fn same_shape(value: &serde_json::Value, schema: &serde_json::Value, at: &str) {
-            use serde_json::Value;
-            let kinds = match &schema["type"] {
-                Value::String(one) => vec![one.as_str()],
-                Value::Array(many) => many.iter().filter_map(Value::as_str).collect(),
-                other => panic!("{at}: schema type is {other}"),
-            };
-            let kind = match value {
-                Value::Object(_) => "object",
-                Value::Array(_) => "array",
-                Value::String(_) => "string",
-                Value::Number(n) if n.is_f64() => "number",
-                Value::Number(_) => "integer",
-                other => panic!("{at}: unexpected value {other}"),
-            };
-            assert!(
-                kinds.contains(&kind),
-                "{at}: value is {kind}, schema {kinds:?}"
-            );
-            if let Value::Object(map) = value {
-                let properties = schema["properties"].as_object().unwrap();
-                let names: Vec<_> = properties.keys().collect();
-                assert_eq!(map.keys().collect::<Vec<_>>(), names, "fields at {at}");
-                for (name, inner) in map {
-                    same_shape(inner, &properties[name], &format!("{at}/{name}"));
-                }
-            }
-            if let Value::Array(items) = value {
-                same_shape(&items[0], &schema["items"], &format!("{at}[]"));
-            }
-        }
-    }
-}
+mod tests;

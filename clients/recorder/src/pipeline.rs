@@ -9,13 +9,11 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use cosplat_ipc::client::SceneView;
-use cosplat_ipc::schema::{
-    AppliedCommand, FrameHeader, GaussianState, ObjectState, ObjectsHeader, Status,
-};
+use cosplat_ipc::schema::{FrameHeader, GaussianState, ObjectState, ObjectsHeader, Status};
 use cosplat_ipc::server::SceneBlocks;
 
 use crate::RecordingError;
-use crate::messages::GapRecord;
+use crate::messages::{GapRecord, JournalEntry};
 use crate::point_cloud;
 use crate::writer::RecordingWriter;
 
@@ -30,7 +28,7 @@ const FLUSH_PERIOD: Duration = Duration::from_secs(1);
 enum Job {
     Epoch(Box<SceneView>),
     Objects(ObjectsHeader, Vec<ObjectState>),
-    Journal(AppliedCommand),
+    Journal(JournalEntry),
     Gap(GapRecord),
     Frame(FrameHeader, Vec<u8>, Option<Box<Status>>),
 }
@@ -76,8 +74,8 @@ impl Pipeline {
         self.send(Job::Objects(*header, objects.to_vec()))
     }
 
-    pub(crate) fn journal(&self, entry: &AppliedCommand) -> Result<(), WriterEnded> {
-        self.send(Job::Journal(*entry))
+    pub(crate) fn journal(&self, entry: JournalEntry) -> Result<(), WriterEnded> {
+        self.send(Job::Journal(entry))
     }
 
     pub(crate) fn gap(&self, gap: GapRecord) -> Result<(), WriterEnded> {
@@ -144,6 +142,7 @@ fn write(
                     objects: scene.objects(),
                     features: scene.features(),
                     source: &source,
+                    files: scene.files(),
                 };
                 writer.begin_epoch(session, &blocks)?;
             }

@@ -5,13 +5,16 @@ use std::fs::File;
 use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
 
-use cosplat_ipc::schema::{AppliedCommand, FrameHeader, GaussianState, ObjectState, ObjectsHeader};
+use cosplat_ipc::schema::{FrameHeader, GaussianState, ObjectState, ObjectsHeader};
 use mcap::records::{MessageHeader, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::RecordingError;
-use crate::messages::{BoardRecord, GapRecord, JournalRecord, ObjectsRecord, StatusRecord};
+use crate::messages::{
+    BoardRecord, GapRecord, JournalEntry, JournalRecord, ObjectsRecord, StatusRecord,
+};
 use crate::point_cloud;
 use crate::records;
 use crate::topics::*;
@@ -23,7 +26,7 @@ pub(crate) const LENGTH_LIMIT: usize = 4 << 30;
 pub(crate) const READ_LIMIT: usize = 16 << 20;
 
 /// Records that make [`Event`]s.
-const DECODED: [u8; 4] = [op::CHANNEL, op::MESSAGE, op::METADATA, op::ATTACHMENT];
+pub(crate) const DECODED: [u8; 4] = [op::CHANNEL, op::MESSAGE, op::METADATA, op::ATTACHMENT];
 
 /// One frame of a recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,9 +63,18 @@ pub enum Event {
     /// The objects of a step.
     Objects(ObjectsHeader, Vec<ObjectState>),
     /// A command as it was applied.
-    Journal(AppliedCommand),
+    Journal(JournalEntry),
     /// Missing steps.
     Gap(GapRecord),
+}
+
+/// What the messages of a topic come to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Traffic {
+    /// Messages.
+    pub messages: u64,
+    /// Their bytes.
+    pub bytes: u64,
 }
 
 /// Iterator over the [`Event`]s of a finished recording; ends after the first error.
@@ -93,6 +105,18 @@ impl Recording {
             decoder: Decoder::default(),
             failed: false,
         })
+    }
+
+    /// Leaves the Gaussians out of [`Event::Frame`]: for those who look at headers only.
+    #[must_use]
+    pub fn without_gaussians(mut self) -> Self {
+        self.decoder.skips_gaussians = true;
+        self
+    }
+
+    /// What was read so far, by topic.
+    pub fn traffic(&self) -> &BTreeMap<String, Traffic> {
+        &self.decoder.traffic
     }
 
     fn advance(&mut self) -> Result<Option<Event>, RecordingError> {
@@ -158,14 +182,14 @@ pub(crate) fn open_mcap(path: &Path) -> Result<File, RecordingError> {
 }
 
 /// A message that is not what its topic promises.
-struct BadMessage {
+pub(crate) struct BadMessage {
     topic: String,
     sequence: u32,
     why: String,
 }
 
 impl BadMessage {
-    fn at(self, path: &Path) -> RecordingError {
+    pub(crate) fn at(self, path: &Path) -> RecordingError {
         RecordingError::Message {
             path: path.into(),
             topic: self.topic,
@@ -177,14 +201,16 @@ impl BadMessage {
 
 /// Turns records into events.
 #[derive(Default)]
-struct Decoder {
+pub(crate) struct Decoder {
     topics: BTreeMap<u16, String>,
+    traffic: BTreeMap<String, Traffic>,
+    pub(crate) skips_gaussians: bool,
     /// Newest `/status`, which precedes the Gaussians of its step.
     status: Option<StatusRecord>,
 }
 
 impl Decoder {
-    fn decode(&mut self, record: Record) -> Result<Option<Event>, BadMessage> {
+    pub(crate) fn decode(&mut self, record: Record) -> Result<Option<Event>, BadMessage> {
         match record {
             Record::Channel(channel) => {
                 self.topics.insert(channel.id, channel.topic);
@@ -204,6 +230,9 @@ impl Decoder {
                     .get(&header.channel_id)
                     .cloned()
                     .unwrap_or_default();
+                let traffic = self.traffic.entry(topic.clone()).or_default();
+                traffic.messages += 1;
+                traffic.bytes += data.len() as u64;
                 self.message(&topic, &header, &data)
                     .map_err(|why| BadMessage {
                         topic,
@@ -227,14 +256,17 @@ impl Decoder {
                 return Ok(None);
             }
             GAUSSIANS_TOPIC => {
-                let gaussians = point_cloud::decode(data)?;
+                let gaussians = match self.skips_gaussians {
+                    true => Vec::new(),
+                    false => point_cloud::decode(data)?,
+                };
                 let status = self
                     .status
                     .take()
                     .filter(|s| s.step as u32 == header.sequence)
                     .ok_or("the /status of the same step does not precede it")?;
                 let header_of_frame = status.header();
-                if gaussians.len() != header_of_frame.count as usize {
+                if !self.skips_gaussians && gaussians.len() != header_of_frame.count as usize {
                     return Err(format!(
                         "{} Gaussians, but the /status of the same step says {}",
                         gaussians.len(),
@@ -250,14 +282,7 @@ impl Decoder {
             }
             OBJECTS_TOPIC => {
                 let record: ObjectsRecord = json(data)?;
-                let header = ObjectsHeader {
-                    step: record.step,
-                    sim_time: record.sim_time,
-                    epoch: record.epoch.0,
-                    count: record.objects.len() as u32,
-                    ..Default::default()
-                };
-                Event::Objects(header, record.states())
+                Event::Objects(record.header(), record.states())
             }
             JOURNAL_TOPIC => Event::Journal((&json::<JournalRecord>(data)?).into()),
             GAPS_TOPIC => Event::Gap(json(data)?),

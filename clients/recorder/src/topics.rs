@@ -33,6 +33,8 @@ pub const SCENE_SH: &str = "scene/sh.bin";
 pub const SCENE_FEATURES: &str = "scene/features.bin";
 /// Attachment: `[ObjectInfo]`, wire layout.
 pub const SCENE_OBJECTS: &str = "scene/objects.bin";
+/// First part of the names of attached files; hash and file name follow.
+pub const FILES_PREFIX: &str = "files/";
 
 /// JSON schema of `/status`.
 pub const STATUS_SCHEMA: &str = include_str!("../schemas/status.json");

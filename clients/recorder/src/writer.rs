@@ -1,14 +1,13 @@
 //! A recording being written: topics, schemas, times, chunks.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use cosplat_ipc::monotonic_ns;
 use cosplat_ipc::schema::{
-    AppliedCommand, FrameHeader, GaussianState, ObjectState, ObjectsHeader, Status, TextError,
-    WIRE_VERSION,
+    FrameHeader, GaussianState, ObjectState, ObjectsHeader, Status, TextError, WIRE_VERSION,
 };
 use cosplat_ipc::server::SceneBlocks;
 use foxglove::messages::{FrameTransform, FrameTransforms, Quaternion, Vector3};
@@ -17,7 +16,8 @@ use prost::Message;
 use serde::Serialize;
 
 use crate::RecordingError;
-use crate::messages::{GapRecord, JournalRecord, ObjectsRecord, StatusRecord};
+use crate::files::{self, KeptFile};
+use crate::messages::{GapRecord, JournalEntry, JournalRecord, ObjectsRecord, StatusRecord};
 use crate::ply::PlyScene;
 use crate::point_cloud::{self, WORLD_FRAME, timestamp};
 use crate::time_line::{TimeLine, wall_offset};
@@ -111,6 +111,8 @@ pub struct RecordingWriter {
     /// Wall clock minus `CLOCK_MONOTONIC` [ns].
     wall_offset: i64,
     attached_scene: Option<u64>,
+    /// Names of the file attachments there are.
+    attached_files: BTreeSet<String>,
 }
 
 impl RecordingWriter {
@@ -137,10 +139,12 @@ impl RecordingWriter {
             time: TimeLine::default(),
             wall_offset: wall_offset(),
             attached_scene: None,
+            attached_files: BTreeSet::new(),
         })
     }
 
-    /// Opens a scene epoch: run parameters as metadata, and the scene as attachments unless the file has it already.
+    /// Opens a scene epoch: run parameters as metadata, and the scene and the files it was made of as attachments, each
+    /// unless the recording has it already. A file that is no longer what the server read is left out, with a warning.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -181,6 +185,12 @@ impl RecordingWriter {
                 name(object.material()),
             );
         }
+        let kept: Vec<_> = scene
+            .files
+            .iter()
+            .map(|file| KeptFile::read(file, &self.attached_files))
+            .collect();
+        files::describe(&kept, &mut metadata);
         let record = Metadata {
             name: RUN_METADATA.to_owned(),
             metadata,
@@ -191,6 +201,13 @@ impl RecordingWriter {
         if is_new {
             self.attach_scene(scene)?;
             self.attached_scene = Some(header.scene_hash);
+        }
+        for file in &kept {
+            let Ok(content) = &file.content else { continue };
+            if self.attached_files.insert(file.attachment.clone()) {
+                let binary = "application/octet-stream";
+                self.attach_always(&file.attachment, binary, content)?;
+            }
         }
         self.flush()
     }
@@ -221,9 +238,18 @@ impl RecordingWriter {
     }
 
     fn attach(&mut self, name: &str, media_type: &str, data: &[u8]) -> Result<(), RecordingError> {
-        if data.is_empty() {
-            return Ok(());
+        match data.is_empty() {
+            true => Ok(()),
+            false => self.attach_always(name, media_type, data),
         }
+    }
+
+    fn attach_always(
+        &mut self,
+        name: &str,
+        media_type: &str,
+        data: &[u8],
+    ) -> Result<(), RecordingError> {
         let header = self.attachment(name, media_type);
         self.bytes += data.len() as u64;
         self.mcap
@@ -328,8 +354,8 @@ impl RecordingWriter {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn journal(&mut self, entry: &AppliedCommand) -> Result<(), RecordingError> {
-        let stamp = self.stamp_now(entry.step);
+    pub fn journal(&mut self, entry: &JournalEntry) -> Result<(), RecordingError> {
+        let stamp = self.stamp_now(entry.applied.step);
         self.json(self.channels.journal, stamp, &JournalRecord::from(entry))
     }
 

@@ -10,6 +10,7 @@ mod recording {
     pub mod elsewhere;
     pub mod killed;
     pub mod live;
+    pub mod played;
     pub mod read_back;
     pub mod synthetic;
 }

@@ -91,6 +91,7 @@ fn with_scene<T>(sh_degree: u32, tint: f32, act: impl FnOnce(&SceneBlocks) -> T)
         objects: &[object],
         features: &[],
         source: "",
+        files: &[],
     })
 }
 

@@ -10,7 +10,7 @@ use iceoryx2::{port::subscriber::Subscriber, prelude::ZeroCopySend, sample::Samp
 use super::{Client, ConnectError, RETRY_PERIOD, deadline, origin::Origin};
 use crate::{
     Service,
-    schema::{GaussianRest, ObjectInfo, SceneHeader},
+    schema::{GaussianRest, ObjectInfo, SceneFile, SceneHeader},
     session::{self, Stream},
 };
 
@@ -23,6 +23,7 @@ pub struct SceneView {
     sh: Block<f32>,
     objects: Block<ObjectInfo>,
     source: Block<u8>,
+    files: Block<SceneFile>,
     features: Option<Block<f32>>,
 }
 
@@ -55,6 +56,11 @@ impl SceneView {
     /// Text of the scene file; bytes that are not UTF-8 are replaced.
     pub fn source(&self) -> String {
         String::from_utf8_lossy(self.source.payload()).into_owned()
+    }
+
+    /// The files that the server read beside the scene file.
+    pub fn files(&self) -> &[SceneFile] {
+        self.files.payload()
     }
 
     /// Why the blocks do not fit together.
@@ -180,6 +186,7 @@ struct Search {
     sh: Asked<f32>,
     objects: Asked<ObjectInfo>,
     source: Asked<u8>,
+    files: Asked<SceneFile>,
     features: Asked<f32>,
 }
 
@@ -192,6 +199,7 @@ impl Search {
             sh: Asked::new(session::SCENE_SH),
             objects: Asked::new(session::SCENE_OBJECTS),
             source: Asked::new(session::SCENE_SOURCE),
+            files: Asked::new(session::SCENE_FILES),
             features: Asked::new(session::SCENE_FEATURES),
         }
     }
@@ -202,6 +210,7 @@ impl Search {
         self.sh.look(client)?;
         self.objects.look(client)?;
         self.source.look(client)?;
+        self.files.look(client)?;
         if self.has_features() {
             self.features.look(client)?;
         }
@@ -219,6 +228,7 @@ impl Search {
             Some(self.sh.header()),
             Some(self.objects.header()),
             Some(self.source.header()),
+            Some(self.files.header()),
             self.has_features().then(|| self.features.header()),
         ]
         .into_iter()
@@ -239,6 +249,7 @@ impl Search {
             "the spherical harmonics of its scene",
             "the objects of its scene",
             "the file of its scene",
+            "the list of files of its scene",
             "the features of its scene",
         ];
         let missing = self.headers().zip(names).find(|(h, _)| h.is_none());
@@ -255,6 +266,7 @@ impl Search {
             sh: self.sh.newest?,
             objects: self.objects.newest?,
             source: self.source.newest?,
+            files: self.files.newest?,
             features,
         })
     }

@@ -35,6 +35,9 @@ pub const COMMAND_RELEASE: u32 = 12;
 /// Write a checkpoint of the state before `apply_at_step`; the answer's `reason` is the file's path.
 pub const COMMAND_CHECKPOINT: u32 = 13;
 
+/// Have a replay go to `apply_at_step`, or to the first recorded step behind it; servers that simulate refuse it.
+pub const COMMAND_SEEK: u32 = 20;
+
 /// Law and parameters of a material; `docs/wire-format.md` lists the laws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("cosplat.v1.MaterialSpec")]

@@ -105,12 +105,13 @@ wire_types! {
         184 elastic_energy: f64,
         192 contact_impulse: [f64; 3],
     }
-    "cosplat.v1.ObjectsHeader" ObjectsHeader: 32 align 8 {
+    "cosplat.v1.ObjectsHeader" ObjectsHeader: 40 align 8 {
         0 step: u64,
         8 sim_time: f64,
         16 epoch: u64,
         24 count: u32,
         28 reserved: u32,
+        32 state_hash: u64,
     }
     "cosplat.v1.GaussianRest" GaussianRest: 48 align 4 {
         0 position: [f32; 3],
@@ -131,6 +132,14 @@ wire_types! {
         40 density: f64,
         48 name: [u8; 64],
         112 material: [u8; 32],
+    }
+    "cosplat.v1.SceneFile" SceneFile: 8216 align 8 {
+        0 kind: u32,
+        4 reserved: u32,
+        8 bytes: u64,
+        16 hash: u64,
+        24 name: [u8; 4096],
+        4120 path: [u8; 4096],
     }
     "cosplat.v1.SceneHeader" SceneHeader: 104 align 8 {
         0 epoch: u64,

@@ -49,4 +49,6 @@ pub struct ObjectsHeader {
     pub count: u32,
     /// Zero.
     pub reserved: u32,
+    /// Hash of the complete simulation state, as in `frame`; here also of steps whose frame was skipped.
+    pub state_hash: u64,
 }

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::text::{TextError, str_from_padded};
+use super::text::{TextError, padded, str_from_padded};
 
 /// One Gaussian at rest (block `scene/gaussians`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
@@ -60,6 +60,54 @@ impl ObjectInfo {
     /// The name of the object's material.
     pub fn material(&self) -> Result<&str, TextError> {
         str_from_padded(&self.material)
+    }
+}
+
+/// `SceneFile::kind`: a splat or mesh that the scene file names.
+pub const SCENE_FILE_ASSET: u32 = 1;
+/// `SceneFile::kind`: the checkpoint that the server began with.
+pub const SCENE_FILE_CHECKPOINT: u32 = 2;
+
+/// One file that the server read beside the scene file (block `scene/files`). With them the run can be simulated again.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("cosplat.v1.SceneFile")]
+#[repr(C)]
+pub struct SceneFile {
+    /// `SCENE_FILE_*`.
+    pub kind: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Length of its content when the server read it [byte].
+    pub bytes: u64,
+    /// XXH3 of its content then, 64 bits, seed 0.
+    pub hash: u64,
+    /// As the scene file names it; the file name of a checkpoint. UTF-8, zero-padded.
+    pub name: [u8; 4096],
+    /// Absolute path on the server's machine, UTF-8, zero-padded.
+    pub path: [u8; 4096],
+}
+
+impl SceneFile {
+    /// A file of `kind` with this length [byte] and hash; names longer than 4096 bytes are cut, as no system opens them.
+    pub fn new(kind: u32, name: &str, path: &str, bytes: u64, hash: u64) -> Self {
+        Self {
+            kind,
+            reserved: 0,
+            bytes,
+            hash,
+            name: padded(name),
+            path: padded(path),
+        }
+    }
+
+    /// The name by which the scene file asks for it.
+    pub fn name(&self) -> Result<&str, TextError> {
+        str_from_padded(&self.name)
+    }
+
+    /// Where it lies on the server's machine.
+    pub fn path(&self) -> Result<&str, TextError> {
+        str_from_padded(&self.path)
     }
 }
 

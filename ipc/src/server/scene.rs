@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     Service,
-    schema::{GaussianRest, ObjectInfo, SceneHeader},
+    schema::{GaussianRest, ObjectInfo, SceneFile, SceneHeader},
     session::{self, SessionName, Stream},
 };
 
@@ -31,6 +31,8 @@ pub struct SceneBlocks<'a> {
     pub features: &'a [f32],
     /// Text of the scene file.
     pub source: &'a str,
+    /// The files that were read beside it.
+    pub files: &'a [SceneFile],
 }
 
 impl SceneBlocks<'_> {
@@ -42,6 +44,7 @@ impl SceneBlocks<'_> {
             size_of_val(self.objects),
             size_of_val(self.features),
             self.source.len(),
+            size_of_val(self.files),
         ];
         parts.iter().sum::<usize>() as u64
     }
@@ -104,6 +107,7 @@ impl SceneBlocks<'_> {
                 header,
                 self.source.as_bytes(),
             )?,
+            block(node, session, session::SCENE_FILES, header, self.files)?,
         ];
         if header.feature_dim > 0 {
             ports.push(block(

@@ -11,7 +11,10 @@ use std::{
 use bytemuck::Zeroable;
 use cosplat_ipc::{
     Domain, ServerPorts,
-    schema::{FrameHeader, GaussianRest, GaussianState, ObjectInfo, SceneHeader, padded},
+    schema::{
+        FrameHeader, GaussianRest, GaussianState, ObjectInfo, SCENE_FILE_ASSET, SceneFile,
+        SceneHeader, padded,
+    },
     server::{PoolPlan, SceneBlocks},
 };
 
@@ -70,6 +73,7 @@ pub struct TestScene {
     sh: Vec<f32>,
     objects: Vec<ObjectInfo>,
     features: Vec<f32>,
+    files: Vec<SceneFile>,
 }
 
 impl TestScene {
@@ -88,6 +92,13 @@ impl TestScene {
                 ..ObjectInfo::zeroed()
             }],
             features: (0..COUNT * 2).map(|i| -(i as f32)).collect(),
+            files: vec![SceneFile::new(
+                SCENE_FILE_ASSET,
+                "vase.ply",
+                "/data/vase.ply",
+                5,
+                9,
+            )],
         }
     }
 
@@ -103,6 +114,7 @@ impl TestScene {
             objects: &self.objects,
             features: &self.features,
             source: SOURCE,
+            files: &self.files,
         }
     }
 }

@@ -102,7 +102,9 @@ class Recording:
             record = self._json("/objects", step, data)
             if int(record["epoch"], 16) == self.epoch:
                 states = np.array([_values(ObjectState, entry) for entry in record["objects"]], ObjectState.dtype)
-                header = ObjectsHeader(record["step"], _number(record["sim_time"]), self.epoch, len(states))
+                # Older recordings have no hash here.
+                state_hash = int(record.get("state_hash") or "0", 16)
+                header = ObjectsHeader(record["step"], _number(record["sim_time"]), self.epoch, len(states), state_hash)
                 return Objects(header, states, 0, False, self.names)
         raise RecordingDamaged(f"{self.path}: the objects of step {step} are missing")
 

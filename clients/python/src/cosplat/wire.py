@@ -49,7 +49,7 @@ class Record:
         return cls(*values)
 
 
-SCHEMA_HASH = 0x0c2d81f506ad0dc2
+SCHEMA_HASH = 0x99f49160952eefe4
 """Hash of the layout of all types: a server with another one in its hello is not read."""
 COMMAND_IMPULSE = 1
 """`Command::kind`: add `vector` [N s] to the momentum of `object`."""
@@ -77,6 +77,8 @@ COMMAND_RELEASE = 12
 """Let go what `COMMAND_PIN` holds of `object`."""
 COMMAND_CHECKPOINT = 13
 """Write a checkpoint of the state before `apply_at_step`; the answer's `reason` is the file's path."""
+COMMAND_SEEK = 20
+"""Have a replay go to `apply_at_step`, or to the first recorded step behind it; servers that simulate refuse it."""
 ACK_ACCEPTED = 1
 """The command takes effect at `applied_at_step`."""
 ACK_REFUSED = 2
@@ -91,6 +93,10 @@ FRAME_FLAG_LAST = 4
 """This is the last frame of the session."""
 WIRE_VERSION = 1
 """Major version of the wire contract; part of every service and type name."""
+SCENE_FILE_ASSET = 1
+"""`SceneFile::kind`: a splat or mesh that the scene file names."""
+SCENE_FILE_CHECKPOINT = 2
+"""`SceneFile::kind`: the checkpoint that the server began with."""
 SERVER_RUNNING = 1
 """The server is stepping."""
 SERVER_PAUSED = 2
@@ -250,11 +256,12 @@ class ObjectsHeader(Record):
     type_name = "cosplat.v1.ObjectsHeader"
     alignment = 8
     dtype = _dtype(
-        32,
+        40,
         step=("<u8", 0),
         sim_time=("<f8", 8),
         epoch=("<u8", 16),
         count=("<u4", 24),
+        state_hash=("<u8", 32),
     )
 
     step: int
@@ -265,6 +272,8 @@ class ObjectsHeader(Record):
     """As in `frame`."""
     count: int
     """Objects in this message."""
+    state_hash: int
+    """Hash of the complete simulation state, as in `frame`; here also of steps whose frame was skipped."""
 
 
 @dataclass(slots=True)
@@ -337,6 +346,33 @@ class ObjectInfo(Record):
     """Name, UTF-8, zero-padded."""
     material: bytes
     """Material name, UTF-8, zero-padded."""
+
+
+@dataclass(slots=True)
+class SceneFile(Record):
+    """One file that the server read beside the scene file (block `scene/files`). With them the run can be simulated again."""
+
+    type_name = "cosplat.v1.SceneFile"
+    alignment = 8
+    dtype = _dtype(
+        8216,
+        kind=("<u4", 0),
+        bytes=("<u8", 8),
+        hash=("<u8", 16),
+        name=("S4096", 24),
+        path=("S4096", 4120),
+    )
+
+    kind: int
+    """`SCENE_FILE_*`."""
+    bytes: int
+    """Length of its content when the server read it [byte]."""
+    hash: int
+    """XXH3 of its content then, 64 bits, seed 0."""
+    name: bytes
+    """As the scene file names it; the file name of a checkpoint. UTF-8, zero-padded."""
+    path: bytes
+    """Absolute path on the server's machine, UTF-8, zero-padded."""
 
 
 @dataclass(slots=True)

@@ -63,6 +63,7 @@ impl Server {
             objects: &objects,
             features: &[],
             source: SCENE_SOURCE,
+            files: &[],
         };
         let mut ports = ServerPorts::create(domain, SESSION, &PoolPlan::new(&scene)).unwrap();
         ports.publish_scene(&scene).unwrap();
@@ -201,10 +202,12 @@ fn every_step_is_recorded_with_its_commands_and_objects() {
             Event::Objects(header, states) => objects.push((header, states)),
             Event::Journal(entry) => {
                 assert_eq!(
-                    entry.step, frames_seen,
+                    entry.applied.step, frames_seen,
                     "commands precede the frame that shows them"
                 );
-                journal.push(entry);
+                assert_eq!(entry.epoch, Some(run.epoch));
+                assert_eq!(entry.index, Some(journal.len() as u64));
+                journal.push(entry.applied);
             }
             Event::Gap(gap) => panic!("{gap:?}"),
             _ => {}

@@ -35,7 +35,7 @@ fn everything_published_comes_back_bit_for_bit() {
         for event in Recording::open(&path).unwrap() {
             match event.unwrap() {
                 Event::Objects(header, states) => objects.push((header, states)),
-                Event::Journal(entry) => journal.push(entry),
+                Event::Journal(entry) => journal.push(entry.applied),
                 Event::Attachment { name, data } => attachments.push((name, data)),
                 Event::Metadata { name, values } => {
                     assert_eq!(name, RUN_METADATA);

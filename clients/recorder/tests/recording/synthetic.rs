@@ -7,6 +7,7 @@ use cosplat_ipc::schema::{
     GaussianState, ObjectInfo, ObjectState, ObjectsHeader, SceneHeader, Status, padded,
 };
 use cosplat_ipc::server::SceneBlocks;
+use cosplat_recorder::messages::JournalEntry;
 use cosplat_recorder::reader::{Event, Recording};
 use cosplat_recorder::writer::{RecordingWriter, WriterOptions};
 use rand_core::Rng;
@@ -61,6 +62,7 @@ impl Run {
             sim_time: step as f64 / FRAME_RATE,
             epoch: self.epoch,
             count: OBJECTS,
+            state_hash: self.header(step).state_hash,
             ..Default::default()
         };
         let states = (0..OBJECTS)
@@ -147,13 +149,19 @@ impl Run {
             features: &[],
             objects: &objects,
             source: SCENE_SOURCE,
+            files: &[],
         };
         writer.begin_epoch("test", &scene).unwrap();
     }
 
     pub fn step(&self, writer: &mut RecordingWriter, step: u64) {
         if let Some(command) = self.command(step) {
-            writer.journal(&command).unwrap();
+            let entry = JournalEntry {
+                applied: command,
+                epoch: Some(self.epoch),
+                index: Some(step / 7),
+            };
+            writer.journal(&entry).unwrap();
         }
         let (header, objects) = self.objects(step);
         writer.objects(&header, &objects).unwrap();
