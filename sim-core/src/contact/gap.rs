@@ -6,11 +6,8 @@ use super::sites::{Node, Site, Sites, coordinates};
 use crate::{
     grid::{Grid, NONE, OFFSETS},
     particles::{BLOCK, Block, Particles},
-    simd::{F32x16, Isa, LANES, Lanes, Portable},
+    simd::{F32x16, Isa, LANES, Lanes, on_isa},
 };
-
-#[cfg(target_arch = "x86_64")]
-use crate::simd::{Avx2, Avx512};
 
 /// Farthest that a particle may be from the normal through a node to count as opposite [cells]: a bit more than
 /// half the diagonal between nodes, so that every particle at a surface is seen by some node.
@@ -187,29 +184,9 @@ struct Probe {
     reach: F32x16,
 }
 
-/// Takes note of how far sixteen particles reach beyond nodes.
-fn look(isa: Isa, near: &Near, shift: [f32; 3], bounds: &[[f32; 3]; 2], probes: &mut [Probe]) {
-    match isa {
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: a world is only made with an instruction set that the processor has.
-        Isa::Avx512 => unsafe { look_avx512(near, shift, bounds, probes) },
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: a world is only made with an instruction set that the processor has.
-        Isa::Avx2 => unsafe { look_avx2(near, shift, bounds, probes) },
-        _ => look_on::<Portable>(near, shift, bounds, probes),
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
-unsafe fn look_avx512(near: &Near, shift: [f32; 3], bounds: &[[f32; 3]; 2], probes: &mut [Probe]) {
-    look_on::<Avx512>(near, shift, bounds, probes);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-unsafe fn look_avx2(near: &Near, shift: [f32; 3], bounds: &[[f32; 3]; 2], probes: &mut [Probe]) {
-    look_on::<Avx2>(near, shift, bounds, probes);
+on_isa! {
+    /// Takes note of how far sixteen particles reach beyond nodes.
+    fn look = look_on(near: &Near, shift: [f32; 3], bounds: &[[f32; 3]; 2], probes: &mut [Probe])
 }
 
 #[inline(always)]

@@ -11,11 +11,8 @@ use super::{
 };
 use crate::{
     particles::BLOCK,
-    simd::{F32x16, Isa, Lanes, Portable},
+    simd::{F32x16, Isa, Lanes, on_isa},
 };
-
-#[cfg(target_arch = "x86_64")]
-use crate::simd::{Avx2, Avx512};
 
 /// Nodes lighter than this share of the heaviest particle stay at rest: their weights are denormal noise.
 const LIGHTEST: f32 = 1e-24;
@@ -152,39 +149,11 @@ fn sum_block(
 ) -> u32 {
     let [x, y, z] = frame_velocity.map(|u| u as f32);
     let frame_velocity = F32x16([x, y, z, 0.0, x, y, z, 0.0, x, y, z, 0.0, x, y, z, 0.0]);
-    match isa {
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: a world is only made with an instruction set that the processor has.
-        Isa::Avx512 => unsafe { node_block_avx512(block, tiles, keep, &frame_velocity, out) },
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: a world is only made with an instruction set that the processor has.
-        Isa::Avx2 => unsafe { node_block_avx2(block, tiles, keep, &frame_velocity, out) },
-        _ => node_block::<Portable>(block, tiles, keep, &frame_velocity, out),
-    }
+    node_block_with_isa(isa, block, tiles, keep, &frame_velocity, out)
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
-unsafe fn node_block_avx512(
-    block: &NodeBlock,
-    tiles: Tiles<'_>,
-    keep: f32,
-    frame_velocity: &F32x16,
-    out: &mut Velocities,
-) -> u32 {
-    node_block::<Avx512>(block, tiles, keep, frame_velocity, out)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-unsafe fn node_block_avx2(
-    block: &NodeBlock,
-    tiles: Tiles<'_>,
-    keep: f32,
-    frame_velocity: &F32x16,
-    out: &mut Velocities,
-) -> u32 {
-    node_block::<Avx2>(block, tiles, keep, frame_velocity, out)
+on_isa! {
+    fn node_block_with_isa = node_block(block: &NodeBlock, tiles: Tiles<'_>, keep: f32, frame_velocity: &F32x16, out: &mut Velocities) -> u32
 }
 
 /// How many tiles ahead of the sums a tile is asked for.

@@ -5,11 +5,8 @@ use crate::{
     mat3::Mat3,
     materials::polar::rotation,
     scene::BINDING_NEIGHBORS,
-    simd::{F32x16, Isa, LANES, Lanes, Portable},
+    simd::{F32x16, Isa, LANES, Lanes, on_isa},
 };
-
-#[cfg(target_arch = "x86_64")]
-use crate::simd::{Avx2, Avx512};
 
 /// Sixteen Gaussians at rest.
 #[derive(Clone, Debug)]
@@ -63,37 +60,11 @@ pub(super) fn follow(
     out: &mut [GaussianPose],
 ) {
     let out = bytemuck::cast_slice_mut(out);
-    match isa {
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: poses are only made with an instruction set that the processor has.
-        Isa::Avx512 => unsafe { avx512(shared, groups, rest, out) },
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: poses are only made with an instruction set that the processor has.
-        Isa::Avx2 => unsafe { avx2(shared, groups, rest, out) },
-        _ => all::<Portable>(shared, groups, rest, out),
-    }
+    all_with_isa(isa, shared, groups, rest, out)
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
-unsafe fn avx512(
-    shared: &Shared<'_>,
-    groups: &[RestGroup],
-    rest: &[GaussianPose],
-    out: &mut [F32x16],
-) {
-    all::<Avx512>(shared, groups, rest, out);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-unsafe fn avx2(
-    shared: &Shared<'_>,
-    groups: &[RestGroup],
-    rest: &[GaussianPose],
-    out: &mut [F32x16],
-) {
-    all::<Avx2>(shared, groups, rest, out);
+on_isa! {
+    fn all_with_isa = all(shared: &Shared<'_>, groups: &[RestGroup], rest: &[GaussianPose], out: &mut [F32x16])
 }
 
 /// Group by group; lanes whose deformation needs limiting, and those that stay at rest, are done one by one.

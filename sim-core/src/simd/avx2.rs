@@ -177,11 +177,15 @@ impl Lanes for Avx2 {
         // SAFETY: AVX2 was detected (module text).
         unsafe { Self(_mm256_set1_ps(value), _mm256_set1_ps(value)) }
     }
+    /// # Safety
+    /// As [`Lanes::load_at`] asks.
     #[inline(always)]
     unsafe fn load_at(from: *const f32) -> Self {
         // SAFETY: AVX2 was detected (module text); the caller vouches for 16 floats.
         unsafe { Self(_mm256_loadu_ps(from), _mm256_loadu_ps(from.add(8))) }
     }
+    /// # Safety
+    /// As [`Lanes::store_at`] asks.
     #[inline(always)]
     unsafe fn store_at(self, to: *mut f32) {
         // SAFETY: AVX2 was detected (module text); the caller vouches for 16 floats.
@@ -190,6 +194,8 @@ impl Lanes for Avx2 {
             _mm256_storeu_ps(to.add(8), self.1);
         }
     }
+    /// # Safety
+    /// As [`Lanes::stream`] asks.
     #[inline(always)]
     unsafe fn stream(self, to: &mut F32x16) {
         let to = to.0.as_mut_ptr();
@@ -205,6 +211,8 @@ impl Lanes for Avx2 {
         // SAFETY: part of every x86-64 processor.
         unsafe { _mm_sfence() };
     }
+    /// # Safety
+    /// As [`Lanes::repeat_quarter`] asks.
     #[inline(always)]
     unsafe fn repeat_quarter(from: *const f32) -> Self {
         // SAFETY: AVX2 was detected (module text); the caller vouches for 4 floats.

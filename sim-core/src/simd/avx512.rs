@@ -151,16 +151,22 @@ impl Lanes for Avx512 {
         // SAFETY: AVX-512 was detected (module text).
         Self(unsafe { _mm512_set1_ps(value) })
     }
+    /// # Safety
+    /// As [`Lanes::load_at`] asks.
     #[inline(always)]
     unsafe fn load_at(from: *const f32) -> Self {
         // SAFETY: AVX-512 was detected (module text); the caller vouches for 16 floats.
         Self(unsafe { _mm512_loadu_ps(from) })
     }
+    /// # Safety
+    /// As [`Lanes::store_at`] asks.
     #[inline(always)]
     unsafe fn store_at(self, to: *mut f32) {
         // SAFETY: AVX-512 was detected (module text); the caller vouches for 16 floats.
         unsafe { _mm512_storeu_ps(to, self.0) };
     }
+    /// # Safety
+    /// As [`Lanes::stream`] asks.
     #[inline(always)]
     unsafe fn stream(self, to: &mut F32x16) {
         // SAFETY: AVX-512 was detected (module text); the reference is valid and aligned to 64 bytes; the caller vouches
@@ -172,6 +178,8 @@ impl Lanes for Avx512 {
         // SAFETY: part of every x86-64 processor.
         unsafe { _mm_sfence() };
     }
+    /// # Safety
+    /// As [`Lanes::repeat_quarter`] asks.
     #[inline(always)]
     unsafe fn repeat_quarter(from: *const f32) -> Self {
         // SAFETY: AVX-512 was detected (module text); the caller vouches for 4 floats.

@@ -3,6 +3,7 @@
 //! Element-wise arithmetic is correctly rounded everywhere, shuffles move data without rounding, and sums over
 //! lanes have one fixed order, so the choice of instruction set never shows in a result.
 
+mod dispatch;
 mod isa;
 mod pair;
 mod portable;
@@ -19,6 +20,7 @@ mod tests;
 pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::Avx512;
+pub(crate) use dispatch::on_isa;
 pub use isa::{Isa, UnknownIsa};
 pub(crate) use pair::Pair;
 pub(crate) use portable::Portable;

@@ -154,22 +154,30 @@ impl Lanes for Portable {
     fn broadcast(value: f32) -> Self {
         Self([value; LANES])
     }
+    /// # Safety
+    /// As [`Lanes::load_at`] asks.
     #[inline(always)]
     unsafe fn load_at(from: *const f32) -> Self {
         // SAFETY: the caller vouches for 16 floats; the read is unaligned.
         Self(unsafe { from.cast::<[f32; LANES]>().read_unaligned() })
     }
+    /// # Safety
+    /// As [`Lanes::store_at`] asks.
     #[inline(always)]
     unsafe fn store_at(self, to: *mut f32) {
         // SAFETY: the caller vouches for 16 floats; the write is unaligned.
         unsafe { to.cast::<[f32; LANES]>().write_unaligned(self.0) };
     }
+    /// # Safety
+    /// As [`Lanes::stream`] asks.
     #[inline(always)]
     unsafe fn stream(self, to: &mut F32x16) {
         self.store(to);
     }
     #[inline(always)]
     fn fence() {}
+    /// # Safety
+    /// As [`Lanes::repeat_quarter`] asks.
     #[inline(always)]
     unsafe fn repeat_quarter(from: *const f32) -> Self {
         // SAFETY: the caller vouches for 4 floats; the read is unaligned.

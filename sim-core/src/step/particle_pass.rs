@@ -9,11 +9,8 @@ use super::{
 use crate::{
     grid::{Grid, Velocities},
     particles::{Backup, Motion, Particles},
-    simd::{Isa, Portable},
+    simd::{Isa, on_isa},
 };
-
-#[cfg(target_arch = "x86_64")]
-use crate::simd::{Avx2, Avx512};
 
 /// Particle blocks per task, at least and at most: where one thread is held up, others must find work to take over.
 const TASK: [usize; 2] = [4, 16];
@@ -89,29 +86,13 @@ pub(crate) fn particle_pass(
     work.into_par_iter()
         .with_min_len(TASK[0])
         .with_max_len(TASK[1])
-        .map(|(pass, mut work)| match isa {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: a world is only made with an instruction set that the processor has.
-            Isa::Avx512 => unsafe { block_avx512(pass, &mut work, velocities) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: a world is only made with an instruction set that the processor has.
-            Isa::Avx2 => unsafe { block_avx2(pass, &mut work, velocities) },
-            _ => block::<Portable>(pass, &mut work, velocities),
-        })
+        .map(|(pass, mut work)| block_with_isa(isa, pass, &mut work, velocities))
         .reduce(Findings::default, |a, b| Findings {
             bad: a.bad | b.bad,
             outside: a.outside | b.outside,
         })
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
-unsafe fn block_avx512(pass: &Pass<'_>, work: &mut Work<'_>, nodes: &[Velocities]) -> Findings {
-    block::<Avx512>(pass, work, nodes)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-unsafe fn block_avx2(pass: &Pass<'_>, work: &mut Work<'_>, nodes: &[Velocities]) -> Findings {
-    block::<Avx2>(pass, work, nodes)
+on_isa! {
+    fn block_with_isa = block(pass: &Pass<'_>, work: &mut Work<'_>, nodes: &[Velocities]) -> Findings
 }

@@ -15,11 +15,8 @@ use crate::{
     materials::{limits::max_stretch_squared, svd::svd},
     particles::{Particles, Run},
     pose::MAX_ASPECT,
-    simd::{F32x16, Isa, Lanes, Portable},
+    simd::{F32x16, Isa, Lanes, on_isa},
 };
-
-#[cfg(target_arch = "x86_64")]
-use crate::simd::{Avx2, Avx512};
 
 /// Largest ratio of principal stretches that is kept of fluids and grains, whose parts have no shape of their own.
 const MAX_LOOSE_ASPECT: f32 = 5.0;
@@ -79,29 +76,13 @@ pub(crate) fn limit_shapes(isa: Isa, particles: &mut Particles, laws: &[PartLaw]
                     Some(shape) => &mut shape.0,
                     None => &mut groups[n].f,
                 };
-                match isa {
-                    #[cfg(target_arch = "x86_64")]
-                    // SAFETY: a world is only made with an instruction set that the processor has.
-                    Isa::Avx512 => unsafe { limit_avx512(limit, shape, memory) },
-                    #[cfg(target_arch = "x86_64")]
-                    // SAFETY: a world is only made with an instruction set that the processor has.
-                    Isa::Avx2 => unsafe { limit_avx2(limit, shape, memory) },
-                    _ => limit_group::<Portable>(limit, shape, memory),
-                }
+                limit_group_with_isa(isa, limit, shape, memory)
             }
         });
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
-unsafe fn limit_avx512(limit: Limit, shape: &mut [F32x16; 9], memory: &F32x16) {
-    limit_group::<Avx512>(limit, shape, memory);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-unsafe fn limit_avx2(limit: Limit, shape: &mut [F32x16; 9], memory: &F32x16) {
-    limit_group::<Avx2>(limit, shape, memory);
+on_isa! {
+    fn limit_group_with_isa = limit_group(limit: Limit, shape: &mut [F32x16; 9], memory: &F32x16)
 }
 
 /// Sixteen shapes.
@@ -173,7 +154,7 @@ mod tests {
 
     fn limited(m: [[f32; 3]; 3], limit: Limit, memory: f32) -> Mat3<f64> {
         let mut shape = lanes(m);
-        limit_group::<Portable>(limit, &mut shape, &F32x16::splat(memory));
+        limit_group::<crate::simd::Portable>(limit, &mut shape, &F32x16::splat(memory));
         matrix(&shape)
     }
 
@@ -215,7 +196,7 @@ mod tests {
         };
         let mut shape = lanes([[4.0, 0.0, 0.0], [0.0, 0.25, 0.0], [0.0, 0.0, 1.0]]);
         for _ in 0..30 {
-            limit_group::<Portable>(fluid, &mut shape, &F32x16::splat(0.331));
+            limit_group::<crate::simd::Portable>(fluid, &mut shape, &F32x16::splat(0.331));
         }
         let ball = matrix(&shape);
         let expected = Mat3::diagonal([1.331_f64.cbrt(); 3]);

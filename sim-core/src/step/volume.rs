@@ -24,11 +24,8 @@ use crate::{
     grid::{Cells, Grid, Sums, Tile, node_means},
     mat3::Mat3,
     particles::{Block, Fixed, Group, Particles, Run},
-    simd::{F32x16, Isa, Lanes, Portable},
+    simd::{F32x16, Isa, Lanes, on_isa},
 };
-
-#[cfg(target_arch = "x86_64")]
-use crate::simd::{Avx2, Avx512};
 
 /// Poisson's ratio above which matter is nearly incompressible: below, bending is within 6 % of what it should be.
 pub(crate) const NEARLY_INCOMPRESSIBLE: f64 = 0.4;
@@ -62,15 +59,7 @@ pub(crate) fn average_volume(
     work.par_iter()
         .zip(&mut grid.tiles)
         .zip(&mut grid.cells)
-        .for_each(|((work, tile), cells)| match isa {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: a world is only made with an instruction set that the processor has.
-            Isa::Avx512 => unsafe { give_avx512(laws, work, tile, cells) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: a world is only made with an instruction set that the processor has.
-            Isa::Avx2 => unsafe { give_avx2(laws, work, tile, cells) },
-            _ => give::<Portable>(laws, work, tile, cells),
-        });
+        .for_each(|((work, tile), cells)| give_with_isa(isa, laws, work, tile, cells));
     // Mass times J - 1 over mass, as if it were a velocity.
     node_means(isa, grid, Sums::Velocities, |_| true);
     let Grid {
@@ -88,15 +77,7 @@ pub(crate) fn average_volume(
             }
             let mut means = Tile::ZERO;
             load_velocities(nodes_of, velocities, cells, &mut means);
-            match isa {
-                #[cfg(target_arch = "x86_64")]
-                // SAFETY: a world is only made with an instruction set that the processor has.
-                Isa::Avx512 => unsafe { take_avx512(laws, work, &means) },
-                #[cfg(target_arch = "x86_64")]
-                // SAFETY: a world is only made with an instruction set that the processor has.
-                Isa::Avx2 => unsafe { take_avx2(laws, work, &means) },
-                _ => take::<Portable>(laws, work, &means),
-            }
+            take_with_isa(isa, laws, work, &means)
         });
 }
 
@@ -130,28 +111,12 @@ fn split(particles: &mut Particles) -> Vec<Work<'_>> {
     work
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
-unsafe fn give_avx512(laws: &[PartLaw], work: &Work<'_>, tile: &mut Tile, cells: &mut Cells) {
-    give::<Avx512>(laws, work, tile, cells);
+on_isa! {
+    fn give_with_isa = give(laws: &[PartLaw], work: &Work<'_>, tile: &mut Tile, cells: &mut Cells)
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-unsafe fn give_avx2(laws: &[PartLaw], work: &Work<'_>, tile: &mut Tile, cells: &mut Cells) {
-    give::<Avx2>(laws, work, tile, cells);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,fma")]
-unsafe fn take_avx512(laws: &[PartLaw], work: &mut Work<'_>, means: &Tile) {
-    take::<Avx512>(laws, work, means);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-unsafe fn take_avx2(laws: &[PartLaw], work: &mut Work<'_>, means: &Tile) {
-    take::<Avx2>(laws, work, means);
+on_isa! {
+    fn take_with_isa = take(laws: &[PartLaw], work: &mut Work<'_>, means: &Tile)
 }
 
 /// Scatters `m (J - 1)` of one block.
