@@ -91,6 +91,45 @@ fn the_rule_for_names_looks_at_tests_alone() {
     assert_eq!(long_names(&text), [long.as_str()]);
 }
 
+/// Lines of unsafe functions whose documentation has no `# Safety`.
+fn unexplained_unsafe(text: &str) -> Vec<usize> {
+    let lines: Vec<&str> = text.lines().map(str::trim_start).collect();
+    let is_above = |line: &&&str| line.starts_with("///") || line.starts_with("#[");
+    let opens = |line: &str| {
+        let code = line.split("//").next().unwrap_or_default();
+        code.starts_with("unsafe fn ") || code.contains(" unsafe fn ")
+    };
+    (0..lines.len())
+        .filter(|&n| opens(lines[n]))
+        .filter(|&n| {
+            let mut above = lines[..n].iter().rev().take_while(is_above);
+            !above.any(|line| line.contains("# Safety"))
+        })
+        .map(|n| n + 1)
+        .collect()
+}
+
+#[test]
+fn every_unsafe_function_says_what_makes_it_safe() {
+    let mut findings = Vec::new();
+    for (name, text) in sources() {
+        // This file names such functions in strings.
+        let lines = match name.starts_with("tests/tidy") {
+            true => Vec::new(),
+            false => unexplained_unsafe(&text),
+        };
+        findings.extend(lines.iter().map(|line| format!("{name}:{line}")));
+    }
+    assert_clean("unsafe function without `# Safety`", &findings);
+}
+
+#[test]
+fn the_rule_for_unsafe_functions_finds_them() {
+    let explained = "/// # Safety\n/// Sixteen floats.\n#[inline]\npub unsafe fn a() {}\n";
+    assert!(unexplained_unsafe(explained).is_empty());
+    assert_eq!(unexplained_unsafe("/// Reads.\nunsafe fn a() {}\n"), [2]);
+}
+
 #[test]
 fn no_code_is_commented_out() {
     assert_clean("commented-out code", &lines_where(is_commented_code));

@@ -137,6 +137,10 @@ pub(super) struct Moved<V: Real> {
 }
 
 /// Gathers from the grid and advances position and deformation; lanes that are not `live` stay as they are.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "a kernel: the caller's borrows of its buffers stay split"
+)]
 #[inline(always)]
 pub(super) fn advance<V: Lanes>(
     group: &mut Group,

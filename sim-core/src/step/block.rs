@@ -201,6 +201,10 @@ struct OfRun<'a> {
 }
 
 /// Takes a pair of groups, or an odd last one, through one stage.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "a kernel: the caller's borrows of its buffers stay split"
+)]
 #[inline(always)]
 fn take_pair<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
     pass: &Pass<'_>,
@@ -263,6 +267,10 @@ fn take_pair<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
 }
 
 /// Gathers the velocities of group `g` to place `n` of a pair and moves its particles.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "a kernel: the caller's borrows of its buffers stay split"
+)]
 #[inline(always)]
 fn move_group<V: Lanes, const SCATTER: bool>(
     work: &mut Work<'_>,

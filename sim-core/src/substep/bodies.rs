@@ -16,6 +16,10 @@ use crate::{
 
 /// Moves all rigid bodies by a substep `now`: coupled to nodes first, of which `passes` says per field when they move, then
 /// by impacts, resting contact and flight. Returns the largest velocity component given to a node [cells/s].
+#[expect(
+    clippy::too_many_arguments,
+    reason = "a phase: each group of the state that it changes is named"
+)]
 pub(crate) fn move_bodies(
     given: &Given<'_>,
     now: &Substep,
