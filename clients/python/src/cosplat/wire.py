@@ -14,6 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 
+# For types with a field of that name.
+_Bytes = bytes
+
+
 def _dtype(size: int, **fields: tuple[Any, int]) -> np.dtype[np.void]:
     return np.dtype(
         {
@@ -369,9 +373,9 @@ class SceneFile(Record):
     """Length of its content when the server read it [byte]."""
     hash: int
     """XXH3 of its content then, 64 bits, seed 0."""
-    name: bytes
+    name: _Bytes
     """As the scene file names it; the file name of a checkpoint. UTF-8, zero-padded."""
-    path: bytes
+    path: _Bytes
     """Absolute path on the server's machine, UTF-8, zero-padded."""
 
 
