@@ -20,7 +20,7 @@
 #endif
 
 /** Hash of the layout of all types: a server with another one in its hello must not be read. */
-#define COSPLAT_SCHEMA_HASH UINT64_C(0x99f49160952eefe4)
+#define COSPLAT_SCHEMA_HASH UINT64_C(0xee8e84e1dc39db63)
 /** `Command::kind`: add `vector` [N s] to the momentum of `object`. */
 #define COSPLAT_COMMAND_IMPULSE UINT32_C(1)
 /** Impulse `vector` [N s] on the particles of `object` within `radius` of `point`. */
@@ -298,7 +298,7 @@ struct cosplat_scene_file {
     /** Zero. */
     uint32_t reserved;
     /** Length of its content when the server read it [byte]. */
-    uint64_t bytes;
+    uint64_t length;
     /** XXH3 of its content then, 64 bits, seed 0. */
     uint64_t hash;
     /** As the scene file names it; the file name of a checkpoint. UTF-8, zero-padded. */
@@ -311,7 +311,7 @@ COSPLAT_ASSERT(sizeof(struct cosplat_scene_file) == 8216, "cosplat_scene_file");
 COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_scene_file) == 8, "cosplat_scene_file");
 COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, kind) == 0, "cosplat_scene_file");
 COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, reserved) == 4, "cosplat_scene_file");
-COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, bytes) == 8, "cosplat_scene_file");
+COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, length) == 8, "cosplat_scene_file");
 COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, hash) == 16, "cosplat_scene_file");
 COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, name) == 24, "cosplat_scene_file");
 COSPLAT_ASSERT(offsetof(struct cosplat_scene_file, path) == 4120, "cosplat_scene_file");

@@ -48,7 +48,7 @@ impl KeptFile {
                 _ => "unknown",
             },
             name,
-            bytes: file.bytes,
+            bytes: file.length,
             hash: file.hash,
             attachment,
             content,
@@ -70,19 +70,19 @@ fn content(file: &SceneFile) -> Result<Vec<u8>, String> {
     if !found.is_file() {
         return Err(format!("{path} is no plain file"));
     }
-    if found.len() != file.bytes {
-        let (found, expected) = (found.len().to_string(), file.bytes.to_string());
+    if found.len() != file.length {
+        let (found, expected) = (found.len().to_string(), file.length.to_string());
         return Err(changed("length", found, expected));
     }
-    if file.bytes > LENGTH_LIMIT as u64 {
+    if file.length > LENGTH_LIMIT as u64 {
         return Err(format!(
             "{path} has {} bytes, an attachment at most {LENGTH_LIMIT}",
-            file.bytes
+            file.length
         ));
     }
     let mut content = Vec::new();
     File::open(path)
-        .and_then(|f| f.take(file.bytes).read_to_end(&mut content))
+        .and_then(|f| f.take(file.length).read_to_end(&mut content))
         .map_err(unreadable)?;
     let hash = xxh3_64(&content);
     if hash != file.hash {

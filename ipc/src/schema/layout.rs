@@ -136,7 +136,7 @@ wire_types! {
     "cosplat.v1.SceneFile" SceneFile: 8216 align 8 {
         0 kind: u32,
         4 reserved: u32,
-        8 bytes: u64,
+        8 length: u64,
         16 hash: u64,
         24 name: [u8; 4096],
         4120 path: [u8; 4096],

@@ -78,7 +78,7 @@ pub struct SceneFile {
     /// Zero.
     pub reserved: u32,
     /// Length of its content when the server read it [byte].
-    pub bytes: u64,
+    pub length: u64,
     /// XXH3 of its content then, 64 bits, seed 0.
     pub hash: u64,
     /// As the scene file names it; the file name of a checkpoint. UTF-8, zero-padded.
@@ -89,11 +89,11 @@ pub struct SceneFile {
 
 impl SceneFile {
     /// A file of `kind` with this length [byte] and hash; names longer than 4096 bytes are cut, as no system opens them.
-    pub fn new(kind: u32, name: &str, path: &str, bytes: u64, hash: u64) -> Self {
+    pub fn new(kind: u32, name: &str, path: &str, length: u64, hash: u64) -> Self {
         Self {
             kind,
             reserved: 0,
-            bytes,
+            length,
             hash,
             name: padded(name),
             path: padded(path),

@@ -28,7 +28,7 @@ fn a_late_joiner_gets_the_scene_and_the_newest_frame() {
     assert_eq!(scene.objects()[0].name(), Ok("vase"));
     assert_eq!(scene.source(), SOURCE);
     assert_eq!(scene.files()[0].name(), Ok("vase.ply"));
-    assert_eq!((scene.files()[0].bytes, scene.files()[0].hash), (5, 9));
+    assert_eq!((scene.files()[0].length, scene.files()[0].hash), (5, 9));
     assert_eq!(scene.header().scene_hash, 7);
     assert_eq!(scene.header().epoch, ports.epoch());
 

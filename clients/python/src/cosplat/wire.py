@@ -53,7 +53,7 @@ class Record:
         return cls(*values)
 
 
-SCHEMA_HASH = 0x99f49160952eefe4
+SCHEMA_HASH = 0xee8e84e1dc39db63
 """Hash of the layout of all types: a server with another one in its hello is not read."""
 COMMAND_IMPULSE = 1
 """`Command::kind`: add `vector` [N s] to the momentum of `object`."""
@@ -361,7 +361,7 @@ class SceneFile(Record):
     dtype = _dtype(
         8216,
         kind=("<u4", 0),
-        bytes=("<u8", 8),
+        length=("<u8", 8),
         hash=("<u8", 16),
         name=("S4096", 24),
         path=("S4096", 4120),
@@ -369,7 +369,7 @@ class SceneFile(Record):
 
     kind: int
     """`SCENE_FILE_*`."""
-    bytes: int
+    length: int
     """Length of its content when the server read it [byte]."""
     hash: int
     """XXH3 of its content then, 64 bits, seed 0."""
