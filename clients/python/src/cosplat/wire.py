@@ -373,9 +373,9 @@ class SceneFile(Record):
     """Length of its content when the server read it [byte]."""
     hash: int
     """XXH3 of its content then, 64 bits, seed 0."""
-    name: _Bytes
+    name: bytes
     """As the scene file names it; the file name of a checkpoint. UTF-8, zero-padded."""
-    path: _Bytes
+    path: bytes
     """Absolute path on the server's machine, UTF-8, zero-padded."""
 
 
