@@ -13,7 +13,7 @@ use cosplat_ipc::{
     Domain,
     client::Client,
     list_sessions,
-    schema::{MaterialSpec, SERVER_PAUSED, SERVER_STOPPING, Status},
+    schema::{MaterialSpec, SERVER_PAUSED, SERVER_STOPPING, SERVER_WAITING, Status},
 };
 use cosplat_sim_core::materials::Material;
 use serde_json::json;
@@ -116,6 +116,55 @@ enum Ctl {
         /// Object name or id.
         object: ObjectRef,
     },
+    /// Let a force act on an object during one step, as a whole or at a point.
+    Force {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Force X Y Z [N].
+        #[arg(num_args = 3, allow_negative_numbers = true, required = true)]
+        force: Vec<f64>,
+        /// Torque X Y Z about the centre of mass [N m].
+        #[arg(
+            long,
+            num_args = 3,
+            allow_negative_numbers = true,
+            conflicts_with = "point"
+        )]
+        torque: Option<Vec<f64>>,
+        /// Point X Y Z [m] around which it acts.
+        #[arg(long, num_args = 3, allow_negative_numbers = true)]
+        point: Option<Vec<f64>>,
+        /// Radius around the point [m].
+        #[arg(long, requires = "point")]
+        radius: Option<f64>,
+    },
+    /// Move a collider at a velocity during one step.
+    ColliderVelocity {
+        /// Collider name or index.
+        collider: ObjectRef,
+        /// Velocity X Y Z [m/s].
+        #[arg(num_args = 3, allow_negative_numbers = true, required = true)]
+        linear: Vec<f64>,
+        /// Angular velocity X Y Z [rad/s].
+        #[arg(long, num_args = 3, allow_negative_numbers = true)]
+        angular: Option<Vec<f64>>,
+    },
+    /// Have the server keep its state in memory under a number, 16 of them at most.
+    Save {
+        /// The number.
+        snapshot: u32,
+    },
+    /// Go back to a state that was kept.
+    Restore {
+        /// The number.
+        snapshot: u32,
+    },
+    /// Make steps while the server is paused, and wait until the last frame is sent.
+    Step {
+        /// How many.
+        #[arg(default_value_t = 1)]
+        count: u32,
+    },
     /// Have the server write its complete state to a file in its `--checkpoints` folder, and wait for the file; with
     /// `--at-step` for the state before that step.
     Checkpoint,
@@ -190,11 +239,7 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
         } => Order::SetVelocity {
             object: object.clone(),
             linear: vector(linear)?,
-            angular: angular
-                .as_deref()
-                .map(vector)
-                .transpose()?
-                .unwrap_or_default(),
+            angular: vector_or_zero(angular)?,
         },
         Ctl::SetMaterial {
             object,
@@ -221,11 +266,7 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
         } => Order::MoveCollider {
             collider: collider.clone(),
             translation: vector(translation)?,
-            rotation_deg: rotation_deg
-                .as_deref()
-                .map(vector)
-                .transpose()?
-                .unwrap_or_default(),
+            rotation_deg: vector_or_zero(rotation_deg)?,
         },
         Ctl::Pin {
             object,
@@ -239,6 +280,35 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
         Ctl::Release { object } => Order::Release {
             object: object.clone(),
         },
+        Ctl::Force {
+            object,
+            force,
+            torque,
+            point,
+            radius,
+        } => Order::Force {
+            object: object.clone(),
+            force: vector(force)?,
+            torque: vector_or_zero(torque)?,
+            point: point.as_deref().map(vector).transpose()?,
+            radius: *radius,
+        },
+        Ctl::ColliderVelocity {
+            collider,
+            linear,
+            angular,
+        } => Order::ColliderVelocity {
+            collider: collider.clone(),
+            linear: vector(linear)?,
+            angular: vector_or_zero(angular)?,
+        },
+        Ctl::Save { snapshot } => Order::Save {
+            snapshot: *snapshot,
+        },
+        Ctl::Restore { snapshot } => Order::Restore {
+            snapshot: *snapshot,
+        },
+        Ctl::Step { count } => Order::Step { count: *count },
         Ctl::Checkpoint => Order::Checkpoint,
         Ctl::Pause => Order::Pause,
         Ctl::Resume => Order::Resume,
@@ -253,6 +323,10 @@ fn vector(numbers: &[f64]) -> anyhow::Result<[f64; 3]> {
     numbers
         .try_into()
         .with_context(|| format!("{} numbers, expected 3", numbers.len()))
+}
+
+fn vector_or_zero(numbers: &Option<Vec<f64>>) -> anyhow::Result<[f64; 3]> {
+    numbers.as_deref().map_or(Ok([0.0; 3]), vector)
 }
 
 /// Parses `KEY=NUMBER`.
@@ -302,6 +376,9 @@ fn report(args: &Args, answers: &[Answer]) -> anyhow::Result<()> {
     } else {
         for answer in answers.iter().filter(|a| a.refused.is_none()) {
             match &answer.file {
+                None if matches!(args.order, Ctl::Step { .. }) => {
+                    say!("step {} is made", answer.applied_at_step)?;
+                }
                 None => say!("accepted, takes effect at step {}", answer.applied_at_step)?,
                 Some(file) => say!("{file}")?,
             }
@@ -368,6 +445,7 @@ fn state_name(status: &Status) -> &'static str {
     match status.server_state {
         SERVER_PAUSED => "paused",
         SERVER_STOPPING => "stopping",
+        SERVER_WAITING => "waiting",
         _ => "running",
     }
 }

@@ -357,6 +357,12 @@ impl Player<'_> {
                 Reply::Now(acks.collect())
             },
         );
+        self.ports.poll_steps(|Asked { commands, .. }| {
+            let reason = "a replay waits for no participant: what it shows has happened";
+            let refused = commands.iter().map(|c| Ack::refused(c.sequence, reason));
+            let done = wire::StepDone::of_cause(wire::RETURN_REFUSED, reason);
+            Reply::Now((done, refused.collect()))
+        });
         sought
     }
 }

@@ -1,11 +1,13 @@
 //! `cosplat serve`: the simulation process.
 
-use std::{path::PathBuf, sync::atomic::AtomicBool};
+use std::{path::PathBuf, sync::atomic::AtomicBool, time::Duration};
 
-use anyhow::Context;
+use anyhow::{Context, anyhow, bail};
+use clap::ValueEnum;
 use cosplat_ipc::Domain;
 use cosplat_scene::load::{LoadedScene, load_scene};
 use cosplat_server::{
+    lockstep::{LockstepOptions, Policy, Terms},
     pace::Pace,
     serve::{ServeOptions, ServeSummary, serve},
 };
@@ -34,6 +36,16 @@ pub struct How {
     /// How simulated time follows wall time.
     #[arg(long, value_enum, default_value_t = PaceName::Realtime)]
     pace: PaceName,
+    /// With `--pace lockstep`: names of participants that every step waits for from the first one on, each perhaps with
+    /// `=POLICY` or `=POLICY:SECONDS` of its own. Others may join; without a list, who comes first.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    participants: Vec<String>,
+    /// With `--pace lockstep`: seconds for which a participant is waited for; without it for ever.
+    #[arg(long, value_name = "S", value_parser = seconds::duration)]
+    participant_timeout: Option<Duration>,
+    /// With `--pace lockstep`: what is done about a participant that is late, or whose process died.
+    #[arg(long, value_enum, default_value_t = PolicyName::Wait)]
+    on_timeout: PolicyName,
     /// Threads of the solver; 0 means one per core. Results do not depend on it.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
@@ -64,6 +76,80 @@ enum PaceName {
     Realtime,
     /// As fast as possible.
     Free,
+    /// As fast as participants permit, a step each time that all do; in real time while there is none.
+    Lockstep,
+}
+
+/// [`Policy`] on the command line.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum PolicyName {
+    /// Go on waiting until it comes back.
+    Wait,
+    /// Go on without it.
+    Drop,
+    /// End the session.
+    Stop,
+}
+
+impl From<PolicyName> for Policy {
+    fn from(name: PolicyName) -> Policy {
+        match name {
+            PolicyName::Wait => Policy::Wait,
+            PolicyName::Drop => Policy::Drop,
+            PolicyName::Stop => Policy::Stop,
+        }
+    }
+}
+
+impl How {
+    fn lockstep(&self) -> anyhow::Result<LockstepOptions> {
+        let concerns = !self.participants.is_empty() || self.participant_timeout.is_some();
+        if concerns && !matches!(self.pace, PaceName::Lockstep) {
+            bail!("participants are waited for with --pace lockstep alone");
+        }
+        let terms = Terms {
+            timeout: self.participant_timeout,
+            policy: self.on_timeout.into(),
+        };
+        let mut required: Vec<(String, Option<Terms>)> = Vec::new();
+        for text in &self.participants {
+            let (name, own) = participant(text, terms)?;
+            if required.iter().any(|(other, _)| *other == name) {
+                bail!("--participants names {name} twice");
+            }
+            required.push((name, own));
+        }
+        Ok(LockstepOptions { required, terms })
+    }
+}
+
+/// `NAME`, `NAME=POLICY` or `NAME=POLICY:SECONDS`.
+fn participant(text: &str, terms: Terms) -> anyhow::Result<(String, Option<Terms>)> {
+    let (name, own) = match text.split_once('=') {
+        None => (text, None),
+        Some((name, own)) => (name, Some(own)),
+    };
+    let plain = |b: u8| b.is_ascii_alphanumeric() || b"-_.".contains(&b);
+    if name.is_empty() || name.len() > 48 || !name.bytes().all(plain) {
+        bail!(
+            "{name:?} is no participant's name: expected 1 to 48 of the characters a-z A-Z 0-9 - _ ."
+        );
+    }
+    let Some(own) = own else {
+        return Ok((name.into(), None));
+    };
+    let (policy, timeout) = match own.split_once(':') {
+        None => (own, None),
+        Some((policy, timeout)) => (policy, Some(timeout)),
+    };
+    let policy = PolicyName::from_str(policy, false)
+        .map_err(|_| anyhow!("{policy:?} is no policy: expected wait, drop or stop"))?;
+    let timeout = match timeout {
+        None => terms.timeout,
+        Some(text) => Some(seconds::duration(text).map_err(|error| anyhow!("{text}: {error}"))?),
+    };
+    let policy = policy.into();
+    Ok((name.into(), Some(Terms { timeout, policy })))
 }
 
 /// Runs the command.
@@ -96,7 +182,9 @@ pub fn serve_scene(
         pace: match args.pace {
             PaceName::Realtime => Pace::Realtime,
             PaceName::Free => Pace::Free,
+            PaceName::Lockstep => Pace::Lockstep,
         },
+        lockstep: args.lockstep()?,
         threads: args.threads,
         duration: args.duration,
         paused: args.paused,
@@ -154,4 +242,40 @@ fn as_json(session: &str, summary: &ServeSummary) -> serde_json::Value {
         "commands_refused": summary.commands_refused,
         "state_hash": format!("{:016x}", summary.state_hash),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn participants_have_terms_of_their_own_or_the_common_ones() {
+        let second = Some(Duration::from_secs(1));
+        let terms = Terms {
+            timeout: second,
+            policy: Policy::Drop,
+        };
+        let read = |text| participant(text, terms).map(|(name, own)| (name, own.unwrap_or(terms)));
+        let expect = |name: &str, timeout, policy| (name.to_owned(), Terms { timeout, policy });
+        let half = Some(Duration::from_millis(500));
+        assert_eq!(read("arm").unwrap(), expect("arm", second, Policy::Drop));
+        assert_eq!(
+            read("arm=stop").unwrap(),
+            expect("arm", second, Policy::Stop)
+        );
+        assert_eq!(
+            read("arm=wait:0.5").unwrap(),
+            expect("arm", half, Policy::Wait)
+        );
+        for bad in [
+            "",
+            "a b",
+            "=drop",
+            "arm=leave",
+            "arm=drop:soon",
+            "arm=drop:",
+        ] {
+            participant(bad, terms).unwrap_err();
+        }
+    }
 }

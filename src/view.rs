@@ -49,6 +49,9 @@ pub struct Args {
     /// Stop after this many rendered frames.
     #[arg(long)]
     frames: Option<u64>,
+    /// Take part in lock-step under this name: every step waits until it is drawn (`cosplat serve --pace lockstep`).
+    #[arg(long, value_name = "NAME")]
+    participant: Option<String>,
     /// Print the result as one JSON object.
     #[arg(long)]
     json: bool,
@@ -87,6 +90,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         mp4: args.mp4.clone(),
         fps: args.fps,
         frames: args.frames,
+        participant: args.participant.clone(),
     };
     let bar = match args.frames {
         Some(frames) => progress::bar("frames", frames),
@@ -94,7 +98,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     // Drawing takes every core it gets; the simulation and its other readers come first. Not before there is something to
     // draw: on a busy machine a process without priority would not get that far.
+    let is_waited_for = args.participant.is_some();
     let stand_aside = || {
+        if is_waited_for {
+            return;
+        }
         if let Err(error) = rustix::process::nice(NICENESS) {
             tracing::debug!(%error, "keeps its priority");
         }

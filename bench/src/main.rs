@@ -9,6 +9,7 @@
 
 mod chart;
 mod kernel;
+mod lockstep;
 mod machine;
 mod page;
 mod precision;
@@ -40,6 +41,7 @@ struct Cli {
 enum What {
     Documents(Documents),
     Kernel(kernel::Args),
+    Lockstep(lockstep::Args),
     Precision(precision::Args),
     Scenes(scenes::Args),
     Stability(stability::Args),
@@ -95,6 +97,7 @@ fn main() -> ExitCode {
     cosplat::exit_code(match Cli::parse().what {
         What::Documents(args) => documents(&args.folder),
         What::Kernel(args) => kernel::run(&args),
+        What::Lockstep(args) => lockstep::run(&args),
         What::Precision(args) => precision::run(&args),
         What::Scenes(args) => scenes::run(&args),
         What::Stability(args) => stability::run(&args),

@@ -49,6 +49,20 @@ fn the_transport_bench_reports_every_path() {
 }
 
 #[test]
+fn the_lockstep_bench_measures_beside_a_bare_request() {
+    let lines = bench(&["lockstep", "--rounds", "20", "--json"]);
+    let [report] = lines.as_slice() else {
+        panic!("expected one JSON object, found {}", lines.len());
+    };
+    let p50 = |path: &str| report[path]["p50"].as_f64().expect("a number");
+    assert!(p50("bare_us") > 0.0);
+    assert!(0.0 < p50("lockstep_us") && p50("lockstep_us") < p50("whole_us"));
+    for rate in ["steps_per_second", "steps_per_second_by_hundreds"] {
+        assert!(report[rate].as_f64().expect("a number") > 0.0);
+    }
+}
+
+#[test]
 fn the_kernel_bench_compares_solver_yardstick_and_reference() {
     let lines = bench(&[
         "kernel",

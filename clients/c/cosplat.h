@@ -20,7 +20,7 @@
 #endif
 
 /** Hash of the layout of all types: a server with another one in its hello must not be read. */
-#define COSPLAT_SCHEMA_HASH UINT64_C(0xee8e84e1dc39db63)
+#define COSPLAT_SCHEMA_HASH UINT64_C(0x8f6b0ae549f08c6a)
 /** `Command::kind`: add `vector` [N s] to the momentum of `object`. */
 #define COSPLAT_COMMAND_IMPULSE UINT32_C(1)
 /** Impulse `vector` [N s] on the particles of `object` within `radius` of `point`. */
@@ -47,6 +47,18 @@
 #define COSPLAT_COMMAND_RELEASE UINT32_C(12)
 /** Write a checkpoint of the state before `apply_at_step`; the answer's `reason` is the file's path. */
 #define COSPLAT_COMMAND_CHECKPOINT UINT32_C(13)
+/** Force `vector` [N] and torque `point` [N m] about the centre of mass on `object` during the step. */
+#define COSPLAT_COMMAND_FORCE UINT32_C(14)
+/** Force `vector` [N] during the step on the particles of `object` within `radius` of `point`. */
+#define COSPLAT_COMMAND_FORCE_AT UINT32_C(15)
+/** Move collider number `object` with velocity `vector` [m/s] and spin `point` [rad/s] during the step; then it stands. */
+#define COSPLAT_COMMAND_COLLIDER_VELOCITY UINT32_C(16)
+/** Keep the state in the server's memory as snapshot number `object`, in place of a former one of that number. */
+#define COSPLAT_COMMAND_SAVE UINT32_C(17)
+/** Back to the state of snapshot number `object`; the step count goes on. */
+#define COSPLAT_COMMAND_RESTORE UINT32_C(18)
+/** Make `object` steps while the server is paused, 1 to 1,000,000; answered when the last frame was sent. */
+#define COSPLAT_COMMAND_STEP UINT32_C(19)
 /** Have a replay go to `apply_at_step`, or to the first recorded step behind it; servers that simulate refuse it. */
 #define COSPLAT_COMMAND_SEEK UINT32_C(20)
 /** The command takes effect at `applied_at_step`. */
@@ -55,12 +67,18 @@
 #define COSPLAT_ACK_REFUSED UINT32_C(2)
 /** Commands that one request and one journal message hold at most. */
 #define COSPLAT_MAX_COMMANDS ((size_t)32)
+/** `other` is an object. */
+#define COSPLAT_CONTACT_OBJECT UINT32_C(1)
+/** `other` is a collider. */
+#define COSPLAT_CONTACT_COLLIDER UINT32_C(2)
 /** The state was set back to the initial one in this step. */
 #define COSPLAT_FRAME_FLAG_RESET UINT32_C(1)
 /** The server was paused when it sent this frame: no step follows before it is resumed. A pause that comes later is told by `status` alone. */
 #define COSPLAT_FRAME_FLAG_PAUSED UINT32_C(2)
 /** This is the last frame of the session. */
 #define COSPLAT_FRAME_FLAG_LAST UINT32_C(4)
+/** The state was set back to that of a snapshot in this step. */
+#define COSPLAT_FRAME_FLAG_RESTORED UINT32_C(8)
 /** Major version of the wire contract; part of every service and type name. */
 #define COSPLAT_WIRE_VERSION UINT32_C(1)
 /** `SceneFile::kind`: a splat or mesh that the scene file names. */
@@ -73,6 +91,38 @@
 #define COSPLAT_SERVER_PAUSED UINT32_C(2)
 /** The server is shutting down. */
 #define COSPLAT_SERVER_STOPPING UINT32_C(3)
+/** The server waits for participants in lock-step. */
+#define COSPLAT_SERVER_WAITING UINT32_C(4)
+/** The sender takes part from now on, and every step waits for it. Without commands. */
+#define COSPLAT_STEP_ATTACH UINT32_C(1)
+/** The sender permits `frames` steps; the answer comes after the last frame was sent. */
+#define COSPLAT_STEP_ADVANCE UINT32_C(2)
+/** The sender takes part no more. Without commands. */
+#define COSPLAT_STEP_DETACH UINT32_C(3)
+/** Answer at the end of a step in which `pair` touches. */
+#define COSPLAT_UNTIL_CONTACT UINT32_C(1)
+/** Answer at the end of a step with an event: particles left the domain, an object fell apart, the state was set back. */
+#define COSPLAT_UNTIL_EVENT UINT32_C(2)
+/** Answer at the end of a step in which particles were frozen because their state stayed bad. */
+#define COSPLAT_UNTIL_QUARANTINE UINT32_C(4)
+/** Any object or collider. */
+#define COSPLAT_ANY UINT32_C(4294967295)
+/** Most steps in a request. */
+#define COSPLAT_MAX_STEPS UINT32_C(1000000)
+/** All was done as asked. */
+#define COSPLAT_RETURN_COMPLETE UINT32_C(1)
+/** The pair touches. */
+#define COSPLAT_RETURN_CONTACT UINT32_C(2)
+/** An event; `reason` says which. */
+#define COSPLAT_RETURN_EVENT UINT32_C(3)
+/** Particles were frozen. */
+#define COSPLAT_RETURN_QUARANTINE UINT32_C(4)
+/** The server ends, and no step follows. */
+#define COSPLAT_RETURN_TERMINATE UINT32_C(5)
+/** `timeout_ns` is over; `reason` names who was waited for. */
+#define COSPLAT_RETURN_TIMEOUT UINT32_C(6)
+/** The request is refused, all of its commands with it; `reason` says why. */
+#define COSPLAT_RETURN_REFUSED UINT32_C(7)
 
 /** Who serves the session. Service and type name carry no version, and this layout never changes. */
 struct cosplat_hello {
@@ -228,6 +278,56 @@ COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, epoch) == 16, "cosplat_ob
 COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, count) == 24, "cosplat_objects_header");
 COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, reserved) == 28, "cosplat_objects_header");
 COSPLAT_ASSERT(offsetof(struct cosplat_objects_header, state_hash) == 32, "cosplat_objects_header");
+
+/** A pair that touched during a step. */
+struct cosplat_contact {
+    /** Object id; of two objects the lower one. */
+    uint32_t object;
+    /** Object id or number of a collider. */
+    uint32_t other;
+    /** What `other` is, `CONTACT_*`. */
+    uint32_t kind;
+    /** Zero. */
+    uint32_t reserved;
+    /** Where they touch [m], world frame: mean weighted by normal impulses. */
+    double point[3];
+    /** Unit normal that points from `other` to `object`. */
+    double normal[3];
+    /** Impulse that `object` received from `other` during the step [N s]. */
+    double impulse[3];
+};
+#define COSPLAT_CONTACT_TYPE_NAME "cosplat.v1.Contact"
+COSPLAT_ASSERT(sizeof(struct cosplat_contact) == 88, "cosplat_contact");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_contact) == 8, "cosplat_contact");
+COSPLAT_ASSERT(offsetof(struct cosplat_contact, object) == 0, "cosplat_contact");
+COSPLAT_ASSERT(offsetof(struct cosplat_contact, other) == 4, "cosplat_contact");
+COSPLAT_ASSERT(offsetof(struct cosplat_contact, kind) == 8, "cosplat_contact");
+COSPLAT_ASSERT(offsetof(struct cosplat_contact, reserved) == 12, "cosplat_contact");
+COSPLAT_ASSERT(offsetof(struct cosplat_contact, point) == 16, "cosplat_contact");
+COSPLAT_ASSERT(offsetof(struct cosplat_contact, normal) == 40, "cosplat_contact");
+COSPLAT_ASSERT(offsetof(struct cosplat_contact, impulse) == 64, "cosplat_contact");
+
+/** User header of `contacts`. */
+struct cosplat_contacts_header {
+    /** Step count, as in `frame`. */
+    uint64_t step;
+    /** Simulated time [s]. */
+    double sim_time;
+    /** As in `frame`. */
+    uint64_t epoch;
+    /** Contacts in this message. */
+    uint32_t count;
+    /** Contacts in the step; more than `count` when the message holds only the strongest. */
+    uint32_t total;
+};
+#define COSPLAT_CONTACTS_HEADER_TYPE_NAME "cosplat.v1.ContactsHeader"
+COSPLAT_ASSERT(sizeof(struct cosplat_contacts_header) == 32, "cosplat_contacts_header");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_contacts_header) == 8, "cosplat_contacts_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_contacts_header, step) == 0, "cosplat_contacts_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_contacts_header, sim_time) == 8, "cosplat_contacts_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_contacts_header, epoch) == 16, "cosplat_contacts_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_contacts_header, count) == 24, "cosplat_contacts_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_contacts_header, total) == 28, "cosplat_contacts_header");
 
 /** One Gaussian at rest (block `scene/gaussians`). */
 struct cosplat_gaussian_rest {
@@ -388,7 +488,7 @@ COSPLAT_ASSERT(offsetof(struct cosplat_material_spec, parameters) == 24, "cospla
 struct cosplat_command {
     /** `COMMAND_*`. */
     uint32_t kind;
-    /** Object id, or number of a collider; see the kinds. */
+    /** Object id, or another number; see the kinds. */
     uint32_t object;
     /** The sender's running number. */
     uint64_t sequence;
@@ -452,6 +552,83 @@ COSPLAT_ASSERT(offsetof(struct cosplat_ack, applied_at_step) == 8, "cosplat_ack"
 COSPLAT_ASSERT(offsetof(struct cosplat_ack, status) == 16, "cosplat_ack");
 COSPLAT_ASSERT(offsetof(struct cosplat_ack, reserved) == 20, "cosplat_ack");
 COSPLAT_ASSERT(offsetof(struct cosplat_ack, reason) == 24, "cosplat_ack");
+
+/** User header of a request on `step`; the payload is the commands that go with it. */
+struct cosplat_step_request {
+    /** Number that orders the commands of a step and stands in the journal; see `docs/wire-format.md`. */
+    uint64_t client;
+    /** Sender's process id. */
+    uint32_t pid;
+    /** Commands in the request. */
+    uint32_t count;
+    /** `STEP_*`. */
+    uint32_t kind;
+    /** Steps asked for, 1 to 1,000,000; 0 for `STEP_ATTACH` and `STEP_DETACH`. */
+    uint32_t frames;
+    /** Sum of `UNTIL_*`: what brings the answer before the last of these steps. */
+    uint32_t until;
+    /** For `UNTIL_CONTACT`: what `pair[1]` is, `CONTACT_*`; 0 for either. */
+    uint32_t pair_kind;
+    /** For `UNTIL_CONTACT`: object and other; `ANY` for whichever. */
+    uint32_t pair[2];
+    /** Wall time after which the answer comes with the steps made until then [ns]; 0 for no limit. */
+    uint64_t timeout_ns;
+    /** Name, 1 to 48 of the characters a-z A-Z 0-9 - _ . , zero-padded. */
+    char participant[48];
+};
+#define COSPLAT_STEP_REQUEST_TYPE_NAME "cosplat.v1.StepRequest"
+COSPLAT_ASSERT(sizeof(struct cosplat_step_request) == 96, "cosplat_step_request");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_step_request) == 8, "cosplat_step_request");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_request, client) == 0, "cosplat_step_request");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_request, pid) == 8, "cosplat_step_request");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_request, count) == 12, "cosplat_step_request");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_request, kind) == 16, "cosplat_step_request");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_request, frames) == 20, "cosplat_step_request");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_request, until) == 24, "cosplat_step_request");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_request, pair_kind) == 28, "cosplat_step_request");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_request, pair) == 32, "cosplat_step_request");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_request, timeout_ns) == 40, "cosplat_step_request");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_request, participant) == 48, "cosplat_step_request");
+
+/** User header of an answer on `step`; the payload is one `Ack` per command, in the same order. */
+struct cosplat_step_done {
+    /** Steps completed by the server; the frame of this step was sent. */
+    uint64_t step;
+    /** Simulated time at the end of it [s]. */
+    double sim_time;
+    /** As in `frame`. */
+    uint64_t epoch;
+    /** Hash of the state after it, as in `frame`. */
+    uint64_t state_hash;
+    /** Wall time that the server spent on the steps of this request, publishing included [ns]. */
+    uint64_t step_ns;
+    /** Steps made for this request. */
+    uint32_t frames;
+    /** `RETURN_*`. */
+    uint32_t cause;
+    /** Answers in the payload. */
+    uint32_t count;
+    /** For `RETURN_CONTACT`: what `contact[1]` is, `CONTACT_*`. */
+    uint32_t contact_kind;
+    /** For `RETURN_CONTACT`: object and other. */
+    uint32_t contact[2];
+    /** For all causes but `RETURN_COMPLETE` a sentence; UTF-8, zero-padded. */
+    char reason[128];
+};
+#define COSPLAT_STEP_DONE_TYPE_NAME "cosplat.v1.StepDone"
+COSPLAT_ASSERT(sizeof(struct cosplat_step_done) == 192, "cosplat_step_done");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_step_done) == 8, "cosplat_step_done");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_done, step) == 0, "cosplat_step_done");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_done, sim_time) == 8, "cosplat_step_done");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_done, epoch) == 16, "cosplat_step_done");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_done, state_hash) == 24, "cosplat_step_done");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_done, step_ns) == 32, "cosplat_step_done");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_done, frames) == 40, "cosplat_step_done");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_done, cause) == 44, "cosplat_step_done");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_done, count) == 48, "cosplat_step_done");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_done, contact_kind) == 52, "cosplat_step_done");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_done, contact) == 56, "cosplat_step_done");
+COSPLAT_ASSERT(offsetof(struct cosplat_step_done, reason) == 64, "cosplat_step_done");
 
 /** One entry of `journal`: a command as it was applied. */
 struct cosplat_applied_command {

@@ -63,6 +63,7 @@ fn stream_table() -> String {
     for (stream, payload, header) in [
         (session::FRAME, "[GaussianState]", "FrameHeader"),
         (session::OBJECTS, "[ObjectState]", "ObjectsHeader"),
+        (session::CONTACTS, "[Contact]", "ContactsHeader"),
         (session::JOURNAL, "[AppliedCommand]", "JournalHeader"),
         (session::STATUS, "[Status], one element", ""),
         (session::SCENE_GAUSSIANS, "[GaussianRest]", "SceneHeader"),
@@ -130,6 +131,7 @@ fn the_wire_format_document_shows_the_layout_of_the_code() {
 fn the_attach_document_shows_the_examples_as_they_are() {
     for (folder, name, language) in [
         ("ipc/examples", "smallest_subscriber.rs", "rust"),
+        ("ipc/examples", "closed_loop.rs", "rust"),
         ("ipc/examples", "subscriber.py", "python"),
         ("clients/python/examples", "frames.py", "python"),
     ] {

@@ -5,7 +5,7 @@ use rustix::process::{Resource, getrlimit};
 use crate::session::{MAX_CLIENTS, MAX_NODES, MAX_SUBSCRIBERS};
 
 /// Descriptors that a server holds, with a listener for each reader, and some to spare.
-pub(crate) const SERVER_FILES: u64 = 160;
+pub(crate) const SERVER_FILES: u64 = 240;
 /// With fewer free descriptors, a step of iceoryx2 may have failed for want of one.
 const FEW_FILES: u64 = 16;
 

@@ -19,7 +19,9 @@ use iceoryx2::{
 use crate::{
     Domain, Service,
     remains::make,
-    schema::{Ack, Command, CommandHeader, Hello, MAX_COMMANDS, WIRE_VERSION},
+    schema::{
+        Ack, Command, CommandHeader, Hello, MAX_COMMANDS, StepDone, StepRequest, WIRE_VERSION,
+    },
     sweeper,
 };
 
@@ -33,7 +35,9 @@ pub(crate) const EVENT_RESPONSE: usize = 2;
 pub(crate) const EVENT_SAMPLE: usize = 3;
 /// Requests that a client may have unanswered.
 pub(crate) const MAX_ACTIVE_REQUESTS: usize = 16;
-/// Senders of commands at most.
+/// The same of a participant in lock-step: one that waits for its steps, and the one with which it leaves.
+pub(crate) const MAX_ACTIVE_STEPS: usize = 2;
+/// Senders of commands at most, and participants at most.
 pub(crate) const MAX_CLIENTS: usize = 32;
 
 /// Quality of service of a publish-subscribe stream.
@@ -53,6 +57,10 @@ pub(crate) const FRAME: Stream = Stream {
 };
 pub(crate) const OBJECTS: Stream = Stream {
     name: "objects",
+    ..FRAME
+};
+pub(crate) const CONTACTS: Stream = Stream {
+    name: "contacts",
     ..FRAME
 };
 pub(crate) const STATUS: Stream = Stream {
@@ -91,8 +99,8 @@ const MAX_PUBLISHERS: usize = 4;
 pub(crate) const MAX_NODES: usize = 72;
 
 pub(crate) type PubSub<T, H> = publish_subscribe::PortFactory<Service, [T], H>;
-pub(crate) type Commands =
-    request_response::PortFactory<Service, [Command], CommandHeader, [Ack], ()>;
+/// Commands with the header `H`, answered with the header `R`.
+pub(crate) type Requests<H, R> = request_response::PortFactory<Service, [Command], H, [Ack], R>;
 pub(crate) type HelloService = publish_subscribe::PortFactory<Service, Hello, ()>;
 pub(crate) type Event = event::PortFactory<Service>;
 
@@ -274,17 +282,56 @@ pub(crate) fn listen(
     Ok(())
 }
 
-/// The `command` request-response service.
-pub(crate) fn commands(
+/// Header of requests with commands, and what goes with it.
+pub(crate) trait RequestHeader: Copy + Debug + Default + ZeroCopySend + 'static {
+    /// Header of the answers.
+    type Answer: Copy + Debug + Default + ZeroCopySend + 'static;
+    /// Name of the service.
+    const STREAM: &'static str;
+    /// Requests that a client may have unanswered.
+    const MAX_ACTIVE: usize;
+    /// Commands announced.
+    fn count(&self) -> usize;
+    /// Sender's process id.
+    fn pid(&self) -> u32;
+}
+
+impl RequestHeader for CommandHeader {
+    type Answer = ();
+    const STREAM: &'static str = "command";
+    const MAX_ACTIVE: usize = MAX_ACTIVE_REQUESTS;
+    fn count(&self) -> usize {
+        self.count as usize
+    }
+    fn pid(&self) -> u32 {
+        self.pid
+    }
+}
+
+impl RequestHeader for StepRequest {
+    type Answer = StepDone;
+    const STREAM: &'static str = "step";
+    const MAX_ACTIVE: usize = MAX_ACTIVE_STEPS;
+    fn count(&self) -> usize {
+        self.count as usize
+    }
+    fn pid(&self) -> u32 {
+        self.pid
+    }
+}
+
+/// The request-response service with headers `H`.
+pub(crate) fn requests<H: RequestHeader>(
     node: &Node<Service>,
     session: &SessionName,
     create: bool,
-) -> Result<Commands, OpenError> {
-    let name = session.service("command")?;
+) -> Result<Requests<H, H::Answer>, OpenError> {
+    let name = session.service(H::STREAM)?;
     let builder = node
         .service_builder(&name)
         .request_response::<[Command], [Ack]>()
-        .request_user_header::<CommandHeader>()
+        .request_user_header::<H>()
+        .response_user_header::<H::Answer>()
         .enable_safe_overflow_for_requests(false)
         .enable_safe_overflow_for_responses(false)
         .enable_fire_and_forget_requests(false);
@@ -292,7 +339,7 @@ pub(crate) fn commands(
         return Ok(builder.open()?);
     }
     let builder = builder
-        .max_active_requests_per_client(MAX_ACTIVE_REQUESTS)
+        .max_active_requests_per_client(H::MAX_ACTIVE)
         .max_loaned_requests(1)
         .max_response_buffer_size(1)
         .max_borrowed_responses_per_pending_response(1)

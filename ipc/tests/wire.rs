@@ -11,6 +11,7 @@ mod wire {
     mod limits;
     mod refusals;
     mod shm;
+    mod steps;
     mod support;
     mod users;
 }

@@ -3,7 +3,7 @@
 use cosplat_ipc::schema::{self as wire, padded};
 use cosplat_scene::sources::{SourceFile, SourceKind};
 use cosplat_sim_core::{
-    Action, ObjectState, Scene,
+    Action, Contact, ContactPartner, ObjectState, Scene,
     materials::{Law, Material, laws::LAWS},
     pose::GaussianPose,
     scene::{Object, Pose},
@@ -15,7 +15,7 @@ use crate::steering::Control;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WireError {
     /// `kind` is none of the known ones.
-    #[error("command kind {kind} is unknown: expected 1 to 13")]
+    #[error("command kind {kind} is unknown: expected 1 to 20")]
     UnknownKind {
         /// The value sent.
         kind: u32,
@@ -23,6 +23,12 @@ pub enum WireError {
     /// Only a replay can go to a step.
     #[error("this session simulates and cannot go to a step: only a replay can")]
     Seek,
+    /// Too few steps or too many.
+    #[error("{count} steps are asked for, expected 1 to {}", wire::MAX_STEPS)]
+    Steps {
+        /// The value sent.
+        count: u32,
+    },
     /// `material.law` is none of the known ones.
     #[error("material law {law} is unknown: expected 1 to {}", LAWS.len())]
     UnknownLaw {
@@ -38,6 +44,8 @@ pub enum Order {
     World(Action),
     /// Write a checkpoint.
     Checkpoint,
+    /// Make so many steps while paused.
+    Steps(u64),
     /// Something for the server itself.
     Server(Control),
 }
@@ -86,8 +94,37 @@ pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
         },
         wire::COMMAND_RELEASE => Action::Release { object },
         wire::COMMAND_RESET => Action::Reset,
+        wire::COMMAND_FORCE => Action::Force {
+            object,
+            force: command.vector,
+            torque: command.point,
+        },
+        wire::COMMAND_FORCE_AT => Action::ForceAt {
+            object,
+            force: command.vector,
+            point: command.point,
+            radius: command.radius,
+        },
+        wire::COMMAND_COLLIDER_VELOCITY => Action::ColliderVelocity {
+            collider: object,
+            linear: command.vector,
+            angular: command.point,
+        },
+        wire::COMMAND_SAVE => Action::Save {
+            snapshot: command.object,
+        },
+        wire::COMMAND_RESTORE => Action::Restore {
+            snapshot: command.object,
+        },
         wire::COMMAND_CHECKPOINT => return Ok(Order::Checkpoint),
         wire::COMMAND_SEEK => return Err(WireError::Seek),
+        wire::COMMAND_STEP => {
+            let count = command.object;
+            if !(1..=wire::MAX_STEPS).contains(&count) {
+                return Err(WireError::Steps { count });
+            }
+            return Ok(Order::Steps(count.into()));
+        }
         wire::COMMAND_PAUSE => return Ok(Order::Server(Control::Pause)),
         wire::COMMAND_RESUME => return Ok(Order::Server(Control::Resume)),
         wire::COMMAND_STOP => return Ok(Order::Server(Control::Stop)),
@@ -125,6 +162,23 @@ pub fn object_to_wire(id: usize, state: &ObjectState) -> wire::ObjectState {
         kinetic_energy: state.kinetic_energy,
         elastic_energy: state.elastic_energy,
         contact_impulse: state.contact_impulse,
+    }
+}
+
+/// A pair's row in the `contacts` stream.
+pub fn contact_to_wire(contact: &Contact) -> wire::Contact {
+    let (kind, other) = match contact.other {
+        ContactPartner::Object(object) => (wire::CONTACT_OBJECT, object),
+        ContactPartner::Collider(collider) => (wire::CONTACT_COLLIDER, collider),
+    };
+    wire::Contact {
+        object: contact.object as u32,
+        other: other as u32,
+        kind,
+        reserved: 0,
+        point: contact.point,
+        normal: contact.normal,
+        impulse: contact.impulse,
     }
 }
 

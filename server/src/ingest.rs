@@ -7,8 +7,8 @@ use cosplat_ipc::{
 use cosplat_sim_core::{Action, Command, CommandError};
 
 use crate::{
-    checkpoints::{CheckpointFolder, Checkpoints},
     convert::{Order, order_from_wire},
+    late::{Awaited, CheckpointFolder, LateAnswers},
     steering::{Scheduled, Steering},
 };
 
@@ -23,8 +23,8 @@ pub struct Ingest {
     pending: Vec<Pending>,
     /// Whether the server may step.
     pub steering: Steering,
-    /// Checkpoints that clients wait for.
-    pub checkpoints: Checkpoints,
+    /// Answers that wait for checkpoints or steps.
+    pub late: LateAnswers,
     /// Commands accepted since start.
     pub accepted: u64,
     /// Commands refused since start.
@@ -45,7 +45,7 @@ impl Ingest {
     pub fn new(paused: bool, checkpoints: Option<CheckpointFolder>) -> Ingest {
         Ingest {
             steering: Steering::new(paused),
-            checkpoints: Checkpoints::new(checkpoints),
+            late: LateAnswers::new(checkpoints),
             ..Ingest::default()
         }
     }
@@ -55,8 +55,8 @@ impl Ingest {
         self.pending.len()
     }
 
-    /// Checks one request and answers every command of it, at once or, where one orders a checkpoint, when that is
-    /// written; `next_step` is the first step still to come.
+    /// Checks one request and answers every command of it, at once or, where one orders a checkpoint or steps, when
+    /// these are there; `next_step` is the first step still to come.
     ///
     /// `check` judges an action against the world. A refused command leaves no trace but the count.
     pub fn accept(
@@ -65,30 +65,59 @@ impl Ingest {
         next_step: u64,
         check: &dyn Fn(&Action) -> Result<(), CommandError>,
     ) -> Reply {
-        let mut due = Vec::new();
-        let mut acks = Vec::with_capacity(asked.commands.len());
-        for (index, command) in asked.commands.iter().enumerate() {
-            acks.push(
-                match self.accept_one(asked.header.client, command, next_step, check) {
-                    Ok(step) => {
-                        self.accepted += 1;
-                        if command.kind == wire::COMMAND_CHECKPOINT {
-                            due.push((index, step));
-                        }
-                        wire::Ack::accepted(command.sequence, step)
-                    }
-                    Err(reason) => {
-                        self.refused += 1;
-                        wire::Ack::refused(command.sequence, &reason)
-                    }
-                },
-            );
-        }
+        let client = asked.header.client;
+        let (acks, due) = self.accept_all(client, asked.commands, next_step, true, check);
         if due.is_empty() {
             return Reply::Now(acks);
         }
-        self.checkpoints.expect((asked.ticket, acks), &due);
+        self.late.expect((asked.ticket, acks), &due);
         Reply::Later
+    }
+
+    /// Checks the commands of a participant and answers each of them now.
+    pub fn accept_now(
+        &mut self,
+        client: u64,
+        commands: &[wire::Command],
+        next_step: u64,
+        check: &dyn Fn(&Action) -> Result<(), CommandError>,
+    ) -> Vec<wire::Ack> {
+        self.accept_all(client, commands, next_step, false, check).0
+    }
+
+    fn accept_all(
+        &mut self,
+        client: u64,
+        commands: &[wire::Command],
+        next_step: u64,
+        may_be_late: bool,
+        check: &dyn Fn(&Action) -> Result<(), CommandError>,
+    ) -> (Vec<wire::Ack>, Vec<(usize, u64, Awaited)>) {
+        let mut due = Vec::new();
+        let mut acks = Vec::with_capacity(commands.len());
+        for (index, command) in commands.iter().enumerate() {
+            let awaited = match command.kind {
+                wire::COMMAND_CHECKPOINT => Some(Awaited::File),
+                wire::COMMAND_STEP => Some(Awaited::Frame),
+                _ => None,
+            };
+            let accepted = match awaited.is_some() && !may_be_late {
+                true => Err("its answer comes later: send it on the service command".into()),
+                false => self.accept_one(client, command, next_step, check),
+            };
+            acks.push(match accepted {
+                Ok(step) => {
+                    self.accepted += 1;
+                    due.extend(awaited.map(|awaited| (index, step, awaited)));
+                    wire::Ack::accepted(command.sequence, step)
+                }
+                Err(reason) => {
+                    self.refused += 1;
+                    wire::Ack::refused(command.sequence, &reason)
+                }
+            });
+        }
+        (acks, due)
     }
 
     fn accept_one(
@@ -106,7 +135,11 @@ impl Ingest {
             ));
         }
         match order_from_wire(command).map_err(|error| error.to_string())? {
-            Order::Checkpoint => self.checkpoints.check(step)?,
+            Order::Checkpoint => self.late.check_file(step)?,
+            Order::Steps(count) => {
+                self.late.has_room()?;
+                return self.steering.single_steps(count, step, next_step);
+            }
             Order::Server(control) => {
                 self.has_room(step == next_step)?;
                 let order = Scheduled {
@@ -191,6 +224,7 @@ mod tests {
         };
         let asked = Asked {
             ticket: 1,
+            port: 1,
             header: &header,
             commands,
         };
@@ -275,11 +309,12 @@ mod tests {
         let mut ingest = Ingest::new(false, Some(folder));
         let asked = Asked {
             ticket: 8,
+            port: 1,
             header: &wire::CommandHeader::default(),
             commands: &[impulse(2, 0), checkpoint],
         };
         assert_eq!(ingest.accept(&asked, 5, &fine), Reply::Later);
-        let answers = ingest.checkpoints.written(5, &Ok("file".into()));
+        let answers = ingest.late.written(5, &Ok("file".into()));
         let (ticket, acks) = &answers[0];
         assert_eq!((*ticket, acks.len()), (8, 2));
         assert_eq!((acks[0].sequence, acks[0].reason()), (2, Ok("")));

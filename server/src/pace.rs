@@ -9,6 +9,8 @@ pub enum Pace {
     Realtime,
     /// As fast as possible.
     Free,
+    /// As fast as participants permit; in real time while there is none.
+    Lockstep,
 }
 
 /// Frames of delay that are caught up; beyond that the clock is moved instead of bursting.
@@ -36,7 +38,7 @@ impl Pacer {
     pub fn left(&self, now: Instant) -> Duration {
         match self.pace {
             Pace::Free => Duration::ZERO,
-            Pace::Realtime => self.next.saturating_duration_since(now),
+            Pace::Realtime | Pace::Lockstep => self.next.saturating_duration_since(now),
         }
     }
 

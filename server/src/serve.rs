@@ -1,5 +1,7 @@
 //! The simulation process from first to last: publish the scene, step, write frames, answer, stop cleanly.
 
+mod participants;
+
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -16,12 +18,14 @@ use cosplat_scene::{
     load::LoadedScene,
     sources::{SourceFile, SourceKind},
 };
-use cosplat_sim_core::{CheckpointError, StepReport, World, WorldError, notices::Notices};
+use cosplat_sim_core::{Action, CheckpointError, StepReport, World, WorldError, notices::Notices};
 
 use crate::{
     allowance::Allowance,
-    checkpoints::CheckpointFolder,
+    convert::contact_to_wire,
     ingest::Ingest,
+    late::{Answers, CheckpointFolder},
+    lockstep::{Lockstep, LockstepOptions},
     pace::{Pace, Pacer},
     publish::{Output, SceneBuffers},
     steering::Permission,
@@ -36,6 +40,8 @@ pub struct ServeOptions {
     pub session: String,
     /// How simulated time follows wall time.
     pub pace: Pace,
+    /// Who takes part, with [`Pace::Lockstep`].
+    pub lockstep: LockstepOptions,
     /// Threads of the solver; 0 = one per core.
     pub threads: usize,
     /// Simulated seconds after which to stop; endless without.
@@ -132,6 +138,9 @@ const IDLE: Duration = Duration::from_millis(20);
 const LOSSLESS_WAIT: Duration = Duration::from_millis(1);
 /// How long it still waits when it is told to stop.
 const LAST_WAIT: Duration = Duration::from_secs(2);
+/// How long a server in lock-step waits for memory, so that a participant finds the frame of its step, before it
+/// skips the frame: a reader that stands still must not hold up the others for ever.
+const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(1);
 
 /// Serves `scene` until its duration is over, a client or `stop` ends it.
 ///
@@ -175,7 +184,16 @@ pub fn serve(
         session: options.session.clone(),
     });
     let frame_dt = 1.0 / scene.scene.frame_rate;
+    let lockstep = match options.pace {
+        Pace::Lockstep => Some(Lockstep::new(&options.lockstep, Instant::now())),
+        Pace::Realtime | Pace::Free => None,
+    };
+    let objects = scene.scene.objects.iter().map(|o| o.name.clone());
+    let colliders = scene.scene.colliders.iter().map(|c| c.name.clone());
     let mut server = Server {
+        lockstep,
+        names: (objects.collect(), colliders.collect()),
+        contacts: vec![],
         output,
         frame_dt,
         allowance: Allowance::new(frame_dt),
@@ -220,6 +238,11 @@ struct Server<'a> {
     ports: ServerPorts,
     output: Output,
     ingest: Ingest,
+    lockstep: Option<Lockstep>,
+    /// Names of objects and colliders.
+    names: (Vec<String>, Vec<String>),
+    /// Contacts of the last step, where somebody wants to know.
+    contacts: Vec<wire::Contact>,
     allowance: Allowance,
     pacer: Pacer,
     pool: rayon::ThreadPool,
@@ -236,6 +259,7 @@ impl Server<'_> {
         self.publish(0)?;
         loop {
             let news = self.answer();
+            self.watch_participants(self.held_up() == Permission::Wait);
             match self.permission() {
                 Permission::End => break,
                 Permission::Wait => self.idle(news)?,
@@ -252,19 +276,36 @@ impl Server<'_> {
             // The state of the last step once more, so that readers learn that nothing follows.
             self.publish(0)?;
         }
-        for (ticket, acks) in self.ingest.checkpoints.give_up() {
-            self.ports.answer(ticket, acks);
-        }
+        let unmet = self.ingest.late.give_up();
+        self.answer_late(unmet);
+        self.dismiss_participants();
         self.output.state = wire::SERVER_STOPPING;
         self.update_status()
     }
 
-    /// Whether a step may be made: the one place that says so.
+    /// Whether a step may be made: the one place that says so. Steering may hold it up, and so may participants; what
+    /// is left is a matter of time.
     fn permission(&self) -> Permission {
-        if self.done() || self.stop.load(Ordering::Relaxed) {
+        let waits = |lockstep: &Lockstep| !lockstep.permits();
+        match self.held_up() {
+            Permission::Step if self.lockstep.as_ref().is_some_and(waits) => Permission::Wait,
+            other => other,
+        }
+    }
+
+    /// Whether the session has ended or is paused.
+    fn held_up(&self) -> Permission {
+        let is_stopped = self.lockstep.as_ref().is_some_and(Lockstep::is_stopped);
+        if self.done() || is_stopped || self.stop.load(Ordering::Relaxed) {
             Permission::End
         } else {
             self.ingest.steering.permission()
+        }
+    }
+
+    fn answer_late(&mut self, answers: Vec<Answers>) {
+        for (ticket, acks) in answers {
+            self.ports.answer(ticket, acks);
         }
     }
 
@@ -281,12 +322,13 @@ impl Server<'_> {
 
     /// Whether somebody told the server to end.
     fn told_to_stop(&self) -> bool {
-        self.stop.load(Ordering::Relaxed) || self.ingest.steering.permission() == Permission::End
+        !self.done() && self.held_up() == Permission::End
     }
 
     /// Looks at what clients ask for, as far as there is time for it, and writes the checkpoint that is due; says
     /// whether there was anything.
     fn answer(&mut self) -> bool {
+        let heard = self.hear_participants();
         let next_step = self.world.report().step + 1;
         let begin = Instant::now();
         let (world, ingest, allowance) = (&self.world, &mut self.ingest, &mut self.allowance);
@@ -306,22 +348,33 @@ impl Server<'_> {
         }
         self.summary.commands_accepted = self.ingest.accepted;
         self.summary.commands_refused = self.ingest.refused;
-        if let Some(path) = self.ingest.checkpoints.file_due(next_step) {
+        if let Some(path) = self.ingest.late.file_due(next_step) {
             // Clients wait for the file: failing to write it must not end the simulation.
             let name = path.display();
             let outcome = match write_checkpoint(&path, &self.world.checkpoint()) {
                 Ok(()) => Ok(name.to_string()),
                 Err(error) => Err(format!("cannot write {name}: {error}")),
             };
-            for (ticket, acks) in self.ingest.checkpoints.written(next_step, &outcome) {
-                self.ports.answer(ticket, acks);
-            }
+            let answers = self.ingest.late.written(next_step, &outcome);
+            self.answer_late(answers);
         }
-        asked > 0
+        heard || asked > 0
     }
 
-    /// One turn of a paused server; `news` says whether the status has changed.
+    /// One turn of a server that is paused or waits for participants; `news` says whether the status has changed.
     fn idle(&mut self, news: bool) -> Result<(), ServeError> {
+        if self.held_up() == Permission::Step {
+            // Mostly they ask at once: who then waits for a status to be sent waits for nothing.
+            if !self.ports.wait(IDLE) {
+                if news || self.output.state != wire::SERVER_WAITING {
+                    self.output.state = wire::SERVER_WAITING;
+                    self.update_status()?;
+                }
+                self.allowance.grant(IDLE.as_secs_f64());
+            }
+            self.pacer.restart(Instant::now());
+            return Ok(());
+        }
         if news || self.output.state != wire::SERVER_PAUSED {
             self.output.state = wire::SERVER_PAUSED;
             self.update_status()?;
@@ -351,10 +404,12 @@ impl Server<'_> {
                 report.left_domain.len()
             );
         }
-        for notice in self.notices.of(self.world.scene(), &report) {
+        let notices = self.notices.of(self.world.scene(), &report);
+        for notice in &notices {
             tracing::warn!("{notice}");
         }
-        self.ingest.steering.reach(step + 1);
+        let events = participants::events(notices, &report, &commands);
+        self.ingest.steering.made_step(step + 1);
         self.summary.steps += 1;
         let stepped = Instant::now();
         let applied: Vec<_> = due.iter().map(|p| p.applied).collect();
@@ -365,33 +420,70 @@ impl Server<'_> {
         }
         self.allowance.grant(match self.options.pace {
             Pace::Realtime => report.timings.total.max(self.frame_dt),
-            Pace::Free => report.timings.total,
+            Pace::Lockstep if !self.is_locked() => report.timings.total.max(self.frame_dt),
+            Pace::Free | Pace::Lockstep => report.timings.total,
         });
-        let mut flags = 0;
-        if commands
-            .iter()
-            .any(|c| c.action == cosplat_sim_core::Action::Reset)
-        {
-            flags |= wire::FRAME_FLAG_RESET;
-        }
+        let flags = commands.iter().fold(0, |flags, c| match c.action {
+            Action::Reset => flags | wire::FRAME_FLAG_RESET,
+            Action::Restore { .. } => flags | wire::FRAME_FLAG_RESTORED,
+            _ => flags,
+        });
         self.publish(flags)?;
+        let answers = match report.stopped {
+            true => self
+                .ingest
+                .late
+                .cancel_steps("the server paused itself: particles would leave the domain"),
+            false => self.ingest.late.sent(step),
+        };
+        self.answer_late(answers);
+        self.tell_participants(&report, events, begin.elapsed());
         self.summary.step_seconds += (stepped - begin).as_secs_f64();
         self.summary.publish_seconds += stepped.elapsed().as_secs_f64();
         Ok(())
     }
 
-    /// Sends the current state: frame, objects, status.
+    /// Whether a participant is to be answered when a pair touches.
+    fn awaits_contact(&self) -> bool {
+        let lockstep = self.lockstep.as_ref();
+        lockstep.is_some_and(Lockstep::awaits_contact)
+    }
+
+    /// Sends the current state: objects, contacts, frame, status.
     fn publish(&mut self, flags: u32) -> Result<(), ServeError> {
         let loan = self.loan();
         // What came while it waited for memory counts as well.
         let flags = flags
-            | match self.permission() {
+            | match self.held_up() {
                 Permission::Step => 0,
                 Permission::Wait => wire::FRAME_FLAG_PAUSED,
                 Permission::End => wire::FRAME_FLAG_LAST,
             };
         self.last_sent = flags & wire::FRAME_FLAG_LAST != 0;
         let report = self.world.report();
+        let objects = self.output.objects(&self.world);
+        self.ports.publish_objects(
+            &wire::ObjectsHeader {
+                step: report.step,
+                sim_time: report.sim_time,
+                state_hash: report.state_hash,
+                ..Default::default()
+            },
+            &objects,
+        )?;
+        let are_read = self.ports.contacts_are_read();
+        self.contacts = match are_read || self.awaits_contact() {
+            true => self.world.contacts().iter().map(contact_to_wire).collect(),
+            false => vec![],
+        };
+        if are_read {
+            let header = wire::ContactsHeader {
+                step: report.step,
+                sim_time: report.sim_time,
+                ..Default::default()
+            };
+            self.ports.publish_contacts(&header, &self.contacts)?;
+        }
         match loan {
             Ok(mut loan) => {
                 let (world, output) = (&self.world, &self.output);
@@ -403,16 +495,6 @@ impl Server<'_> {
             Err(LoanRefused::PoolInUse { .. }) => self.summary.frames_skipped += 1,
             Err(other) => return Err(other.into()),
         }
-        let objects = self.output.objects(&self.world);
-        self.ports.publish_objects(
-            &wire::ObjectsHeader {
-                step: report.step,
-                sim_time: report.sim_time,
-                state_hash: report.state_hash,
-                ..Default::default()
-            },
-            &objects,
-        )?;
         self.summary.sim_seconds = report.sim_time;
         self.summary.state_hash = report.state_hash;
         self.output.count(report);
@@ -425,9 +507,12 @@ impl Server<'_> {
     /// answered meanwhile.
     fn loan(&mut self) -> Result<FrameLoan, LoanRefused> {
         let mut told = None;
+        let begin = Instant::now();
         loop {
             let loan = self.ports.loan_frame(self.summary.gaussians);
-            if !self.options.lossless || !matches!(loan, Err(LoanRefused::PoolInUse { .. })) {
+            let waits =
+                self.options.lossless || self.is_locked() && begin.elapsed() < LOCKSTEP_PATIENCE;
+            if !waits || !matches!(loan, Err(LoanRefused::PoolInUse { .. })) {
                 return loan;
             }
             if self.told_to_stop() {
@@ -452,12 +537,10 @@ impl Server<'_> {
     fn wait_until_due(&mut self) {
         loop {
             let left = self.pacer.left(Instant::now());
-            let steering = self.ingest.steering.permission();
-            let stop = self.stop.load(Ordering::Relaxed);
-            if left.is_zero() || stop || steering != Permission::Step {
+            if left.is_zero() || self.is_locked() || self.held_up() != Permission::Step {
                 return;
             }
-            if !self.allowance.covers(0.0, 0) {
+            if !self.allowance.covers(0.0, 0) && self.lockstep.is_none() {
                 std::thread::sleep(left.min(IDLE));
             } else if self.ports.wait(left) {
                 self.answer();

@@ -39,6 +39,8 @@ pub struct Scheduled {
 #[derive(Debug, Default)]
 pub struct Steering {
     paused: bool,
+    /// Steps that may be made although it is paused.
+    single: u64,
     stopped: bool,
     /// In the order of application.
     later: Vec<Scheduled>,
@@ -55,11 +57,34 @@ impl Steering {
 
     /// What all orders until now come to.
     pub fn permission(&self) -> Permission {
-        match (self.stopped, self.paused) {
+        match (self.stopped, self.paused && self.single == 0) {
             (true, _) => Permission::End,
             (false, true) => Permission::Wait,
             (false, false) => Permission::Step,
         }
+    }
+
+    /// Takes an order for `count` steps while paused; the last of them is returned.
+    ///
+    /// # Errors
+    /// A sentence when the server is not paused, or not at that `step`.
+    pub fn single_steps(&mut self, count: u64, step: u64, next_step: u64) -> Result<u64, String> {
+        if !self.paused {
+            return Err("the server runs, expected a paused one: pause it first".into());
+        }
+        if step > next_step {
+            return Err(format!(
+                "apply_at_step is {step}, expected at most {next_step}: a paused server makes no step by itself"
+            ));
+        }
+        self.single += count;
+        Ok(next_step + self.single - 1)
+    }
+
+    /// A step was made; the next one is `next_step`: obeys what is due before that.
+    pub fn made_step(&mut self, next_step: u64) {
+        self.single = self.single.saturating_sub(1);
+        self.reach(next_step);
     }
 
     /// Orders that wait for their step.
@@ -115,12 +140,16 @@ impl Steering {
     /// Suspends stepping: something happened that somebody has to look at.
     pub fn pause(&mut self) {
         self.paused = true;
+        self.single = 0;
     }
 
     fn obey(&mut self, control: Control) {
         match control {
             Control::Pause => self.paused = true,
-            Control::Resume => self.paused = false,
+            Control::Resume => {
+                self.paused = false;
+                self.single = 0;
+            }
             Control::Stop => self.stopped = true,
         }
     }
@@ -171,6 +200,24 @@ mod tests {
         );
         let paused = run(false, &[(4, 2, 1, pause), (4, 1, 7, resume)]);
         assert_eq!((paused[2], paused[3]), (Step, Wait));
+    }
+
+    #[test]
+    fn a_paused_server_makes_the_steps_that_are_ordered() {
+        let mut steering = Steering::new(true);
+        assert_eq!(steering.single_steps(2, 0, 5), Ok(6));
+        assert_eq!(steering.single_steps(1, 5, 5), Ok(7));
+        let late = steering
+            .single_steps(1, 9, 5)
+            .expect_err("step 9 never comes");
+        assert!(late.contains('9') && late.contains('5'), "{late}");
+        for next_step in 6..=8 {
+            assert_eq!(steering.permission(), Step);
+            steering.made_step(next_step);
+        }
+        assert_eq!(steering.permission(), Wait);
+        let mut runs = Steering::new(false);
+        runs.single_steps(1, 0, 5).expect_err("it is not paused");
     }
 
     #[test]

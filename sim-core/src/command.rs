@@ -83,6 +83,46 @@ pub enum Action {
         /// Object id.
         object: usize,
     },
+    /// A force and a torque that act on the object during the coming frame, in every substep: it gains the momentum
+    /// `force` times the length of the frame, and the angular momentum `torque` times it.
+    Force {
+        /// Object id.
+        object: usize,
+        /// Force [N], as the same acceleration of every particle.
+        force: [f64; 3],
+        /// Torque about the centre of mass [N m], as the accelerations of a rigid body.
+        torque: [f64; 3],
+    },
+    /// A force that acts during the coming frame on the object's particles within `radius` of `point`.
+    ForceAt {
+        /// Object id.
+        object: usize,
+        /// Force [N], as equal acceleration of these particles.
+        force: [f64; 3],
+        /// Centre of the touched region [m], world frame.
+        point: [f64; 3],
+        /// Its radius [m], > 0; widened to reach the nearest particle when it holds none.
+        radius: f64,
+    },
+    /// Moves a collider at constant velocity and spin during the coming frame; then it stands. Its own motion ends.
+    ColliderVelocity {
+        /// Index of the collider.
+        collider: usize,
+        /// Velocity of its origin [m/s].
+        linear: [f64; 3],
+        /// Angular velocity [rad/s], less than half a turn per frame.
+        angular: [f64; 3],
+    },
+    /// Keeps the state as it is now under a number, in place of a former one.
+    Save {
+        /// The number.
+        snapshot: u32,
+    },
+    /// Back to a state that was kept, simulated time included; the step count goes on.
+    Restore {
+        /// The number.
+        snapshot: u32,
+    },
     /// Back to the initial state, at simulated time 0; the step count goes on.
     Reset,
 }
@@ -132,6 +172,32 @@ pub enum CommandError {
         object: usize,
         /// Particles that it had.
         particles: usize,
+    },
+    /// No torque can turn particles on a line.
+    #[error("object {object} cannot be turned by a torque: its particles lie on a line")]
+    TooThin {
+        /// The object.
+        object: usize,
+    },
+    /// There is no state of this number.
+    #[error(
+        "snapshot {snapshot} is not there: {saved}; a state is kept once the step of its order was made"
+    )]
+    UnknownSnapshot {
+        /// The number sent.
+        snapshot: u32,
+        /// What there is.
+        saved: String,
+    },
+    /// Memory is for so many states.
+    #[error(
+        "snapshot {snapshot} would be one too many: expected at most {max}, or the number of one to replace"
+    )]
+    TooManySnapshots {
+        /// The number sent.
+        snapshot: u32,
+        /// States that can be kept.
+        max: usize,
     },
     /// Contact between spheres moves particles, which a rigid object does not have.
     #[error(

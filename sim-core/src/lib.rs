@@ -48,7 +48,7 @@ mod world;
 
 pub use command::{Action, Command, CommandError};
 pub use reference::ReferenceWorld;
-pub use report::{ContactEpisode, DtLimit, ObjectState, StepReport, Work};
+pub use report::{Contact, ContactEpisode, ContactPartner, DtLimit, ObjectState, StepReport, Work};
 pub use scene::Scene;
 pub use simd::Isa;
 pub use world::{CheckpointError, World, WorldError};

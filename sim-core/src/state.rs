@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     bodies::{body::Body, engine::CachedImpulse, shape::Shape},
     colliders::{Paths, rules::Pins},
-    contact::Episodes,
+    contact::{Episodes, ledger::Ledger},
     grid::Grid,
     materials::{Material, limits::DeformationBounds},
     model::Model,
@@ -149,6 +149,9 @@ pub(crate) struct RigidBodies {
     pub shapes: Vec<Option<Shape>>,
     /// Forces between bodies, and colliders, in the latest substep: where the next one begins its search.
     pub warm_start: Vec<CachedImpulse>,
+    /// Impulses of the latest frame; not part of a checkpoint.
+    #[serde(skip)]
+    pub ledger: Ledger,
 }
 
 impl RigidBodies {

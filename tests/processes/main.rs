@@ -6,6 +6,7 @@ mod commands;
 mod crashes;
 mod demo;
 mod doctor;
+mod lockstep;
 mod output;
 mod python;
 mod recording;

@@ -94,6 +94,19 @@ impl Stage {
         Process::start(command)
     }
 
+    /// This test program again, taking part in lock-step: see `lockstep::a_child_takes_part`.
+    pub fn participant(&self, name: &str, part: &str) -> Process {
+        let mut command =
+            Command::new(std::env::current_exe().expect("the test program knows its file"));
+        command
+            .args(["--exact", "lockstep::a_child_takes_part", "--nocapture"])
+            .env("COSPLAT_TEST_DOMAIN", &self.domain_name)
+            .env("COSPLAT_TEST_PARTICIPANT", name)
+            .env("COSPLAT_TEST_PART", part)
+            .stdin(Stdio::null());
+        Process::start(command)
+    }
+
     /// Starts a server on [`SMALL_SCENE`] and waits until clients can attach.
     pub fn serve(&self, arguments: &[&str]) -> Process {
         self.serve_scene(SMALL_SCENE, arguments)

@@ -117,8 +117,8 @@ impl Controller {
             .collect::<Result<Vec<_>, OrderError>>()?;
         // Answers to checkpoints take as long as their steps: they are ordered first and waited for last, so that
         // nothing else waits for them.
-        let (late, prompt): (Vec<_>, Vec<_>) =
-            (0..commands.len()).partition(|&i| commands[i].kind == wire::COMMAND_CHECKPOINT);
+        let is_late = |i: &usize| commands[*i].kind == wire::COMMAND_CHECKPOINT;
+        let (late, prompt): (Vec<_>, Vec<_>) = (0..commands.len()).partition(is_late);
         let chunk = |indices: &[usize]| indices.iter().map(|&i| commands[i]).collect::<Vec<_>>();
         let mut answers = vec![None; commands.len()];
         let mut unwritten = Vec::new();

@@ -71,6 +71,47 @@ pub enum Order {
         /// Object name or id.
         object: ObjectRef,
     },
+    /// A force [N] and a torque [N m] about the centre of mass during the step, or a force on the particles within
+    /// `radius` [m] of `point` [m].
+    Force {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Force [N].
+        force: [f64; 3],
+        /// Torque [N m]; none with a point.
+        #[serde(default)]
+        torque: [f64; 3],
+        /// Where [m], world frame; without it the force is on the whole object.
+        point: Option<[f64; 3]>,
+        /// How far around `point` [m].
+        radius: Option<f64>,
+    },
+    /// A collider moves during the step, and then stands.
+    ColliderVelocity {
+        /// Collider name or index.
+        collider: ObjectRef,
+        /// Velocity of its origin [m/s].
+        #[serde(default)]
+        linear: [f64; 3],
+        /// Angular velocity [rad/s].
+        #[serde(default)]
+        angular: [f64; 3],
+    },
+    /// Keep the state in the server's memory.
+    Save {
+        /// Its number.
+        snapshot: u32,
+    },
+    /// Back to a state that was kept.
+    Restore {
+        /// Its number.
+        snapshot: u32,
+    },
+    /// Make steps while paused.
+    Step {
+        /// How many.
+        count: u32,
+    },
     /// Write the state to a file on the server's side.
     Checkpoint,
     /// Stop stepping.
@@ -293,6 +334,10 @@ impl Order {
                 object: lookup.object(object)?,
                 ..empty
             },
+            Order::Force { .. } | Order::ColliderVelocity { .. } => self.held(lookup)?,
+            Order::Save { snapshot } => numbered(wire::COMMAND_SAVE, *snapshot),
+            Order::Restore { snapshot } => numbered(wire::COMMAND_RESTORE, *snapshot),
+            Order::Step { count } => numbered(wire::COMMAND_STEP, *count),
             Order::Checkpoint => of_kind(wire::COMMAND_CHECKPOINT),
             Order::Pause => of_kind(wire::COMMAND_PAUSE),
             Order::Resume => of_kind(wire::COMMAND_RESUME),
@@ -301,12 +346,55 @@ impl Order {
             Order::Stop => of_kind(wire::COMMAND_STOP),
         })
     }
+
+    /// The wire command of an order that acts during one step.
+    fn held(&self, lookup: &Lookup<'_>) -> Result<wire::Command, OrderError> {
+        let empty = wire::Command::default();
+        Ok(match self {
+            Order::Force {
+                object,
+                force,
+                torque,
+                point,
+                radius,
+            } => wire::Command {
+                kind: match point {
+                    None => wire::COMMAND_FORCE,
+                    Some(_) => wire::COMMAND_FORCE_AT,
+                },
+                object: lookup.object(object)?,
+                vector: *force,
+                point: point.unwrap_or(*torque),
+                radius: point.map_or(0.0, |_| radius.unwrap_or(DEFAULT_PUSH_RADIUS)),
+                ..empty
+            },
+            Order::ColliderVelocity {
+                collider,
+                linear,
+                angular,
+            } => wire::Command {
+                kind: wire::COMMAND_COLLIDER_VELOCITY,
+                object: lookup.collider(collider)?,
+                vector: *linear,
+                point: *angular,
+                ..empty
+            },
+            other => other.to_wire(lookup)?,
+        })
+    }
 }
 
 fn of_kind(kind: u32) -> wire::Command {
     wire::Command {
         kind,
         ..Default::default()
+    }
+}
+
+fn numbered(kind: u32, number: u32) -> wire::Command {
+    wire::Command {
+        object: number,
+        ..of_kind(kind)
     }
 }
 
@@ -391,6 +479,29 @@ mod tests {
         let command = wired(&order).expect("valid");
         assert_eq!(command.kind, wire::COMMAND_IMPULSE_AT);
         assert_eq!(command.radius, DEFAULT_PUSH_RADIUS);
+    }
+
+    #[test]
+    fn a_force_turns_the_whole_or_pushes_at_a_point() {
+        let force = |point| Order::Force {
+            object: ObjectRef::Id(1),
+            force: [1.0, 0.0, 0.0],
+            torque: [0.0, 0.0, 2.0],
+            point,
+            radius: None,
+        };
+        let command = wired(&force(None)).expect("valid");
+        assert_eq!(
+            (command.kind, command.point),
+            (wire::COMMAND_FORCE, [0.0, 0.0, 2.0])
+        );
+        let command = wired(&force(Some([0.0, 1.0, 0.0]))).expect("valid");
+        assert_eq!(
+            (command.kind, command.point),
+            (wire::COMMAND_FORCE_AT, [0.0, 1.0, 0.0])
+        );
+        let command = wired(&Order::Step { count: 7 }).expect("valid");
+        assert_eq!((command.kind, command.object), (wire::COMMAND_STEP, 7));
     }
 
     #[test]

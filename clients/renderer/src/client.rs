@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use cosplat_ipc::Domain;
-use cosplat_ipc::client::{ConnectError, Frame, ReadError, SceneView};
+use cosplat_ipc::client::{ConnectError, Frame, ReadError, SceneView, StepError};
 use cosplat_ipc::schema::{FRAME_FLAG_LAST, SceneHeader};
 use glam::Vec3;
 use serde::Serialize;
@@ -46,6 +46,8 @@ pub struct Options {
     pub fps: f64,
     /// Stop after this many rendered frames.
     pub frames: Option<u64>,
+    /// Name under which it takes part in lock-step: then no step is made before its picture is.
+    pub participant: Option<String>,
 }
 
 /// State of the work after a frame.
@@ -102,6 +104,9 @@ pub enum RenderError {
         /// What was missing.
         reason: String,
     },
+    /// It may not take part in lock-step.
+    #[error(transparent)]
+    Step(#[from] StepError),
     /// The frames cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
@@ -127,7 +132,8 @@ pub enum RenderError {
 ///
 /// It always takes the newest frame, so that a slow renderer skips frames and the server never waits; it stays when the
 /// server goes, and carries on with the next one of that name. While the simulation is slower than the clock it waits up to
-/// four times as long as a picture took before the next one.
+/// four times as long as a picture took before the next one. A participant in lock-step draws every step instead, and the
+/// server waits for it.
 ///
 /// # Errors
 /// When there is no server, frame or scene within `options.patience`, the session ends before a scene could be read, or a
@@ -184,7 +190,8 @@ fn watch(
     let goal = options.frames.unwrap_or(u64::MAX);
     while summary.frames_rendered < goal && !stop.load(Ordering::Relaxed) {
         let Some(next) = source.next()? else {
-            if source.is_over()? {
+            // Of a frame that found no memory there is nothing to draw: the step goes without a picture.
+            if source.is_over()? || !source.permit_step(stop)? {
                 break;
             }
             continue;
@@ -224,10 +231,10 @@ fn watch(
                 runs: summary.runs,
             });
         }
-        if is_last {
+        if is_last || summary.frames_rendered >= goal || !source.permit_step(stop)? {
             break;
         }
-        if wanted.anything() {
+        if wanted.anything() && options.participant.is_none() {
             std::thread::sleep(courtesy.wait(start.elapsed()));
         }
     }

@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 
 use cosplat_ipc::Client;
 use cosplat_ipc::client::{
-    ConnectError, Frame, FrameReader, ReadError, SceneReader, SceneView, StatusReader,
+    ConnectError, Frame, FrameReader, Participant, ReadError, SceneReader, SceneView, SendError,
+    StatusReader, StepError, Until,
 };
 use cosplat_ipc::schema::FRAME_FLAG_LAST;
 
@@ -24,6 +25,8 @@ pub(crate) struct Next {
 /// An attached session.
 pub(crate) struct Source<'a> {
     options: &'a Options,
+    /// Its part in lock-step, if it has one.
+    participant: Option<Participant>,
     client: Client,
     pub frames: FrameReader,
     status: StatusReader,
@@ -45,7 +48,13 @@ impl<'a> Source<'a> {
         loop {
             let attempt = Client::connect(&options.domain, &options.session, "view", GLANCE);
             let error = match attempt.and_then(|client| Self::open(options, client)) {
-                Ok(source) => return Ok(Some(source)),
+                Ok(mut source) => {
+                    if let Some(name) = &options.participant {
+                        let part = source.client.participate(name, options.patience)?;
+                        source.participant = Some(part);
+                    }
+                    return Ok(Some(source));
+                }
                 Err(error) if error.may_pass() => error,
                 Err(error) => return Err(error.into()),
             };
@@ -64,6 +73,7 @@ impl<'a> Source<'a> {
             options,
             // One frame deep: the newest.
             frames: client.frames(1)?,
+            participant: None,
             status: client.status()?,
             client,
             scenes: SceneReader::default(),
@@ -73,6 +83,26 @@ impl<'a> Source<'a> {
             given_up: 0,
             attached: Instant::now(),
         })
+    }
+
+    /// As a participant, permits a step and waits until it is made, or `stop`; false when none follows. The newest frame
+    /// is then the one of that step.
+    pub fn permit_step(&mut self, stop: &AtomicBool) -> Result<bool, RenderError> {
+        let Some(participant) = &mut self.participant else {
+            return Ok(true);
+        };
+        while !stop.load(Ordering::Relaxed) {
+            let until = Until::default().timeout(GLANCE);
+            match participant.step_until(1, &[], until) {
+                Ok(stepped) if stepped.is_last() => return Ok(false),
+                Ok(stepped) if stepped.done.frames > 0 => return Ok(true),
+                Ok(_) => {}
+                // A session that ended without a word.
+                Err(StepError::Send(SendError::ServerEnded { .. })) => return Ok(false),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(false)
     }
 
     /// The newest frame, or the one that waits for its scene; `None` when there is none just now.

@@ -154,6 +154,7 @@ fn options(domain: &Domain, folder: &Path) -> Options {
         mp4: Some(folder.join("deep/video.mp4")),
         fps: 60.0,
         frames: None,
+        participant: None,
     }
 }
 

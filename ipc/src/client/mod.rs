@@ -3,7 +3,9 @@
 mod commands;
 mod error;
 mod origin;
+mod participant;
 mod reader;
+mod requests;
 mod scene;
 mod status;
 
@@ -16,8 +18,10 @@ use iceoryx2::{node::Node, prelude::PortFactory};
 
 pub use commands::{CommandSender, Unanswered};
 pub use error::{ConnectError, ReadError, SendError};
+pub use participant::{Participant, StepError, Stepped, Until};
 pub use reader::{
-    Frame, FrameReader, JournalReader, Message, ObjectsReader, StreamHeader, StreamReader,
+    ContactsReader, Frame, FrameReader, JournalReader, Message, ObjectsReader, StreamHeader,
+    StreamReader,
 };
 pub use scene::{SceneReader, SceneView};
 pub use status::{StatusReader, heartbeat_age};
@@ -140,6 +144,11 @@ impl Client {
         StreamReader::open(self, session::OBJECTS, depth)
     }
 
+    /// Reads the contacts of every step: `depth` as for frames. It wakes with the frames.
+    pub fn contacts(&self, depth: usize) -> Result<ContactsReader, ConnectError> {
+        StreamReader::open(self, session::CONTACTS, depth)
+    }
+
     /// Reads the journal of applied commands, from the oldest that the server still keeps.
     pub fn journal(&self) -> Result<JournalReader, ConnectError> {
         StreamReader::open(self, session::JOURNAL, session::JOURNAL.max_depth)
@@ -155,9 +164,14 @@ impl Client {
         SceneReader::default().any(self, timeout)
     }
 
-    /// Sends commands.
+    /// Sends commands, under a random client number.
     pub fn commands(&self) -> Result<CommandSender, ConnectError> {
-        CommandSender::open(&self.node, &self.session)
+        CommandSender::open(&self.node, &self.session, None)
+    }
+
+    /// Sends commands under a client number of the caller's choice, which orders them among those of others in a step.
+    pub fn commands_as(&self, client: u64) -> Result<CommandSender, ConnectError> {
+        CommandSender::open(&self.node, &self.session, Some(client))
     }
 }
 

@@ -15,7 +15,8 @@ use super::{Client, ConnectError, ReadError, origin::Origin};
 use crate::{
     Service,
     schema::{
-        AppliedCommand, FrameHeader, GaussianState, JournalHeader, ObjectState, ObjectsHeader,
+        AppliedCommand, Contact, ContactsHeader, FrameHeader, GaussianState, JournalHeader,
+        ObjectState, ObjectsHeader,
     },
     session::{self, Stream},
 };
@@ -62,6 +63,21 @@ impl StreamHeader for ObjectsHeader {
     }
 }
 
+impl StreamHeader for ContactsHeader {
+    fn epoch(&self) -> u64 {
+        self.epoch
+    }
+    fn count(&self) -> usize {
+        self.count as usize
+    }
+    fn number(&self) -> u64 {
+        self.step
+    }
+    fn next_number(&self) -> u64 {
+        self.step.wrapping_add(1)
+    }
+}
+
 impl StreamHeader for JournalHeader {
     fn epoch(&self) -> u64 {
         self.epoch
@@ -83,6 +99,8 @@ pub type Frame = Message<GaussianState, FrameHeader>;
 pub type FrameReader = StreamReader<GaussianState, FrameHeader>;
 /// Reader of `objects`.
 pub type ObjectsReader = StreamReader<ObjectState, ObjectsHeader>;
+/// Reader of `contacts`.
+pub type ContactsReader = StreamReader<Contact, ContactsHeader>;
 /// Reader of `journal`; a message's `missed` counts commands.
 pub type JournalReader = StreamReader<AppliedCommand, JournalHeader>;
 

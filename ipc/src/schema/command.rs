@@ -35,6 +35,18 @@ pub const COMMAND_RELEASE: u32 = 12;
 /// Write a checkpoint of the state before `apply_at_step`; the answer's `reason` is the file's path.
 pub const COMMAND_CHECKPOINT: u32 = 13;
 
+/// Force `vector` [N] and torque `point` [N m] about the centre of mass on `object` during the step.
+pub const COMMAND_FORCE: u32 = 14;
+/// Force `vector` [N] during the step on the particles of `object` within `radius` of `point`.
+pub const COMMAND_FORCE_AT: u32 = 15;
+/// Move collider number `object` with velocity `vector` [m/s] and spin `point` [rad/s] during the step; then it stands.
+pub const COMMAND_COLLIDER_VELOCITY: u32 = 16;
+/// Keep the state in the server's memory as snapshot number `object`, in place of a former one of that number.
+pub const COMMAND_SAVE: u32 = 17;
+/// Back to the state of snapshot number `object`; the step count goes on.
+pub const COMMAND_RESTORE: u32 = 18;
+/// Make `object` steps while the server is paused, 1 to 1,000,000; answered when the last frame was sent.
+pub const COMMAND_STEP: u32 = 19;
 /// Have a replay go to `apply_at_step`, or to the first recorded step behind it; servers that simulate refuse it.
 pub const COMMAND_SEEK: u32 = 20;
 
@@ -62,7 +74,7 @@ pub struct MaterialSpec {
 pub struct Command {
     /// `COMMAND_*`.
     pub kind: u32,
-    /// Object id, or number of a collider; see the kinds.
+    /// Object id, or another number; see the kinds.
     pub object: u32,
     /// The sender's running number.
     pub sequence: u64,
@@ -176,6 +188,11 @@ impl Ack {
             reserved: 0,
             reason: padded(reason),
         }
+    }
+
+    /// Whether the command takes effect.
+    pub fn is_accepted(&self) -> bool {
+        self.status == ACK_ACCEPTED
     }
 
     /// Why the command was refused; empty when accepted.

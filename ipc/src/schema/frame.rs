@@ -58,3 +58,5 @@ pub const FRAME_FLAG_RESET: u32 = 1;
 pub const FRAME_FLAG_PAUSED: u32 = 2;
 /// This is the last frame of the session.
 pub const FRAME_FLAG_LAST: u32 = 4;
+/// The state was set back to that of a snapshot in this step.
+pub const FRAME_FLAG_RESTORED: u32 = 8;

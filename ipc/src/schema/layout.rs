@@ -113,6 +113,22 @@ wire_types! {
         28 reserved: u32,
         32 state_hash: u64,
     }
+    "cosplat.v1.Contact" Contact: 88 align 8 {
+        0 object: u32,
+        4 other: u32,
+        8 kind: u32,
+        12 reserved: u32,
+        16 point: [f64; 3],
+        40 normal: [f64; 3],
+        64 impulse: [f64; 3],
+    }
+    "cosplat.v1.ContactsHeader" ContactsHeader: 32 align 8 {
+        0 step: u64,
+        8 sim_time: f64,
+        16 epoch: u64,
+        24 count: u32,
+        28 total: u32,
+    }
     "cosplat.v1.GaussianRest" GaussianRest: 48 align 4 {
         0 position: [f32; 3],
         12 opacity: f32,
@@ -184,6 +200,31 @@ wire_types! {
         16 status: u32,
         20 reserved: u32,
         24 reason: [u8; 168],
+    }
+    "cosplat.v1.StepRequest" StepRequest: 96 align 8 {
+        0 client: u64,
+        8 pid: u32,
+        12 count: u32,
+        16 kind: u32,
+        20 frames: u32,
+        24 until: u32,
+        28 pair_kind: u32,
+        32 pair: [u32; 2],
+        40 timeout_ns: u64,
+        48 participant: [u8; 48],
+    }
+    "cosplat.v1.StepDone" StepDone: 192 align 8 {
+        0 step: u64,
+        8 sim_time: f64,
+        16 epoch: u64,
+        24 state_hash: u64,
+        32 step_ns: u64,
+        40 frames: u32,
+        44 cause: u32,
+        48 count: u32,
+        52 contact_kind: u32,
+        56 contact: [u32; 2],
+        64 reason: [u8; 128],
     }
     "cosplat.v1.AppliedCommand" AppliedCommand: 152 align 8 {
         0 step: u64,

@@ -4,21 +4,25 @@
 //! without padding, little-endian, reserved bytes zero.
 
 mod command;
+mod contacts;
 mod frame;
 mod hello;
 mod layout;
 mod objects;
 mod scene;
 mod status;
+mod step;
 mod text;
 
 pub use command::*;
+pub use contacts::*;
 pub use frame::*;
 pub use hello::*;
 pub use layout::*;
 pub use objects::*;
 pub use scene::*;
 pub use status::*;
+pub use step::*;
 pub use text::*;
 
 /// Major version of the wire contract; part of every service and type name.

@@ -70,3 +70,5 @@ pub const SERVER_RUNNING: u32 = 1;
 pub const SERVER_PAUSED: u32 = 2;
 /// The server is shutting down.
 pub const SERVER_STOPPING: u32 = 3;
+/// The server waits for participants in lock-step.
+pub const SERVER_WAITING: u32 = 4;

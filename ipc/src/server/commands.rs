@@ -1,4 +1,4 @@
-//! Requests with commands, and their answers.
+//! Requests with commands, on `command` and on `step`, and their answers.
 //!
 //! Each client has a line of its own, and the lines take turns: who sends much waits behind its own requests,
 //! not in front of those of others.
@@ -19,35 +19,39 @@ use iceoryx2::{
 use super::{CreateError, notify, pool, repeated::Repeated};
 use crate::{
     Service,
-    schema::{Ack, Command, CommandHeader},
+    schema::{Ack, Command, CommandHeader, RETURN_REFUSED, StepDone},
     session::{
-        self, Commands, EVENT_REQUEST, EVENT_RESPONSE, MAX_ACKS, MAX_ACTIVE_REQUESTS, MAX_CLIENTS,
+        self, EVENT_REQUEST, EVENT_RESPONSE, MAX_ACKS, MAX_CLIENTS, RequestHeader, Requests,
         SessionName,
     },
 };
 
 /// Answers in memory at most: each request of each client may have one that waits and one that is held, and one is
 /// being written. No client can take those of others.
-pub(super) const RESPONSE_SLOTS: usize = MAX_CLIENTS * MAX_ACTIVE_REQUESTS * 2 + 1;
+pub(super) const fn response_slots(max_active: usize) -> usize {
+    MAX_CLIENTS * max_active * 2 + 1
+}
 
-type Request = ActiveRequest<Service, [Command], CommandHeader, [Ack], ()>;
+type Request<H, R> = ActiveRequest<Service, [Command], H, [Ack], R>;
 
 /// A request as the server sees it.
 #[derive(Clone, Copy, Debug)]
-pub struct Asked<'a> {
+pub struct Asked<'a, H = CommandHeader> {
     /// Names the request, for an answer that comes later.
     pub ticket: u64,
+    /// The sender's port, as long as it lives; a process may have several.
+    pub port: u128,
     /// Who sent it.
-    pub header: &'a CommandHeader,
+    pub header: &'a H,
     /// What is ordered.
     pub commands: &'a [Command],
 }
 
 /// What the server makes of a request.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Reply {
-    /// One answer per command.
-    Now(Vec<Ack>),
+pub enum Reply<A = Vec<Ack>> {
+    /// One answer per command, on `step` with a header.
+    Now(A),
     /// The answers follow, see [`ServerPorts::answer`](super::ServerPorts::answer).
     Later,
     /// There is no time for it now: it stays the first in line.
@@ -55,51 +59,47 @@ pub enum Reply {
 }
 
 /// The requests of one client, the oldest first.
-struct Line {
+struct Line<H: RequestHeader> {
     client: UniqueClientId,
-    requests: VecDeque<Request>,
+    requests: VecDeque<Request<H, H::Answer>>,
 }
 
-pub(super) struct CommandPort {
-    server: Server<Service, [Command], CommandHeader, [Ack], ()>,
-    service: Commands,
-    listener: Listener<Service>,
+/// Where requests with the header `H` come in.
+pub(super) struct RequestPort<H: RequestHeader> {
+    server: Server<Service, [Command], H, [Ack], H::Answer>,
+    service: Requests<H, H::Answer>,
     notifier: Notifier<Service>,
     /// Clients whose requests wait for their turn, in the order of turns.
-    lines: VecDeque<Line>,
+    lines: VecDeque<Line<H>>,
     /// Requests that are answered later, by ticket.
-    held: BTreeMap<u64, Request>,
+    held: BTreeMap<u64, Request<H, H::Answer>>,
     next_ticket: u64,
     /// Clients when last looked.
     clients: Vec<UniqueClientId>,
     lost: Repeated,
 }
 
-impl CommandPort {
+impl<H: RequestHeader> RequestPort<H> {
     pub fn create(node: &Node<Service>, session: &SessionName) -> Result<Self, CreateError> {
-        let open = |error| CreateError::open(session.as_str(), "make the command service", error);
+        let open = |error| CreateError::open(session.as_str(), "make a request service", error);
         let failed = |reason: String| CreateError::Transport {
-            what: "make the command port",
-            reason,
+            what: "make a request port",
+            reason: format!("{}: {reason}", H::STREAM),
         };
-        let service = session::commands(node, session, true).map_err(open)?;
+        let service = session::requests::<H>(node, session, true).map_err(open)?;
         let server = service
             .server_builder()
             .initial_max_slice_len(MAX_ACKS)
             .max_loaned_responses_per_request(1)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
-            .override_response_preallocation(|_| RESPONSE_SLOTS)
+            .override_response_preallocation(|_| response_slots(H::MAX_ACTIVE))
             .create()
             .map_err(|error| failed(error.to_string()))?;
         pool::reserve(server.id().value())?;
-        let event = session::event(node, session, "command", true).map_err(open)?;
+        let event = session::event(node, session, H::STREAM, true).map_err(open)?;
         Ok(Self {
             server,
             service,
-            listener: event
-                .listener_builder()
-                .create()
-                .map_err(|error| failed(error.to_string()))?,
             notifier: event
                 .notifier_builder()
                 .default_event_id(EventId::new(EVENT_RESPONSE))
@@ -114,7 +114,10 @@ impl CommandPort {
     }
 
     /// Hands requests to `answer`, one of each client in turn, until there are none or it has no time for one.
-    pub fn poll(&mut self, mut answer: impl FnMut(Asked) -> Reply) -> usize {
+    pub fn poll<A: Answer<H::Answer>>(
+        &mut self,
+        mut answer: impl FnMut(Asked<H>) -> Reply<A>,
+    ) -> usize {
         self.line_up();
         let mut answered = 0;
         loop {
@@ -128,8 +131,8 @@ impl CommandPort {
             // Whoever does not wait any more gave up before anything happened.
             if request.is_connected() {
                 match ask(&request, self.next_ticket, &mut answer) {
-                    Reply::Now(acks) => {
-                        self.respond(&request, acks);
+                    Reply::Now(said) => {
+                        self.respond(&request, said);
                         answered += 1;
                     }
                     Reply::Later => {
@@ -152,12 +155,12 @@ impl CommandPort {
     }
 
     /// Answers the request of `ticket`; nothing happens if its sender is gone.
-    pub fn answer(&mut self, ticket: u64, acks: Vec<Ack>) {
+    pub fn answer(&mut self, ticket: u64, said: impl Answer<H::Answer>) {
         self.forget_the_gone();
         if let Some(request) = self.held.remove(&ticket)
             && request.is_connected()
         {
-            self.respond(&request, acks);
+            self.respond(&request, said);
             notify(&self.notifier);
         }
     }
@@ -205,36 +208,100 @@ impl CommandPort {
         self.held.retain(|_, request| request.is_connected());
     }
 
+    /// Whether requests wait for their turn.
+    pub fn is_waiting(&self) -> bool {
+        !self.lines.is_empty()
+    }
+
+    /// Whether the request of `ticket` waits for its answer, and its sender with it.
+    pub fn is_held(&self, ticket: u64) -> bool {
+        let request = self.held.get(&ticket);
+        request.is_some_and(|request| request.is_connected())
+    }
+
+    /// The ports that are attached.
+    pub fn ports(&mut self) -> impl Iterator<Item = u128> {
+        self.forget_the_gone();
+        self.clients.iter().map(|client| client.value())
+    }
+
     /// Sends one answer per command of `request`.
-    fn respond(&mut self, request: &Request, mut acks: Vec<Ack>) {
+    fn respond(&mut self, request: &Request<H, H::Answer>, said: impl Answer<H::Answer>) {
+        let (answer, mut acks) = said.parts();
         let (header, commands) = (*request.user_header(), request.payload());
         for command in commands.iter().take(MAX_ACKS).skip(acks.len()) {
             acks.push(Ack::refused(command.sequence, "the server gave no answer"));
         }
         acks.truncate(commands.len().min(MAX_ACKS));
         let sent = match request.loan_slice_uninit(acks.len()) {
-            Ok(response) => response
-                .write_from_slice(&acks)
-                .send()
-                .map_err(|error| error.to_string()),
+            Ok(mut response) => {
+                *response.user_header_mut() = answer;
+                let response = response.write_from_slice(&acks);
+                response.send().map_err(|error| error.to_string())
+            }
             Err(error) => Err(error.to_string()),
         };
         if let Err(error) = sent {
-            let pid = header.pid;
+            let pid = header.pid();
             self.lost
                 .warn(Instant::now(), &format!("that to process {pid}: {error}"));
         }
     }
+}
 
+/// What a request is answered with: perhaps a header, and one answer per command.
+pub trait Answer<R> {
+    /// Header and answers.
+    fn parts(self) -> (R, Vec<Ack>);
+
+    /// Refuses a request that contradicts itself.
+    fn refusal(reason: &str, acks: Vec<Ack>) -> Self;
+}
+
+impl Answer<()> for Vec<Ack> {
+    fn parts(self) -> ((), Vec<Ack>) {
+        ((), self)
+    }
+
+    fn refusal(_: &str, acks: Vec<Ack>) -> Self {
+        acks
+    }
+}
+
+impl Answer<StepDone> for (StepDone, Vec<Ack>) {
+    fn parts(self) -> (StepDone, Vec<Ack>) {
+        let (done, acks) = self;
+        let count = acks.len() as u32;
+        (StepDone { count, ..done }, acks)
+    }
+
+    fn refusal(reason: &str, acks: Vec<Ack>) -> Self {
+        (StepDone::of_cause(RETURN_REFUSED, reason), acks)
+    }
+}
+
+/// What requests of all kinds wake the server by.
+pub(super) struct Wake(Listener<Service>);
+
+impl Wake {
+    pub fn create(node: &Node<Service>, session: &SessionName) -> Result<Self, CreateError> {
+        let event = session::event(node, session, CommandHeader::STREAM, true)
+            .map_err(|error| CreateError::open(session.as_str(), "make an event service", error))?;
+        let listener = event.listener_builder().create();
+        let listener = listener.map_err(|error| CreateError::Transport {
+            what: "make a listener",
+            reason: error.to_string(),
+        })?;
+        Ok(Self(listener))
+    }
+
+    /// Sleeps until a request was sent, a signal arrives or `timeout` is over; false for the last.
     pub fn wait(&self, timeout: Duration) -> bool {
-        if !self.lines.is_empty() {
-            return true;
-        }
         let deadline = Instant::now() + timeout;
         loop {
             let mut request = false;
             let left = deadline.saturating_duration_since(Instant::now());
-            let heard = session::listen(&self.listener, left, |id| request |= id == EVENT_REQUEST);
+            let heard = session::listen(&self.0, left, |id| request |= id == EVENT_REQUEST);
             // An interrupt counts as a wake-up, so that the program can look at its signals.
             if request || heard.is_err() {
                 return true;
@@ -247,20 +314,26 @@ impl CommandPort {
 }
 
 /// What `answer` makes of `request`, if that is one.
-fn ask(request: &Request, ticket: u64, answer: &mut impl FnMut(Asked) -> Reply) -> Reply {
+fn ask<H: RequestHeader, A: Answer<H::Answer>>(
+    request: &Request<H, H::Answer>,
+    ticket: u64,
+    answer: &mut impl FnMut(Asked<H>) -> Reply<A>,
+) -> Reply<A> {
     let (header, commands) = (request.user_header(), request.payload());
-    if header.count as usize == commands.len() && commands.len() <= MAX_ACKS {
+    if header.count() == commands.len() && commands.len() <= MAX_ACKS {
         return answer(Asked {
             ticket,
+            port: request.origin().value(),
             header,
             commands,
         });
     }
     let reason = format!(
         "the header announces {} commands, the request holds {}, expected equal and at most {MAX_ACKS}",
-        header.count,
+        header.count(),
         commands.len()
     );
     let refuse = |command: &Command| Ack::refused(command.sequence, &reason);
-    Reply::Now(commands.iter().take(MAX_ACKS).map(refuse).collect())
+    let acks = commands.iter().take(MAX_ACKS).map(refuse).collect();
+    Reply::Now(A::refusal(&reason, acks))
 }

@@ -20,10 +20,10 @@ use std::{
 use iceoryx2::{
     node::Node,
     port::{notifier::Notifier, publisher::PublisherCreateError},
-    prelude::EventId,
+    prelude::{EventId, PortFactory},
 };
 
-pub use commands::{Asked, Reply};
+pub use commands::{Answer, Asked, Reply};
 pub use error::{CreateError, LoanRefused, PublishError};
 pub use frame::FrameLoan;
 pub use pool::PoolPlan;
@@ -33,13 +33,14 @@ use crate::{
     Domain, LimitReached, Service,
     limits::SERVER_FILES,
     schema::{
-        Ack, AppliedCommand, FrameHeader, GaussianState, Hello, JournalHeader, MAX_COMMANDS,
-        ObjectState, ObjectsHeader, Status,
+        Ack, AppliedCommand, CommandHeader, Contact, ContactsHeader, FrameHeader, GaussianState,
+        Hello, JournalHeader, MAX_COMMANDS, ObjectState, ObjectsHeader, Status, StepDone,
+        StepRequest,
     },
-    session::{self, EVENT_SAMPLE, SERVER_ROLE, SessionName},
+    session::{self, EVENT_SAMPLE, PubSub, SERVER_ROLE, SessionName},
     shm,
 };
-use commands::CommandPort;
+use commands::{RequestPort, Wake};
 use lock::SessionLock;
 use monitor::Monitor;
 use publish::{Publisher, copy_and_send, publisher};
@@ -52,9 +53,13 @@ pub struct ServerPorts {
     frame: Arc<Publisher<GaussianState, FrameHeader>>,
     frame_notifier: Arc<Notifier<Service>>,
     objects: Arc<Publisher<ObjectState, ObjectsHeader>>,
+    contacts: Arc<Publisher<Contact, ContactsHeader>>,
+    contacts_service: PubSub<Contact, ContactsHeader>,
     journal: Arc<Publisher<AppliedCommand, JournalHeader>>,
     status: Arc<StatusPort>,
-    commands: CommandPort,
+    wake: Wake,
+    steps: RequestPort<StepRequest>,
+    commands: RequestPort<CommandHeader>,
     session: SessionName,
     node: Node<Service>,
     plan: PoolPlan,
@@ -100,6 +105,16 @@ impl ServerPorts {
             pool::OBJECTS_SLOTS,
             1,
         )?;
+        let contacts = publisher(
+            &node,
+            &session,
+            session::CONTACTS,
+            plan.contact_count(),
+            pool::CONTACTS_SLOTS,
+            1,
+        )?;
+        let contacts_service = session::pub_sub(&node, &session, session::CONTACTS, false)
+            .map_err(|error| CreateError::open(session.as_str(), "find a service", error))?;
         let journal = publisher(
             &node,
             &session,
@@ -110,13 +125,17 @@ impl ServerPorts {
         )?;
         let status = Arc::new(StatusPort::create(&node, &session, epoch)?);
         let frame_notifier = Arc::new(sample_notifier(&node, &session, session::FRAME.name)?);
-        let commands = CommandPort::create(&node, &session)?;
+        let steps = RequestPort::create(&node, &session)?;
+        // The last of the services: who finds its event finds all.
+        let commands = RequestPort::create(&node, &session)?;
+        let wake = Wake::create(&node, &session)?;
         let monitor = Monitor::start(
             domain,
             vec![
                 hello.clone(),
                 frame.clone(),
                 objects.clone(),
+                contacts.clone(),
                 journal.clone(),
                 status.publisher(),
             ],
@@ -127,8 +146,12 @@ impl ServerPorts {
             frame,
             frame_notifier,
             objects,
+            contacts,
+            contacts_service,
             journal,
             status,
+            wake,
+            steps,
             commands,
             session,
             node,
@@ -217,6 +240,37 @@ impl ServerPorts {
         )
     }
 
+    /// Whether anybody reads `contacts`.
+    pub fn contacts_are_read(&self) -> bool {
+        self.contacts_service
+            .dynamic_config()
+            .number_of_subscribers()
+            > 0
+    }
+
+    /// Publishes the contacts of a step, the strongest where they do not fit a message; `epoch`, `count` and `total`
+    /// are filled in.
+    pub fn publish_contacts(
+        &mut self,
+        header: &ContactsHeader,
+        contacts: &[Contact],
+    ) -> Result<(), PublishError> {
+        let most = self.plan.contact_count();
+        let size = |c: &Contact| c.impulse.iter().map(|x| x * x).sum::<f64>();
+        let mut kept = contacts.to_vec();
+        if kept.len() > most {
+            kept.sort_by(|a, b| size(b).total_cmp(&size(a)));
+            kept.truncate(most);
+        }
+        let header = ContactsHeader {
+            epoch: self.epoch,
+            count: kept.len() as u32,
+            total: contacts.len() as u32,
+            ..*header
+        };
+        copy_and_send(&self.contacts, session::CONTACTS.name, most, header, &kept)
+    }
+
     /// Publishes commands that took effect at the start of `step`, in the order of their application.
     pub fn publish_journal(
         &mut self,
@@ -271,7 +325,37 @@ impl ServerPorts {
     /// Sleeps until a request comes, a signal arrives or `timeout` is over; says whether to look for requests. Does
     /// not sleep while there are requests that [`Reply::NotYet`] left waiting.
     pub fn wait(&self, timeout: Duration) -> bool {
-        self.commands.wait(timeout)
+        self.commands.is_waiting() || self.steps.is_waiting() || self.wake.wait(timeout)
+    }
+
+    /// Hands waiting requests of participants to `answer`, as [`poll_commands`](Self::poll_commands) does. The header of
+    /// an answer gets `epoch` and `count`.
+    pub fn poll_steps(
+        &mut self,
+        mut answer: impl FnMut(Asked<StepRequest>) -> Reply<(StepDone, Vec<Ack>)>,
+    ) -> usize {
+        let epoch = self.epoch;
+        self.steps.poll(|asked| match answer(asked) {
+            Reply::Now((done, acks)) => Reply::Now((StepDone { epoch, ..done }, acks)),
+            other => other,
+        })
+    }
+
+    /// Answers a request of a participant, to which the reply was [`Reply::Later`].
+    pub fn answer_steps(&mut self, ticket: u64, (done, acks): (StepDone, Vec<Ack>)) {
+        let epoch = self.epoch;
+        self.steps
+            .answer(ticket, (StepDone { epoch, ..done }, acks));
+    }
+
+    /// Whether the sender of the request of `ticket` on `step` still waits for its answer.
+    pub fn participant_waits(&self, ticket: u64) -> bool {
+        self.steps.is_held(ticket)
+    }
+
+    /// The ports on `step` that are attached; that of a dead process goes when the process is noticed, after some 100 ms.
+    pub fn participant_ports(&mut self) -> impl Iterator<Item = u128> {
+        self.steps.ports()
     }
 
     /// Serves late joiners now; without, they wait for the monitor's next look, 20 ms at most.

@@ -1,9 +1,9 @@
 //! How much memory a session takes, and how many frames its pool gets.
 
-use super::{CreateError, SceneBlocks, commands::RESPONSE_SLOTS};
+use super::{CreateError, SceneBlocks, commands::response_slots};
 use crate::{
-    schema::{Ack, AppliedCommand, GaussianState, MAX_COMMANDS, ObjectState, Status},
-    session::{FRAME, MAX_ACKS, MAX_SUBSCRIBERS},
+    schema::{Ack, AppliedCommand, Contact, GaussianState, MAX_COMMANDS, ObjectState, Status},
+    session::{FRAME, MAX_ACKS, MAX_ACTIVE_REQUESTS, MAX_ACTIVE_STEPS, MAX_SUBSCRIBERS},
     shm::{self, ReserveError},
 };
 
@@ -25,6 +25,11 @@ const CHUNK_OVERHEAD: usize = 192;
 
 /// Objects messages kept: a full queue of each depth, and what readers hold.
 pub(super) const OBJECTS_SLOTS: usize = 128;
+/// Contacts messages kept.
+pub(super) const CONTACTS_SLOTS: usize = 80;
+/// Contacts in a message at most, per object and in any case: bodies have few neighbours.
+const CONTACTS_PER_OBJECT: usize = 12;
+const FEWEST_CONTACTS: usize = 16;
 /// Journal messages kept: the history, and what readers hold.
 pub(super) const JOURNAL_SLOTS: usize = 320;
 /// Status messages kept.
@@ -58,6 +63,11 @@ impl PoolPlan {
         (self.gaussian_count * size_of::<GaussianState>() + CHUNK_OVERHEAD) as u64
     }
 
+    /// Contacts in a message at most.
+    pub(super) fn contact_count(&self) -> usize {
+        (CONTACTS_PER_OBJECT * self.object_count).max(FEWEST_CONTACTS)
+    }
+
     /// Shared memory that the session takes with a pool of `slots` frames [byte].
     pub fn required_bytes(&self, slots: usize) -> u64 {
         let messages = |slots, item: usize, count| (slots * (item * count + CHUNK_OVERHEAD)) as u64;
@@ -65,7 +75,13 @@ impl PoolPlan {
             + messages(OBJECTS_SLOTS, size_of::<ObjectState>(), self.object_count)
             + messages(JOURNAL_SLOTS, size_of::<AppliedCommand>(), MAX_COMMANDS)
             + messages(STATUS_SLOTS, size_of::<Status>(), 1)
-            + messages(RESPONSE_SLOTS, size_of::<Ack>(), MAX_ACKS)
+            + messages(CONTACTS_SLOTS, size_of::<Contact>(), self.contact_count())
+            + messages(
+                response_slots(MAX_ACTIVE_REQUESTS),
+                size_of::<Ack>(),
+                MAX_ACKS,
+            )
+            + messages(response_slots(MAX_ACTIVE_STEPS), size_of::<Ack>(), MAX_ACKS)
             + self.scene_bytes
             + OVERHEAD_BYTES
     }

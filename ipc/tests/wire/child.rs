@@ -125,6 +125,7 @@ fn a_child_plays_its_role() {
             Ok(step) => say(&format!("step {step}")),
             Err(error) => say(&error.to_string()),
         },
+        "participate" => participate(&domain, &session),
         "hold" => hold(&domain, &session),
         "cramped" => cramped(&domain, &session),
         other => panic!("no role {other:?}"),
@@ -148,6 +149,13 @@ fn run_server(mut ports: ServerPorts) {
         ports.maintain();
         ports.wait(Duration::from_millis(2));
     }
+}
+
+/// Takes part in lock-step and asks for a step that never comes.
+fn participate(domain: &Domain, session: &str) {
+    let client = Client::connect(domain, session, "child", PATIENCE).expect("attached");
+    let mut robot = client.participate("robot", PATIENCE).expect("taken in");
+    robot.step(1, &[]).expect("a step");
 }
 
 /// Lets this process open `free` more files and no others.

@@ -20,7 +20,7 @@ fn with_files(files: u64, domain: &TestDomain, role: &str) -> String {
 fn too_few_descriptors_are_said_with_the_limit_and_the_remedy() {
     let domain = TestDomain::new();
     let refusal = with_files(100, &domain, "start");
-    assert!(refusal.contains("expected room for 160 more"), "{refusal}");
+    assert!(refusal.contains("expected room for 240 more"), "{refusal}");
     assert!(refusal.contains(REMEDY), "{refusal}");
 
     let ports = serve(&domain, "narrow");

@@ -13,6 +13,7 @@ use super::{
 };
 use crate::{
     colliders::Placed,
+    contact::ledger::Received,
     mat3::{Mat3, cross, dot},
 };
 
@@ -47,6 +48,51 @@ pub(crate) struct Outcome {
     pub pairs: Vec<[u32; 2]>,
     /// Points of contact that were solved for.
     pub points: u64,
+    /// What was exchanged at them, in the order it happened.
+    pub touches: Vec<Touched>,
+}
+
+/// What a body received at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Touched {
+    /// The body.
+    pub body: usize,
+    /// From whom.
+    pub other: Toucher,
+    /// What.
+    pub received: Received,
+}
+
+/// Whom a body touches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Toucher {
+    /// Another body.
+    Body(usize),
+    /// A collider, by its number in the scene.
+    Wall(usize),
+}
+
+/// Notes `part` of the impulse at a point of contact.
+fn note(
+    touches: &mut Vec<Touched>,
+    actors: &[Actor<'_>],
+    walls: &[Placed<'_>],
+    pair: [u32; 2],
+    point: &Point,
+    part: f64,
+) {
+    let second = pair[1] as usize;
+    let other = match second.checked_sub(actors.len()) {
+        None => Toucher::Body(second),
+        Some(wall) => Toucher::Wall(walls[wall].id),
+    };
+    let place = add(actors[point.a].body.com, point.arms[0]);
+    let impulse = scaled(point.impulse(), part);
+    touches.push(Touched {
+        body: point.a,
+        other,
+        received: Received::at(place, point.normal, part * point.pressed, impulse),
+    });
 }
 
 /// Constant acceleration and torque of a body during a part of a step.
@@ -70,7 +116,7 @@ pub(crate) fn step(
     let origins: Vec<Vec3> = actors.iter().map(|actor| actor.body.com).collect();
     for n in 0..pieces as u32 {
         let from = f64::from(n) * h;
-        outcome = piece(actors, memory, setting, &origins, from, h, outcome.points);
+        outcome = piece(actors, memory, setting, &origins, from, h, outcome);
     }
     outcome
 }
@@ -82,12 +128,12 @@ fn piece(
     origins: &[Vec3],
     start: f64,
     h: f64,
-    points: u64,
+    before: Outcome,
 ) -> Outcome {
     let bounce = (2.0 * length(setting.gravity) * h).max(SLOWEST_BOUNCE);
     let mut outcome = Outcome {
         pairs: vec![],
-        points,
+        ..before
     };
     let mut left = h;
     for n in 0..=MOST_IMPACTS {
@@ -100,12 +146,24 @@ fn piece(
         let walls = (setting.walls)(start + h - left, left);
         let pairs = pairs(actors, &walls, setting, left);
         let mut contacts = contacts(actors, &walls, &pairs, setting, bounce);
-        collide(actors, &mut contacts, bounce);
+        for (pair, point) in collide(actors, &mut contacts, bounce) {
+            note(&mut outcome.touches, actors, &walls, pair, &point, 1.0);
+        }
         let mut loads = press(actors, &mut contacts, memory, setting, left);
         let until = match n < MOST_IMPACTS {
             true => next_impact(actors, &walls, &pairs, &loads, setting, bounce, left),
             false => left,
         };
+        for Contact { pair, point, .. } in &contacts {
+            note(
+                &mut outcome.touches,
+                actors,
+                &walls,
+                *pair,
+                point,
+                until / left,
+            );
+        }
         follow(actors, origins, &contacts, &mut loads, left, until);
         for (actor, load) in actors.iter_mut().zip(&loads) {
             let inertia = &actor.shape.inertia;
@@ -166,15 +224,21 @@ fn islands(actors: &[Actor<'_>], contacts: &[Contact]) -> Vec<usize> {
     }
 }
 
-/// Impulses of what approaches: all at once within an island, with restitution where it is fast.
-fn collide(actors: &mut [Actor<'_>], contacts: &mut [Contact], bounce: f64) {
+/// Impulses of what approaches: all at once within an island, with restitution where it is fast. Returns them with their
+/// pairs.
+fn collide(
+    actors: &mut [Actor<'_>],
+    contacts: &mut [Contact],
+    bounce: f64,
+) -> Vec<([u32; 2], Point)> {
+    let mut given = Vec::new();
     let speed = |c: &Contact| dot(c.point.before, c.point.normal);
     let meets = |c: &Contact| match c.point.holds {
         true => length(c.point.before) > STILL * bounce,
         false => speed(c) < -STILL * bounce,
     };
     if !contacts.iter().any(meets) {
-        return;
+        return given;
     }
     let root = islands(actors, contacts);
     let island = |c: &Contact| match c.point.b {
@@ -212,13 +276,15 @@ fn collide(actors: &mut [Actor<'_>], contacts: &mut [Contact], bounce: f64) {
                 settle_energy(several, &mut movers);
             }
         }
-        for point in &points {
+        for (&n, point) in members.iter().zip(&points) {
             give(actors, point, 1.0);
+            given.push((contacts[n].pair, *point));
         }
     }
     for contact in contacts.iter_mut() {
         contact.point.before = contact.point.relative(&movers);
     }
+    given
 }
 
 /// Books the impulse of a point, times `part`, with its bodies.

@@ -15,6 +15,7 @@ use super::{
 };
 use crate::{
     colliders::{edge, pose::rotate},
+    contact::ledger::Received,
     grid::{Grid, NodeBlock, anchors::Anchors},
     mat3::{Mat3, cross, dot},
     particles::{BLOCK, Particles},
@@ -78,13 +79,23 @@ struct Site {
     velocity: Vec3,
 }
 
-/// Lets bodies and nodes meet; returns per body the force [N] and torque about its centre of mass [N m] in the substep,
-/// and the largest velocity component given to a node [cells/s].
+/// What came of bodies at nodes.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Coupled {
+    /// Per body the force [N] and torque about its centre of mass [N m] in the substep.
+    pub loads: Vec<Load>,
+    /// What objects received from the matter of grid fields.
+    pub received: Vec<(usize, u32, Received)>,
+    /// Largest velocity component given to a node [cells/s].
+    pub largest: f32,
+}
+
+/// Lets bodies and nodes meet.
 pub(crate) fn couple_bodies_to_grid(
     grid: &mut Grid,
     bodies: &[CoupledBody<'_>],
     input: &CouplingInput<'_>,
-) -> (Vec<Load>, f32) {
+) -> Coupled {
     let mut coupling = Coupling {
         movers: bodies.iter().map(|b| mover(b, input)).collect(),
         ..Coupling::default()
@@ -92,13 +103,17 @@ pub(crate) fn couple_bodies_to_grid(
     for n in 0..bodies.len() {
         coupling.find_points(grid, bodies, n, input);
     }
-    let mut loads = vec![([0.0; 3], [0.0; 3]); bodies.len()];
+    let mut coupled = Coupled {
+        loads: vec![([0.0; 3], [0.0; 3]); bodies.len()],
+        ..Coupled::default()
+    };
     if !coupling.presses() {
-        return (loads, 0.0);
+        return coupled;
     }
     sweep(&mut coupling.points, &mut coupling.movers, SWEEPS);
-    let largest = coupling.give_back(grid, input, &mut loads);
-    (loads, largest)
+    coupled.received = coupling.received(bodies);
+    coupled.largest = coupling.give_back(grid, input, &mut coupled.loads);
+    coupled
 }
 
 /// All points at which bodies and nodes meet in a substep.
@@ -111,6 +126,8 @@ struct Coupling {
     /// Per node its mover.
     known: BTreeMap<[usize; 3], usize>,
     points: Vec<Point>,
+    /// The grid field of each.
+    fields: Vec<u32>,
 }
 
 impl Coupling {
@@ -172,6 +189,7 @@ impl Coupling {
                 velocity,
             };
             let mover = self.mover_of(site, f64::from(node[3]) * input.mass_unit);
+            self.fields.push(nodes.field);
             self.points.push(Point {
                 a: mover,
                 b: Some(n),
@@ -211,6 +229,19 @@ impl Coupling {
             let u = p.relative(&self.movers);
             p.holds || dot(u, p.normal) < p.target
         })
+    }
+
+    /// What objects received at the points, from which field.
+    fn received(&self, bodies: &[CoupledBody<'_>]) -> Vec<(usize, u32, Received)> {
+        let points = self.points.iter().zip(&self.fields);
+        let received = points.filter_map(|(point, field)| {
+            let body = &bodies[point.b?];
+            let place = add(body.body.com, point.arms[1]);
+            let (normal, impulse) = (scaled(point.normal, -1.0), scaled(point.impulse(), -1.0));
+            let received = Received::at(place, normal, point.pressed, impulse);
+            Some((body.object, *field, received))
+        });
+        received.collect()
     }
 
     /// Gives impulses to bodies as loads, and velocities to nodes; returns their largest component [cells/s].

@@ -4,7 +4,8 @@
 
 pub(crate) mod approach;
 pub(crate) mod attach;
-pub(crate) mod contact;
+pub(crate) mod commanded;
+mod contact;
 pub(crate) mod edge;
 pub(crate) mod friction;
 mod held;

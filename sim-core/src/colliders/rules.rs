@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Substep,
+    commanded::CommandedForce,
     pose::{from_rotation_vector, rotate},
 };
 use crate::{
@@ -142,8 +143,11 @@ pub(crate) struct Pushes<'a> {
     /// Velocity change of the members [units/s].
     impulses: Vec<(&'a Members, [f64; 3])>,
     forces: Vec<(&'a Acceleration, Force)>,
+    commanded: &'a [CommandedForce],
     /// How long forces act [s].
     kick: f64,
+    /// Length of the substep [s].
+    dt: f64,
 }
 
 /// A body force in one substep.
@@ -178,6 +182,9 @@ impl Pushes<'_> {
                 Force::ByPlace(formulas) => add(of.change(formulas.at(of.rest[number]), self.kick)),
             }
         }
+        for rate in self.commanded.iter().filter_map(|held| held.rate(id)) {
+            add(rate.map(|rate| self.dt * rate));
+        }
         change
     }
 }
@@ -196,6 +203,8 @@ pub(crate) struct Rules {
     releases: Vec<Release>,
     impulses: Vec<Impulse>,
     accelerations: Vec<Acceleration>,
+    /// Forces of the frame at hand. Each is given in every substep for all of its length: all of it is.
+    pub commanded: Vec<CommandedForce>,
 }
 
 /// What commands hold at present, per object; plain data, part of the world's state.
@@ -280,6 +289,7 @@ impl Rules {
             prescribed: prescribed.collect(),
             releases: releases.collect(),
             impulses: impulses.collect(),
+            commanded: vec![],
         }
     }
 
@@ -289,6 +299,7 @@ impl Rules {
             || self.releases.iter().any(|r| r.members.contains(id))
             || self.impulses.iter().any(|r| r.members.contains(id))
             || self.accelerations.iter().any(|a| a.number(id).is_some())
+            || self.commanded.iter().any(|held| held.concerns(id))
             || pins.iter().flatten().any(|p| p.contains(id))
     }
 
@@ -299,6 +310,7 @@ impl Rules {
             || self.releases.iter().any(|r| later(&r.span, &r.members))
             || self.impulses.iter().any(|r| later(&r.span, &r.members))
             || self.accelerations.iter().any(|a| a.number(id).is_some())
+            || self.commanded.iter().any(|held| held.concerns(id))
     }
 
     /// Whether there is no rule at all.
@@ -307,6 +319,7 @@ impl Rules {
             && self.releases.is_empty()
             && self.impulses.is_empty()
             && self.accelerations.is_empty()
+            && self.commanded.is_empty()
             && pins.iter().all(Option::is_none)
     }
 
@@ -350,24 +363,30 @@ impl Rules {
         Pushes {
             impulses: impulses.collect(),
             forces: forces.collect(),
+            commanded: &self.commanded,
             kick: substep.kick,
+            dt: substep.dt,
         }
     }
 
     /// Whether an impulse or a body force acts in a substep.
     pub fn push_in(&self, substep: &Substep) -> bool {
         let acts = |i: &Impulse| overlap(&i.span, substep.time, substep.time + substep.dt) > 0.0;
-        !self.accelerations.is_empty() || self.impulses.iter().any(acts)
+        let forces = !self.accelerations.is_empty() || !self.commanded.is_empty();
+        forces || self.impulses.iter().any(acts)
     }
 
-    /// Momentum that impulses give to every object from `start` to `end` [kg m/s].
+    /// Momentum that impulses and commanded forces give to every object from `start` to `end` [kg m/s].
     pub fn given(&self, start: f64, end: f64) -> Vec<(usize, [f64; 3])> {
         let given = self.impulses.iter().flat_map(|impulse| {
             let part = overlap(&impulse.span, start, end) / (impulse.span.end - impulse.span.start);
             let objects = impulse.per_object.iter();
             objects.map(move |(object, j)| (*object, j.map(|x| part * x)))
         });
-        given.filter(|(_, j)| *j != [0.0; 3]).collect()
+        let commanded = self.commanded.iter();
+        let commanded = commanded.map(|held| (held.object, held.force.map(|f| (end - start) * f)));
+        let all = given.chain(commanded);
+        all.filter(|(_, j)| *j != [0.0; 3]).collect()
     }
 
     /// Largest speed that each prescribed motion may give during a frame of `length` [s] to particles that are at

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
+    ledger::Ledger,
     motion::Motion,
     sites::{Site, unit},
     solve::{Exchange, Solved},
@@ -91,12 +92,18 @@ pub(crate) struct Episodes {
     open: Vec<Episode>,
     /// In the order it happened.
     closed: Vec<Closed>,
+    /// Impulses of the latest frame; not part of a checkpoint.
+    #[serde(skip)]
+    pub ledger: Ledger,
 }
 
+/// What a pair of fields exchanged.
+pub(crate) type PairExchange = ([u32; 2], Exchange);
+
 /// Exchanges per pair of fields, by fields.
-pub(super) fn by_pair(sites: &[Site], solved: &[Solved]) -> Vec<([u32; 2], Exchange)> {
+pub(super) fn by_pair(sites: &[Site], solved: &[Solved]) -> Vec<PairExchange> {
     let exchanged = solved.iter().flat_map(|place| &place.exchanged);
-    let mut found: Vec<([u32; 2], Exchange)> = sites
+    let mut found: Vec<PairExchange> = sites
         .iter()
         .zip(exchanged)
         .filter(|(_, exchange)| exchange.weight > 0.0)
@@ -147,7 +154,7 @@ impl Episodes {
     pub(super) fn take_in(
         &mut self,
         grid: &Grid,
-        exchanged: &[([u32; 2], Exchange)],
+        exchanged: &[PairExchange],
         frame_velocity: [f64; 3],
         dt: f64,
     ) {
@@ -201,13 +208,14 @@ impl Episodes {
     }
 
     /// Ends the episodes of pairs that parted, with the restitution that is asked. `resting` is the speed below which
-    /// no restitution is given. Returns the largest velocity component given, as bits.
+    /// no restitution is given. Adds what it gives to `exchanged`. Returns the largest velocity component given, as bits.
     pub(super) fn part(
         &mut self,
         grid: &mut Grid,
         wish: &dyn Fn([u32; 2]) -> Wish,
         resting: f64,
         time: f64,
+        exchanged: &mut Vec<PairExchange>,
     ) -> u32 {
         let mut largest = 0;
         let mut open = std::mem::take(&mut self.open);
@@ -262,6 +270,8 @@ impl Episodes {
                 for i in 0..3 {
                     episode.impulse[i] += change.impulse * n[i];
                 }
+                let given = Exchange::corrected(x, n, change.impulse);
+                exchanged.push((episode.fields, given));
                 episode.lost += change.lost;
                 after += k * change.impulse;
                 reached = !wish.elastic || after >= 0.999 * e * before;

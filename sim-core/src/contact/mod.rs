@@ -7,14 +7,15 @@ mod edge;
 mod episodes;
 mod gap;
 mod impulse;
+pub(crate) mod ledger;
 mod motion;
 mod patches;
 mod sites;
 mod solve;
 
 use edge::Approach;
-use episodes::by_pair;
 pub(crate) use episodes::{Closed, Episodes, Wish};
+use episodes::{PairExchange, by_pair};
 pub(crate) use gap::{LARGEST_RADIUS, Radii};
 use sites::{Sites, read};
 use solve::Surroundings;
@@ -68,8 +69,10 @@ pub(crate) struct Work {
 }
 
 /// What came of a meeting.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Met {
+    /// What pairs exchanged.
+    pub exchanged: Vec<PairExchange>,
     /// Largest velocity component that some node was given [cells/s]; NaN when one is.
     pub largest: f32,
     /// What it took.
@@ -96,7 +99,7 @@ pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>, episodes: &mut Episod
         frame_velocity: meeting.frame_velocity,
     };
     let solved = solve::solve(grid, &sites, &friction, &around);
-    let exchanged = by_pair(&sites.sites, &solved);
+    let mut exchanged = by_pair(&sites.sites, &solved);
     episodes.take_in(grid, &exchanged, meeting.frame_velocity, meeting.dt);
     let mut largest = 0_u32;
     for (n, block) in solved.into_iter().flat_map(|place| place.blocks) {
@@ -110,8 +113,9 @@ pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>, episodes: &mut Episod
     }
     // Twice what gravity adds in a substep: bodies at rest on each other do not bounce.
     let resting = 2.0 * meeting.gravity * meeting.dt;
-    let given = episodes.part(grid, meeting.wish, resting, meeting.time);
+    let given = episodes.part(grid, meeting.wish, resting, meeting.time, &mut exchanged);
     Met {
+        exchanged,
         largest: f32::from_bits(largest.max(given)),
         work,
     }

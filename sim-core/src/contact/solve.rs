@@ -19,7 +19,7 @@ const SWEEPS: usize = 4;
 
 /// What a pair exchanged at some nodes [mass units, cells, s].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Exchange {
+pub(crate) struct Exchange {
     /// Impulse that `b` received.
     pub impulse: [f64; 3],
     /// Part of it along the normals.
@@ -52,6 +52,18 @@ impl Exchange {
             }
         }
         sum
+    }
+
+    /// An impulse along a normal at a point.
+    pub fn corrected(point: [f64; 3], normal: [f64; 3], impulse: f64) -> Self {
+        let given = normal.map(|n| impulse * n);
+        Self {
+            impulse: given,
+            pressed: given,
+            weight: impulse.abs(),
+            moment: point.map(|x| impulse.abs() * x),
+            drift: [0.0; 3],
+        }
     }
 
     /// Adds another.

@@ -4,10 +4,15 @@ use std::ops::Range;
 
 use super::{Particles, ReferenceWorld};
 use crate::{
-    colliders::{Path, Substep},
+    colliders::{
+        Path, Substep,
+        commanded::{CommandedForce, Loaded},
+        pose::{from_rotation_vector, product},
+    },
     command::{Action, Command},
     mat3::Mat3,
     materials::Material,
+    scene::Pose,
 };
 
 impl ReferenceWorld {
@@ -81,19 +86,41 @@ impl ReferenceWorld {
                 ref material,
             } => self.set_material(object, region, material),
             Action::SetGravity { gravity } => self.gravity = gravity,
-            Action::MoveCollider { collider, pose } => {
-                let now = Substep {
-                    time: self.sim_time,
-                    dt: 0.0,
-                    kick: 0.0,
-                    frame_start: self.sim_time,
-                    frame_length: 0.0,
-                };
-                if collider < self.paths.len() {
-                    let from = self
-                        .boundaries
-                        .pose(collider, &self.paths, &now, self.sim_time);
-                    self.paths[collider] = Some(Path { from, to: pose });
+            Action::MoveCollider { collider, pose } => self.send_collider(collider, |_| pose),
+            Action::ColliderVelocity {
+                collider,
+                linear,
+                angular,
+            } => self.drive_collider(collider, linear, angular),
+            Action::Force {
+                object,
+                force,
+                torque,
+            } => {
+                let touched: Vec<usize> = range(object).collect();
+                self.hold_force(object, &touched, force, torque);
+            }
+            Action::ForceAt {
+                object,
+                force,
+                point,
+                radius,
+            } => {
+                let touched = self.particles.within(range(object), point, radius);
+                self.hold_force(object, &touched, force, [0.0; 3]);
+            }
+            Action::Save { snapshot } => {
+                let mut kept = self.clone();
+                kept.snapshots.clear();
+                self.snapshots.insert(snapshot, kept);
+            }
+            Action::Restore { snapshot } => {
+                if let Some(kept) = self.snapshots.get(&snapshot).cloned() {
+                    *self = Self {
+                        steps: self.steps,
+                        snapshots: std::mem::take(&mut self.snapshots),
+                        ..kept
+                    };
                 }
             }
             Action::Pin {
@@ -115,10 +142,59 @@ impl ReferenceWorld {
             Action::Reset => {
                 *self = Self {
                     steps: self.steps,
+                    snapshots: std::mem::take(&mut self.snapshots),
                     ..Self::new(&self.scene)
                 };
             }
         }
+    }
+
+    /// Sends a collider off at a velocity for the coming frame.
+    fn drive_collider(&mut self, collider: usize, linear: [f64; 3], angular: [f64; 3]) {
+        let frame = self.scene.frame_rate.recip();
+        let turn = from_rotation_vector(angular.map(|w| frame * w));
+        self.send_collider(collider, |now| Pose {
+            translation: std::array::from_fn(|i| now.translation[i] + frame * linear[i]),
+            rotation: product(turn, now.rotation),
+        });
+    }
+
+    /// Sends a collider to a pose, made from that of now, in the coming frame.
+    fn send_collider(&mut self, collider: usize, to: impl FnOnce(Pose) -> Pose) {
+        let now = Substep {
+            time: self.sim_time,
+            dt: 0.0,
+            kick: 0.0,
+            frame_start: self.sim_time,
+            frame_length: 0.0,
+        };
+        if collider < self.paths.len() {
+            let from = self
+                .boundaries
+                .pose(collider, &self.paths, &now, self.sim_time);
+            let to = to(from);
+            self.paths[collider] = Some(Path { from, to });
+        }
+    }
+
+    /// Lets a force and a torque act on particles of an object during the coming frame.
+    fn hold_force(&mut self, object: usize, touched: &[usize], force: [f64; 3], torque: [f64; 3]) {
+        let Some(owner) = self.scene.objects.get(object) else {
+            return;
+        };
+        let all = owner.particles.clone();
+        let first = all.start;
+        let loaded: Vec<Loaded> = all
+            .map(|p| Loaded {
+                place: self.particles.position[p],
+                mass: match touched.binary_search(&p) {
+                    Ok(_) => self.particles.mass[p],
+                    Err(_) => 0.0,
+                },
+            })
+            .collect();
+        let held = CommandedForce::new(object, first, &loaded, force, torque, 1.0);
+        self.rules.commanded.extend(held);
     }
 }
 

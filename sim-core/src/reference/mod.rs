@@ -10,6 +10,8 @@ mod motion;
 mod substep;
 mod time_step;
 
+use std::collections::BTreeMap;
+
 use crate::{
     colliders::{
         Boundaries, Paths,
@@ -42,6 +44,8 @@ pub struct ReferenceWorld {
     paths: Paths,
     rules: Rules,
     pins: Pins,
+    /// States that commands keep.
+    snapshots: BTreeMap<u32, ReferenceWorld>,
 }
 
 /// Particle state, SI units, world frame.
@@ -148,6 +152,7 @@ impl ReferenceWorld {
             paths: vec![None; scene.colliders.len()],
             rules: Rules::new(scene, 1.0),
             pins: vec![None; scene.objects.len()],
+            snapshots: BTreeMap::new(),
             scene: scene.clone(),
         }
     }
@@ -232,6 +237,7 @@ impl ReferenceWorld {
                 start_momentum[object][i] += impulse[i];
             }
         }
+        self.rules.commanded.clear();
         report.step = self.steps;
         report.sim_time = self.sim_time;
         report.particle_updates_full = report.particle_updates;

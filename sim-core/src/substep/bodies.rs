@@ -4,13 +4,14 @@ use super::tally::{Tally, timed};
 use crate::{
     bodies::{
         actor::{Actor, Drive, Setting},
-        engine::{CachedImpulse, Outcome, step},
+        engine::{CachedImpulse, Outcome, Toucher, step},
         near::Fields,
-        nodes::{CoupledBody, CouplingInput, Load, couple_bodies_to_grid},
+        nodes::{Coupled, CoupledBody, CouplingInput, couple_bodies_to_grid},
     },
     colliders::Substep,
     grid::{FieldPass, anchors::Anchors},
     mat3::cross,
+    report::ContactPartner,
     state::{Given, GridMotion, Matter, RigidBodies, Workspace, rigid::RigidBody},
 };
 
@@ -56,6 +57,7 @@ fn move_all(
         of,
         shapes,
         warm_start,
+        ledger,
     } = bodies;
     let (mut coupled, mut objects) = (vec![], vec![]);
     for (object, (rigid, shape)) in of.iter().zip(&*shapes).enumerate() {
@@ -69,8 +71,14 @@ fn move_all(
             });
         }
     }
-    let (loads, largest) = couple(given, now, passes, matter, motion, &coupled, workspace);
-    let coupled = coupled.iter().zip(loads);
+    let at_nodes = couple(given, now, passes, matter, motion, &coupled, workspace);
+    // In a single field nobody knows whose matter a node holds.
+    let single = given.model.is_single_field();
+    for (object, field, received) in at_nodes.received.iter().filter(|_| !single) {
+        let other = ContactPartner::Object(*field as usize);
+        ledger.add(*object, other, received);
+    }
+    let coupled = coupled.iter().zip(at_nodes.loads);
     let mut actors: Vec<Actor<'_>> = coupled
         .map(|(body, load)| Actor {
             shape: body.shape,
@@ -80,16 +88,22 @@ fn move_all(
         .collect();
     let outcome = advance(given, now, &objects, &mut actors, warm_start);
     workspace.body_pairs = outcome.pairs;
+    for touch in &outcome.touches {
+        let other = match touch.other {
+            Toucher::Body(body) => ContactPartner::Object(objects[body]),
+            Toucher::Wall(collider) => ContactPartner::Collider(collider),
+        };
+        ledger.add(objects[touch.body], other, &touch.received);
+    }
     for (object, actor) in objects.iter().zip(&actors) {
         if let Some(rigid) = &mut of[*object] {
             rigid.body = actor.body;
         }
     }
-    largest
+    at_nodes.largest
 }
 
-/// Impulses between bodies and nodes: per body force [N] and torque about its centre of mass [N m], and the largest velocity
-/// component given to a node [cells/s].
+/// Impulses between bodies and nodes.
 fn couple(
     given: &Given<'_>,
     now: &Substep,
@@ -98,9 +112,12 @@ fn couple(
     motion: &GridMotion,
     bodies: &[CoupledBody<'_>],
     workspace: &mut Workspace,
-) -> (Vec<Load>, f32) {
+) -> Coupled {
     if matter.particles.groups.is_empty() {
-        return (vec![([0.0; 3], [0.0; 3]); bodies.len()], 0.0);
+        return Coupled {
+            loads: vec![([0.0; 3], [0.0; 3]); bodies.len()],
+            ..Coupled::default()
+        };
     }
     let model = given.model;
     let scene = &model.scene;

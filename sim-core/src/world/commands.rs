@@ -23,16 +23,21 @@ const MATERIAL_SUBSTEPS: f64 = 65_536.0;
 /// Largest commanded gravity [m/s^2].
 const MAX_GRAVITY: f64 = 1e4;
 /// Largest coordinate of a commanded point, and radius [m].
-const MAX_LENGTH: f64 = 1e6;
+pub(super) const MAX_LENGTH: f64 = 1e6;
 
-fn finite(field: &'static str, values: &[f64]) -> Result<(), CommandError> {
+pub(super) fn finite(field: &'static str, values: &[f64]) -> Result<(), CommandError> {
     match values.iter().find(|value| !value.is_finite()) {
         Some(&value) => Err(CommandError::NotFinite { field, value }),
         None => Ok(()),
     }
 }
 
-fn within(field: &'static str, value: f64, min: f64, max: f64) -> Result<(), CommandError> {
+pub(super) fn within(
+    field: &'static str,
+    value: f64,
+    min: f64,
+    max: f64,
+) -> Result<(), CommandError> {
     finite(field, &[value])?;
     if (min..=max).contains(&value) {
         return Ok(());
@@ -46,7 +51,7 @@ fn within(field: &'static str, value: f64, min: f64, max: f64) -> Result<(), Com
 }
 
 /// What an accepted action does to particles.
-enum Effect<'a> {
+pub(super) enum Effect<'a> {
     /// The same velocity change [m/s] for these particles, a sorted list, or for all of the object.
     Push {
         object: usize,
@@ -75,6 +80,15 @@ enum Effect<'a> {
     Release {
         object: usize,
     },
+    /// A force [N] and a torque [N m] during the frame, on these particles, a sorted list, or on all of the object.
+    Force {
+        object: usize,
+        force: [f64; 3],
+        torque: [f64; 3],
+        particles: Option<Vec<u32>>,
+    },
+    Save(u32),
+    Restore(u32),
     Reset,
 }
 
@@ -99,7 +113,7 @@ impl World {
     }
 
     /// Largest speed that a command may cause [m/s].
-    fn max_speed(&self) -> f64 {
+    pub(super) fn max_speed(&self) -> f64 {
         0.5 * MOTION_SUBSTEPS * self.model.scene.dx * self.model.scene.frame_rate
     }
 
@@ -160,6 +174,30 @@ impl World {
                 Ok(Effect::Gravity(gravity))
             }
             Action::MoveCollider { collider, pose } => self.path(collider, pose),
+            Action::ColliderVelocity {
+                collider,
+                linear,
+                angular,
+            } => self.path_at(collider, linear, angular),
+            Action::Force {
+                object,
+                force,
+                torque,
+            } => self.force(object, force, torque),
+            Action::ForceAt {
+                object,
+                force,
+                point,
+                radius,
+            } => self.force_at(object, force, point, radius),
+            Action::Save { snapshot } => {
+                let room = self.has_room_for(snapshot);
+                room.map(|()| Effect::Save(snapshot))
+            }
+            Action::Restore { snapshot } => {
+                let known = self.has_snapshot(snapshot);
+                known.map(|()| Effect::Restore(snapshot))
+            }
             Action::Pin {
                 object,
                 point,
@@ -220,7 +258,7 @@ impl World {
     }
 
     /// The way of a collider through the coming frame.
-    fn path<'a>(&self, collider: usize, pose: Pose) -> Result<Effect<'a>, CommandError> {
+    pub(super) fn path<'a>(&self, collider: usize, pose: Pose) -> Result<Effect<'a>, CommandError> {
         let count = self.model.scene.colliders.len();
         if collider >= count {
             return Err(CommandError::UnknownCollider { collider, count });
@@ -246,7 +284,7 @@ impl World {
     }
 
     /// Mass of an object's simulated particles [kg].
-    fn mass_of(&self, object: usize) -> Result<f64, CommandError> {
+    pub(super) fn mass_of(&self, object: usize) -> Result<f64, CommandError> {
         let count = self.model.scene.objects.len();
         let Some(o) = self.model.scene.objects.get(object) else {
             return Err(CommandError::UnknownObject { object, count });
@@ -263,7 +301,7 @@ impl World {
     }
 
     /// Mass of some particles of an object [kg].
-    fn mass_of_particles(&self, object: usize, particles: &[u32]) -> f64 {
+    pub(super) fn mass_of_particles(&self, object: usize, particles: &[u32]) -> f64 {
         let owner = &self.model.scene.objects[object];
         let volume = &self.published.volume;
         let masses = particles.iter().map(|&p| {
@@ -338,7 +376,7 @@ impl World {
 
     /// Simulated particles of an object within `radius` of `point` [m], ascending; the nearest when there are
     /// none.
-    fn within_reach(&self, object: usize, point: [f64; 3], radius: f64) -> Vec<u32> {
+    pub(super) fn within_reach(&self, object: usize, point: [f64; 3], radius: f64) -> Vec<u32> {
         let dx = self.model.scene.dx;
         let candidates = self.model.scene.objects[object].particles.clone();
         let distances: Vec<(u32, f64)> = candidates
@@ -363,13 +401,14 @@ impl World {
             | Effect::Velocity { object, .. }
             | Effect::Material { object, .. }
             | Effect::Pin { object, .. }
+            | Effect::Force { object, .. }
             | Effect::Release { object } => {
                 self.wake(object);
                 self.restore_particles(object);
             }
             Effect::Gravity(_) => self.wake_all(),
             // What a collider comes near is woken when the frame begins; a reset forgets all sleep.
-            Effect::Path { .. } | Effect::Reset => {}
+            Effect::Path { .. } | Effect::Save(_) | Effect::Restore(_) | Effect::Reset => {}
         }
         match effect {
             Effect::Push {
@@ -402,7 +441,16 @@ impl World {
                 self.state.commanded.pins[object] = None;
                 self.state.matter.drift = f64::INFINITY;
             }
+            Effect::Force {
+                object,
+                force,
+                torque,
+                particles,
+            } => self.hold_force(object, force, torque, particles.as_deref()),
+            Effect::Save(snapshot) => self.save(snapshot),
+            Effect::Restore(snapshot) => self.bring_back_snapshot(snapshot),
             Effect::Reset => {
+                self.model.rules.commanded.clear();
                 self.reset();
                 self.report = self.measure(&super::Frame::new(0.0));
             }

@@ -12,6 +12,7 @@ mod extremes;
 mod fidelity;
 mod frame;
 mod hash;
+mod holding;
 mod initial;
 mod measure;
 mod outside;
@@ -23,11 +24,12 @@ mod scene_checks;
 mod segment;
 mod settling;
 mod spheres;
+mod touching;
 
 #[cfg(test)]
 mod tests;
 
-use std::time::Instant;
+use std::{collections::BTreeMap, time::Instant};
 
 pub use checkpoint::CheckpointError;
 pub use error::WorldError;
@@ -60,6 +62,8 @@ pub struct World {
     published: Published,
     /// Of the latest step.
     report: StepReport,
+    /// States that commands keep, as checkpoints.
+    snapshots: BTreeMap<u32, Vec<u8>>,
 }
 
 impl World {
@@ -94,6 +98,7 @@ impl World {
             workspace: Workspace::default(),
             published: Published::default(),
             report: StepReport::default(),
+            snapshots: BTreeMap::new(),
         };
         world.reset();
         world.report = world.measure(&Frame::new(0.0));
@@ -127,6 +132,8 @@ impl World {
 
         // Segments of substeps: bound dt, sort if due, then P2G, grid, contact, bodies, G2P and guard.
         let before = self.before_stop();
+        self.state.episodes.ledger.clear();
+        self.state.bodies.ledger.clear();
         self.advance(&mut frame);
         self.stop(before, &mut frame);
 
@@ -134,6 +141,7 @@ impl World {
         let measuring = Instant::now();
         self.publish();
         self.end_frame(&frame);
+        self.model.rules.commanded.clear();
         self.state.progress.steps += 1;
         self.state.progress.sim_time += frame.length;
         let mut report = self.measure(&frame);

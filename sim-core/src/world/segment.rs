@@ -4,7 +4,7 @@ use super::{World, frame::Frame};
 use crate::{
     bodies::{body::Body, engine::CachedImpulse},
     colliders::Substep,
-    contact::Episodes,
+    contact::{Episodes, ledger::Ledger},
     kinematics::kick,
     particles::Extremes,
     state::GridMotion,
@@ -24,6 +24,7 @@ const RETRIES: u32 = 6;
 struct Start {
     bodies: Vec<Option<Body>>,
     warm_start: Vec<CachedImpulse>,
+    ledger: Ledger,
     remaining: f64,
     substeps: u32,
     drift: f64,
@@ -234,6 +235,7 @@ impl World {
         Start {
             bodies: state.bodies.places(),
             warm_start: state.bodies.warm_start.clone(),
+            ledger: state.bodies.ledger.clone(),
             remaining: frame.remaining,
             substeps: frame.substeps(),
             drift: state.matter.drift,
@@ -257,6 +259,7 @@ impl World {
             }
         }
         state.bodies.warm_start.clone_from(&to.warm_start);
+        state.bodies.ledger.clone_from(&to.ledger);
         self.workspace.backup.restore(&mut state.matter.particles);
     }
 }

@@ -53,7 +53,7 @@ class Record:
         return cls(*values)
 
 
-SCHEMA_HASH = 0xee8e84e1dc39db63
+SCHEMA_HASH = 0x8f6b0ae549f08c6a
 """Hash of the layout of all types: a server with another one in its hello is not read."""
 COMMAND_IMPULSE = 1
 """`Command::kind`: add `vector` [N s] to the momentum of `object`."""
@@ -81,6 +81,18 @@ COMMAND_RELEASE = 12
 """Let go what `COMMAND_PIN` holds of `object`."""
 COMMAND_CHECKPOINT = 13
 """Write a checkpoint of the state before `apply_at_step`; the answer's `reason` is the file's path."""
+COMMAND_FORCE = 14
+"""Force `vector` [N] and torque `point` [N m] about the centre of mass on `object` during the step."""
+COMMAND_FORCE_AT = 15
+"""Force `vector` [N] during the step on the particles of `object` within `radius` of `point`."""
+COMMAND_COLLIDER_VELOCITY = 16
+"""Move collider number `object` with velocity `vector` [m/s] and spin `point` [rad/s] during the step; then it stands."""
+COMMAND_SAVE = 17
+"""Keep the state in the server's memory as snapshot number `object`, in place of a former one of that number."""
+COMMAND_RESTORE = 18
+"""Back to the state of snapshot number `object`; the step count goes on."""
+COMMAND_STEP = 19
+"""Make `object` steps while the server is paused, 1 to 1,000,000; answered when the last frame was sent."""
 COMMAND_SEEK = 20
 """Have a replay go to `apply_at_step`, or to the first recorded step behind it; servers that simulate refuse it."""
 ACK_ACCEPTED = 1
@@ -89,12 +101,18 @@ ACK_REFUSED = 2
 """The command is refused and changes nothing; see `reason`."""
 MAX_COMMANDS = 32
 """Commands that one request and one journal message hold at most."""
+CONTACT_OBJECT = 1
+"""`other` is an object."""
+CONTACT_COLLIDER = 2
+"""`other` is a collider."""
 FRAME_FLAG_RESET = 1
 """The state was set back to the initial one in this step."""
 FRAME_FLAG_PAUSED = 2
 """The server was paused when it sent this frame: no step follows before it is resumed. A pause that comes later is told by `status` alone."""
 FRAME_FLAG_LAST = 4
 """This is the last frame of the session."""
+FRAME_FLAG_RESTORED = 8
+"""The state was set back to that of a snapshot in this step."""
 WIRE_VERSION = 1
 """Major version of the wire contract; part of every service and type name."""
 SCENE_FILE_ASSET = 1
@@ -107,6 +125,38 @@ SERVER_PAUSED = 2
 """The server is paused."""
 SERVER_STOPPING = 3
 """The server is shutting down."""
+SERVER_WAITING = 4
+"""The server waits for participants in lock-step."""
+STEP_ATTACH = 1
+"""The sender takes part from now on, and every step waits for it. Without commands."""
+STEP_ADVANCE = 2
+"""The sender permits `frames` steps; the answer comes after the last frame was sent."""
+STEP_DETACH = 3
+"""The sender takes part no more. Without commands."""
+UNTIL_CONTACT = 1
+"""Answer at the end of a step in which `pair` touches."""
+UNTIL_EVENT = 2
+"""Answer at the end of a step with an event: particles left the domain, an object fell apart, the state was set back."""
+UNTIL_QUARANTINE = 4
+"""Answer at the end of a step in which particles were frozen because their state stayed bad."""
+ANY = 4294967295
+"""Any object or collider."""
+MAX_STEPS = 1000000
+"""Most steps in a request."""
+RETURN_COMPLETE = 1
+"""All was done as asked."""
+RETURN_CONTACT = 2
+"""The pair touches."""
+RETURN_EVENT = 3
+"""An event; `reason` says which."""
+RETURN_QUARANTINE = 4
+"""Particles were frozen."""
+RETURN_TERMINATE = 5
+"""The server ends, and no step follows."""
+RETURN_TIMEOUT = 6
+"""`timeout_ns` is over; `reason` names who was waited for."""
+RETURN_REFUSED = 7
+"""The request is refused, all of its commands with it; `reason` says why."""
 
 
 @dataclass(slots=True)
@@ -278,6 +328,63 @@ class ObjectsHeader(Record):
     """Objects in this message."""
     state_hash: int
     """Hash of the complete simulation state, as in `frame`; here also of steps whose frame was skipped."""
+
+
+@dataclass(slots=True)
+class Contact(Record):
+    """A pair that touched during a step."""
+
+    type_name = "cosplat.v1.Contact"
+    alignment = 8
+    dtype = _dtype(
+        88,
+        object=("<u4", 0),
+        other=("<u4", 4),
+        kind=("<u4", 8),
+        point=(("<f8", (3,)), 16),
+        normal=(("<f8", (3,)), 40),
+        impulse=(("<f8", (3,)), 64),
+    )
+
+    object: int
+    """Object id; of two objects the lower one."""
+    other: int
+    """Object id or number of a collider."""
+    kind: int
+    """What `other` is, `CONTACT_*`."""
+    point: NDArray[np.float64]
+    """Where they touch [m], world frame: mean weighted by normal impulses."""
+    normal: NDArray[np.float64]
+    """Unit normal that points from `other` to `object`."""
+    impulse: NDArray[np.float64]
+    """Impulse that `object` received from `other` during the step [N s]."""
+
+
+@dataclass(slots=True)
+class ContactsHeader(Record):
+    """User header of `contacts`."""
+
+    type_name = "cosplat.v1.ContactsHeader"
+    alignment = 8
+    dtype = _dtype(
+        32,
+        step=("<u8", 0),
+        sim_time=("<f8", 8),
+        epoch=("<u8", 16),
+        count=("<u4", 24),
+        total=("<u4", 28),
+    )
+
+    step: int
+    """Step count, as in `frame`."""
+    sim_time: float
+    """Simulated time [s]."""
+    epoch: int
+    """As in `frame`."""
+    count: int
+    """Contacts in this message."""
+    total: int
+    """Contacts in the step; more than `count` when the message holds only the strongest."""
 
 
 @dataclass(slots=True)
@@ -476,7 +583,7 @@ class Command(Record):
     kind: int
     """`COMMAND_*`."""
     object: int
-    """Object id, or number of a collider; see the kinds."""
+    """Object id, or another number; see the kinds."""
     sequence: int
     """The sender's running number."""
     apply_at_step: int
@@ -534,6 +641,93 @@ class Ack(Record):
     """`ACK_*`."""
     reason: bytes
     """For refusals a sentence with expected and actual values, for checkpoints the path; UTF-8, zero-padded."""
+
+
+@dataclass(slots=True)
+class StepRequest(Record):
+    """User header of a request on `step`; the payload is the commands that go with it."""
+
+    type_name = "cosplat.v1.StepRequest"
+    alignment = 8
+    dtype = _dtype(
+        96,
+        client=("<u8", 0),
+        pid=("<u4", 8),
+        count=("<u4", 12),
+        kind=("<u4", 16),
+        frames=("<u4", 20),
+        until=("<u4", 24),
+        pair_kind=("<u4", 28),
+        pair=(("<u4", (2,)), 32),
+        timeout_ns=("<u8", 40),
+        participant=("S48", 48),
+    )
+
+    client: int
+    """Number that orders the commands of a step and stands in the journal; see `docs/wire-format.md`."""
+    pid: int
+    """Sender's process id."""
+    count: int
+    """Commands in the request."""
+    kind: int
+    """`STEP_*`."""
+    frames: int
+    """Steps asked for, 1 to 1,000,000; 0 for `STEP_ATTACH` and `STEP_DETACH`."""
+    until: int
+    """Sum of `UNTIL_*`: what brings the answer before the last of these steps."""
+    pair_kind: int
+    """For `UNTIL_CONTACT`: what `pair[1]` is, `CONTACT_*`; 0 for either."""
+    pair: NDArray[np.uint32]
+    """For `UNTIL_CONTACT`: object and other; `ANY` for whichever."""
+    timeout_ns: int
+    """Wall time after which the answer comes with the steps made until then [ns]; 0 for no limit."""
+    participant: bytes
+    """Name, 1 to 48 of the characters a-z A-Z 0-9 - _ . , zero-padded."""
+
+
+@dataclass(slots=True)
+class StepDone(Record):
+    """User header of an answer on `step`; the payload is one `Ack` per command, in the same order."""
+
+    type_name = "cosplat.v1.StepDone"
+    alignment = 8
+    dtype = _dtype(
+        192,
+        step=("<u8", 0),
+        sim_time=("<f8", 8),
+        epoch=("<u8", 16),
+        state_hash=("<u8", 24),
+        step_ns=("<u8", 32),
+        frames=("<u4", 40),
+        cause=("<u4", 44),
+        count=("<u4", 48),
+        contact_kind=("<u4", 52),
+        contact=(("<u4", (2,)), 56),
+        reason=("S128", 64),
+    )
+
+    step: int
+    """Steps completed by the server; the frame of this step was sent."""
+    sim_time: float
+    """Simulated time at the end of it [s]."""
+    epoch: int
+    """As in `frame`."""
+    state_hash: int
+    """Hash of the state after it, as in `frame`."""
+    step_ns: int
+    """Wall time that the server spent on the steps of this request, publishing included [ns]."""
+    frames: int
+    """Steps made for this request."""
+    cause: int
+    """`RETURN_*`."""
+    count: int
+    """Answers in the payload."""
+    contact_kind: int
+    """For `RETURN_CONTACT`: what `contact[1]` is, `CONTACT_*`."""
+    contact: NDArray[np.uint32]
+    """For `RETURN_CONTACT`: object and other."""
+    reason: bytes
+    """For all causes but `RETURN_COMPLETE` a sentence; UTF-8, zero-padded."""
 
 
 @dataclass(slots=True)

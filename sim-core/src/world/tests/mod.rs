@@ -5,6 +5,7 @@ mod boundaries;
 mod coherence;
 mod damping;
 mod fields;
+mod holding;
 mod laws;
 mod materials;
 mod pace;
@@ -17,6 +18,7 @@ mod settling;
 mod sleep;
 mod spheres;
 mod stories;
+mod touching;
 
 use super::*;
 use crate::{

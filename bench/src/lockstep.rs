@@ -1,0 +1,353 @@
+//! `cosplat bench lockstep`: what a step in lock-step costs beside the step itself.
+//!
+//! A server on a scene of one small block and a bare iceoryx2 server that answers at once run as processes of their own.
+//! One participant asks the two in turn, so that both meet the same load.
+
+use std::{
+    path::PathBuf,
+    process::{Command, Stdio},
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, ensure};
+use cosplat_ipc::{
+    Client, Domain,
+    client::{ConnectError, Participant},
+    schema::{self as wire, Ack, StepDone, StepRequest},
+};
+use iceoryx2::{
+    node::Node,
+    port::{listener::Listener, notifier::Notifier},
+    prelude::*,
+    service::port_factory::{PortFactory as _, request_response::PortFactory},
+};
+
+use crate::{child::Owned, machine::Run, page};
+
+const SESSION: &str = "bench";
+const PATIENCE: Duration = Duration::from_secs(30);
+const ECHO: &str = "cosplat/bench/echo";
+/// What the table is called in a page.
+const PART: &str = "cosplat bench lockstep";
+/// Rounds that only warm caches.
+const WARM_UP: u32 = 50;
+/// Commands that go with each request.
+const COMMANDS: usize = 4;
+/// Steps of a request that asks for many.
+const MANY: u32 = 100;
+
+/// The smallest scene that moves: eight particles that float.
+const SCENE: &str = r#"
+version = 1
+name = "eight particles"
+gravity = [0.0, 0.0, 0.0]
+frame_rate = 60
+dx = 0.1
+
+[[objects]]
+name = "block"
+shape = { kind = "box", size = [0.1, 0.1, 0.1] }
+material = "soft_rubber"
+"#;
+
+/// Measure the round trip of a step in lock-step beside a bare request and response, and steps per second.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Steps, and bare requests.
+    #[arg(long, default_value_t = 2000, value_parser = clap::value_parser!(u32).range(10..))]
+    rounds: u32,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+    /// Write the table between the markers of this Markdown file.
+    #[arg(long, value_name = "FILE")]
+    table: Option<PathBuf>,
+    /// Be the bare server; the measuring process starts it.
+    #[arg(long, hide = true)]
+    echo: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When a process cannot be started or does not answer.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    if args.echo {
+        return echo(&Domain::from_env()?);
+    }
+    if let Some(path) = &args.table {
+        page::check(path, &[PART])?;
+    }
+    let domain = Domain::named(&format!("step{}", std::process::id() % 100_000))?;
+    let measured = measure(&domain, args.rounds);
+    domain.discard();
+    let report = measured?;
+    if args.json {
+        println!("{}", serde_json::to_string(&report)?);
+    } else {
+        println!("{}", report.table());
+    }
+    if let Some(path) = &args.table {
+        let caption = Run::here().caption("three processes");
+        page::put(path, &[(PART, format!("{caption}\n\n{}", report.table()))])?;
+    }
+    Ok(())
+}
+
+fn measure(domain: &Domain, rounds: u32) -> anyhow::Result<Report> {
+    let folder = tempfile::tempdir()?;
+    let scene = folder.path().join("scene.toml");
+    std::fs::write(&scene, SCENE)?;
+    let start = |arguments: &[&str]| -> anyhow::Result<Owned> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command
+            .args(arguments)
+            .env("COSPLAT_DOMAIN", domain.root())
+            .stdout(Stdio::null());
+        Ok(Owned(
+            command.spawn().context("a process cannot be started")?,
+        ))
+    };
+    let scene = scene
+        .to_str()
+        .context("the temporary folder has no plain name")?;
+    let _server = start(&[
+        "serve",
+        scene,
+        "--session",
+        SESSION,
+        "--pace",
+        "lockstep",
+        "--participants",
+        "bench",
+        "--threads",
+        "1",
+    ])?;
+    let _echo = start(&["lockstep", "--echo"])?;
+    let bare = Bare::open(domain)?;
+    let client = attach(domain)?;
+    let mut participant = client.participate("bench", PATIENCE)?;
+
+    let gravity = wire::Command {
+        kind: wire::COMMAND_SET_GRAVITY,
+        ..wire::Command::default()
+    };
+    let commands = [gravity; COMMANDS];
+    let (mut bare_us, mut step_us, mut whole_us) = (vec![], vec![], vec![]);
+    for round in 0..rounds + WARM_UP {
+        let begin = Instant::now();
+        bare.round_trip(&commands)?;
+        let bare_time = begin.elapsed();
+        let begin = Instant::now();
+        let stepped = participant.step(1, &commands)?;
+        let whole = begin.elapsed();
+        ensure!(
+            stepped.is_complete() && stepped.refusal().is_none(),
+            "a step was not made"
+        );
+        let own = Duration::from_nanos(stepped.done.step_ns);
+        if round >= WARM_UP {
+            bare_us.push(bare_time.as_secs_f64() * 1e6);
+            step_us.push(whole.saturating_sub(own).as_secs_f64() * 1e6);
+            whole_us.push(whole.as_secs_f64() * 1e6);
+        }
+    }
+    Ok(Report {
+        rounds,
+        commands: COMMANDS,
+        bare_us: Quantiles::of(bare_us),
+        lockstep_us: Quantiles::of(step_us),
+        whole_us: Quantiles::of(whole_us),
+        steps_per_second: rate(&mut participant, rounds, 1)?,
+        steps_per_second_by_hundreds: rate(&mut participant, rounds.div_ceil(MANY), MANY)?,
+    })
+}
+
+fn attach(domain: &Domain) -> anyhow::Result<Client> {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        match Client::connect(domain, SESSION, "bench", Duration::from_millis(100)) {
+            Ok(client) => return Ok(client),
+            Err(error) if error.may_pass() && Instant::now() < deadline => {}
+            Err(ConnectError::NoServer { .. }) => anyhow::bail!("the server did not start"),
+            Err(error) => return Err(error.into()),
+        }
+    }
+}
+
+/// Steps per second of requests for `frames` steps each, without commands [1/s].
+fn rate(participant: &mut Participant, requests: u32, frames: u32) -> anyhow::Result<f64> {
+    let begin = Instant::now();
+    for _ in 0..requests {
+        ensure!(
+            participant.step(frames, &[])?.is_complete(),
+            "a step was not made"
+        );
+    }
+    let steps = f64::from(requests) * f64::from(frames);
+    Ok(steps / begin.elapsed().as_secs_f64())
+}
+
+type Echo = PortFactory<ipc::Service, [wire::Command], StepRequest, [Ack], StepDone>;
+
+fn node(domain: &Domain) -> anyhow::Result<Node<ipc::Service>> {
+    Ok(NodeBuilder::new()
+        .config(&domain.config())
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create()?)
+}
+
+/// The bare service, and the events of requests and of answers.
+fn service(node: &Node<ipc::Service>) -> anyhow::Result<(Echo, [Event; 2])> {
+    let service = node
+        .service_builder(&ECHO.try_into()?)
+        .request_response::<[wire::Command], [Ack]>()
+        .request_user_header::<StepRequest>()
+        .response_user_header::<StepDone>()
+        .open_or_create()?;
+    let event = |name: &str| -> anyhow::Result<Event> {
+        let name = format!("{ECHO}/{name}");
+        Ok(node
+            .service_builder(&name.as_str().try_into()?)
+            .event()
+            .open_or_create()?)
+    };
+    Ok((service, [event("asked")?, event("answered")?]))
+}
+
+type Event = iceoryx2::service::port_factory::event::PortFactory<ipc::Service>;
+
+/// Answers every request at once, as bare as can be.
+fn echo(domain: &Domain) -> anyhow::Result<()> {
+    let node = node(domain)?;
+    let (service, [asked, answered]) = service(&node)?;
+    let server = service
+        .server_builder()
+        .initial_max_slice_len(wire::MAX_COMMANDS)
+        .create()?;
+    let (listener, notifier) = (
+        asked.listener_builder().create()?,
+        answered.notifier_builder().create()?,
+    );
+    loop {
+        while let Some(request) = server.receive()? {
+            let mut response = request.loan_slice_uninit(request.payload().len())?;
+            *response.user_header_mut() = StepDone::default();
+            let acks: Vec<Ack> = request
+                .payload()
+                .iter()
+                .map(|c| Ack::accepted(c.sequence, 1))
+                .collect();
+            response.write_from_slice(&acks).send()?;
+            notifier.notify()?;
+        }
+        listener.timed_wait(|_| {}, Duration::from_millis(100))?;
+    }
+}
+
+/// The client of the bare service.
+struct Bare {
+    client:
+        iceoryx2::port::client::Client<ipc::Service, [wire::Command], StepRequest, [Ack], StepDone>,
+    listener: Listener<ipc::Service>,
+    notifier: Notifier<ipc::Service>,
+}
+
+impl Bare {
+    fn open(domain: &Domain) -> anyhow::Result<Self> {
+        let node = node(domain)?;
+        let (service, [asked, answered]) = service(&node)?;
+        let deadline = Instant::now() + PATIENCE;
+        while service.dynamic_config().number_of_servers() == 0 {
+            ensure!(Instant::now() < deadline, "the bare server did not start");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        Ok(Self {
+            client: service
+                .client_builder()
+                .initial_max_slice_len(wire::MAX_COMMANDS)
+                .create()?,
+            listener: answered.listener_builder().create()?,
+            notifier: asked.notifier_builder().create()?,
+        })
+    }
+
+    fn round_trip(&self, commands: &[wire::Command]) -> anyhow::Result<()> {
+        let mut request = self.client.loan_slice_uninit(commands.len())?;
+        *request.user_header_mut() = StepRequest::default();
+        let pending = request.write_from_slice(commands).send()?;
+        self.notifier.notify()?;
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            if let Some(response) = pending.receive()? {
+                ensure!(
+                    response.payload().len() == commands.len(),
+                    "an answer of another size"
+                );
+                return Ok(());
+            }
+            ensure!(Instant::now() < deadline, "the bare server does not answer");
+            self.listener
+                .timed_wait(|_| {}, Duration::from_millis(50))?;
+        }
+    }
+}
+
+/// Times of one path [us].
+#[derive(Clone, Copy, serde::Serialize)]
+struct Quantiles {
+    p50: f64,
+    p99: f64,
+}
+
+impl Quantiles {
+    fn of(mut values: Vec<f64>) -> Self {
+        values.sort_by(f64::total_cmp);
+        let at = |part: f64| values[((values.len() - 1) as f64 * part).round() as usize];
+        Self {
+            p50: at(0.5),
+            p99: at(0.99),
+        }
+    }
+}
+
+#[derive(serde::Serialize)]
+struct Report {
+    rounds: u32,
+    /// In each request.
+    commands: usize,
+    bare_us: Quantiles,
+    /// Less the step's own time.
+    lockstep_us: Quantiles,
+    whole_us: Quantiles,
+    steps_per_second: f64,
+    steps_per_second_by_hundreds: f64,
+}
+
+impl Report {
+    fn table(&self) -> String {
+        let Quantiles { p50, p99 } = self.bare_us;
+        let row = |what: &str, q: Quantiles| {
+            format!(
+                "| {what} | {:.1} | {:.1} | {:.2} | {:.2} |",
+                q.p50,
+                q.p99,
+                q.p50 / p50,
+                q.p99 / p99
+            )
+        };
+        [
+            "| round trip | median [us] | 99 % [us] | over bare, median | over bare, 99 % |".to_owned(),
+            "| --- | ---: | ---: | ---: | ---: |".to_owned(),
+            row("bare iceoryx2 request and response", self.bare_us),
+            row("lock-step, less the step's own time", self.lockstep_us),
+            row("lock-step, whole", self.whole_us),
+            String::new(),
+            format!(
+                "{} rounds of {} commands each. Steps per second without commands: {:.0} one by one, {:.0} by {MANY} per request.",
+                self.rounds, self.commands, self.steps_per_second, self.steps_per_second_by_hundreds
+            ),
+        ]
+        .join("\n")
+    }
+}

@@ -1,0 +1,158 @@
+//! Who exchanged which impulse during a frame: sums over its substeps, per pair.
+
+use std::collections::BTreeMap;
+
+use super::episodes::PairExchange;
+use crate::{
+    mat3::length,
+    report::{Contact, ContactPartner},
+};
+
+/// What one of a pair received from the other, once or in sum [N s, m].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Received {
+    /// The impulse.
+    pub impulse: [f64; 3],
+    /// Its normal part, along the normal from the other to it.
+    pub pressed: [f64; 3],
+    /// Size of that; of sums the sum of sizes.
+    pub weight: f64,
+    /// Where, times `weight`.
+    pub moment: [f64; 3],
+}
+
+impl Received {
+    /// An impulse at a point.
+    pub fn at(point: [f64; 3], normal: [f64; 3], pressed: f64, impulse: [f64; 3]) -> Self {
+        Self {
+            impulse,
+            pressed: normal.map(|n| pressed * n),
+            weight: pressed,
+            moment: point.map(|x| pressed * x),
+        }
+    }
+
+    fn add(&mut self, more: &Self, sign: f64) {
+        for a in 0..3 {
+            self.impulse[a] += sign * more.impulse[a];
+            self.pressed[a] += sign * more.pressed[a];
+            self.moment[a] += more.moment[a];
+        }
+        self.weight += more.weight;
+    }
+}
+
+/// The sums of a frame, by pairs: of two objects the lower one comes first.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Ledger(BTreeMap<(ContactPartner, usize), Received>);
+
+impl Ledger {
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    /// Adds what an object received from another, or from a collider.
+    pub fn add(&mut self, object: usize, other: ContactPartner, received: &Received) {
+        let pressed = received.weight > 0.0;
+        if !pressed || other == ContactPartner::Object(object) {
+            return;
+        }
+        let (key, sign) = match other {
+            ContactPartner::Object(lower) if lower < object => {
+                ((ContactPartner::Object(object), lower), -1.0)
+            }
+            other => ((other, object), 1.0),
+        };
+        self.0.entry(key).or_default().add(received, sign);
+    }
+
+    /// Adds all of another.
+    pub fn merge(&mut self, other: &Self) {
+        for (key, received) in &other.0 {
+            self.0.entry(*key).or_default().add(received, 1.0);
+        }
+    }
+
+    /// Adds what objects exchanged on the grid, in units of `mass` [kg] and `dx` [m].
+    pub fn add_nodes(&mut self, exchanged: &[PairExchange], mass: f64, dx: f64) {
+        for (fields, exchange) in exchanged {
+            let [a, b] = fields.map(|field| field as usize);
+            let received = Received {
+                impulse: exchange.impulse.map(|j| j * mass * dx),
+                pressed: exchange.pressed.map(|j| j * mass * dx),
+                weight: exchange.weight * mass * dx,
+                moment: exchange.moment.map(|x| x * mass * dx * dx),
+            };
+            self.add(b, ContactPartner::Object(a), &received);
+        }
+    }
+
+    /// Impulse that an object received from all others [N s].
+    pub fn received(&self, object: usize) -> [f64; 3] {
+        let mut sum = Received::default();
+        for ((other, first), received) in &self.0 {
+            if *first == object {
+                sum.add(received, 1.0);
+            } else if *other == ContactPartner::Object(object) {
+                sum.add(received, -1.0);
+            }
+        }
+        sum.impulse
+    }
+
+    /// The pairs: of objects, then with colliders.
+    pub fn contacts(&self) -> Vec<Contact> {
+        let contacts = self.0.iter().map(|(&(other, object), sum)| {
+            let size = length(sum.pressed);
+            Contact {
+                object,
+                other,
+                point: sum.moment.map(|x| x / sum.weight),
+                normal: match size > 0.0 {
+                    true => sum.pressed.map(|n| n / size),
+                    // Pressed from both sides alike.
+                    false => [0.0, 0.0, 1.0],
+                },
+                impulse: sum.impulse,
+            }
+        });
+        let mut contacts: Vec<Contact> = contacts.collect();
+        contacts.sort_by_key(|c| match c.other {
+            ContactPartner::Object(other) => (0, c.object, other),
+            ContactPartner::Collider(other) => (1, c.object, other),
+        });
+        contacts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_one_receives_the_other_gives() {
+        let mut ledger = Ledger::default();
+        let up = [0.0, 1.0, 0.0];
+        let some = Received::at([1.0, 2.0, 3.0], up, 2.0, [0.5, 2.0, 0.0]);
+        ledger.add(3, ContactPartner::Object(1), &some);
+        ledger.add(
+            1,
+            ContactPartner::Object(3),
+            &Received::at([3.0, 2.0, 3.0], up.map(|n| -n), 1.0, [0.0, -1.0, 0.0]),
+        );
+        ledger.add(1, ContactPartner::Collider(0), &some);
+        assert_eq!(ledger.received(3), [0.5, 3.0, 0.0]);
+        assert_eq!(ledger.received(1), [0.0, -1.0, 0.0]);
+        let contacts = ledger.contacts();
+        assert_eq!(contacts.len(), 2);
+        assert_eq!(
+            (contacts[0].object, contacts[0].other),
+            (1, ContactPartner::Object(3))
+        );
+        assert_eq!(contacts[0].impulse, [-0.5, -3.0, 0.0]);
+        assert_eq!(contacts[0].normal, [0.0, -1.0, 0.0]);
+        assert_eq!(contacts[0].point, [5.0 / 3.0, 2.0, 3.0]);
+        assert_eq!(contacts[1].other, ContactPartner::Collider(0));
+    }
+}
