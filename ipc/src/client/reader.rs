@@ -2,6 +2,7 @@
 
 use std::{
     fmt::Debug,
+    sync::Arc,
     time::{Duration, Instant},
 };
 
@@ -104,10 +105,12 @@ pub type ContactsReader = StreamReader<Contact, ContactsHeader>;
 /// Reader of `journal`; a message's `missed` counts commands.
 pub type JournalReader = StreamReader<AppliedCommand, JournalHeader>;
 
-/// A message in the server's memory. Holding it keeps the memory from reuse: drop it soon, or copy.
+/// A message in the server's memory. Holding it keeps the memory from reuse, also when its reader is gone: drop it soon, or copy.
 #[derive(Debug)]
 pub struct Message<T: Debug + ZeroCopySend + 'static, H: StreamHeader> {
     sample: Sample<Service, [T], H>,
+    /// The publisher takes back what subscribers hold that are gone.
+    _subscriber: Arc<Subscriber<Service, [T], H>>,
     missed: u64,
     new_run: bool,
 }
@@ -143,7 +146,7 @@ impl Message<GaussianState, FrameHeader> {
 
 /// A queue of messages. It stays attached when the server goes, and carries on with the next one.
 pub struct StreamReader<T: Debug + ZeroCopySend + 'static, H: StreamHeader> {
-    subscriber: Subscriber<Service, [T], H>,
+    subscriber: Arc<Subscriber<Service, [T], H>>,
     origin: Origin<T, H>,
     event: session::Event,
     /// Made at the first wait: a reader that only looks costs the server no wake-ups.
@@ -177,7 +180,7 @@ impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
             .create()
             .map_err(|error| failed(error.to_string()))?;
         Ok(Self {
-            subscriber,
+            subscriber: Arc::new(subscriber),
             origin: Origin::new(client.hello_service.clone(), service),
             event,
             listener: None,
@@ -275,6 +278,7 @@ impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
         Ok(Some(Message {
             // The very first message starts a run, but not a new one.
             new_run: new_run && self.runs > 1,
+            _subscriber: self.subscriber.clone(),
             sample,
             missed,
         }))

@@ -118,6 +118,22 @@ fn a_reader_that_holds_too_many_frames_is_told_and_can_go_on() {
 }
 
 #[test]
+fn a_frame_stays_as_it_is_when_its_reader_goes() {
+    let domain = TestDomain::new();
+    let ports = serve(&domain, "left");
+    let client = Client::connect(&domain, "left", "test", PATIENCE).expect("attached");
+    let mut reader = client.frames(1).expect("a reader");
+    send_frame(&ports, 1);
+    let frame = reader.next(PATIENCE).expect("readable").expect("a frame");
+    drop((reader, client));
+    // Many times as many as the pool has.
+    for step in 2..=400 {
+        send_frame(&ports, step);
+    }
+    assert_eq!(frame.gaussians()[3].position, [1.0, 3.0, 1.0]);
+}
+
+#[test]
 fn a_client_may_come_before_its_server() {
     let domain = TestDomain::new();
     let early = std::thread::spawn({
