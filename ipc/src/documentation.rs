@@ -134,6 +134,7 @@ fn the_attach_document_shows_the_examples_as_they_are() {
         ("ipc/examples", "closed_loop.rs", "rust"),
         ("ipc/examples", "subscriber.py", "python"),
         ("clients/python/examples", "frames.py", "python"),
+        ("clients/python/examples", "push_to_target.py", "python"),
     ] {
         let example = fs::read_to_string(document(folder).join(name)).expect("an example");
         assert!(example.lines().count() <= 60, "{name} is to stay small");

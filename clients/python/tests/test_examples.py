@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from conftest import PATIENCE, Launch
-from cosplat import Resume
+from cosplat import Domain, Resume
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -43,6 +43,15 @@ def test_the_renderer_draws_the_frames_it_sees(launch: Launch, tmp_path: Path) -
         data = (tmp_path / name).read_bytes()
         assert data[:8] == b"\x89PNG\r\n\x1a\n" and data[16:24] == (640).to_bytes(4, "big") + (480).to_bytes(4, "big")
     assert (tmp_path / pictures[0]).read_bytes() != (tmp_path / pictures[-1]).read_bytes(), "the blocks fall"
+
+
+def test_the_controller_brings_the_box_to_its_mark(domain: Domain) -> None:
+    results = [run("push_to_target.py") for _ in range(2)]
+    outputs = [controller.communicate(timeout=PATIENCE)[0] for controller in results]
+    assert [controller.returncode for controller in results] == [0, 0]
+    assert "mm from the mark after" in outputs[0]
+    # The same path to the last bit: the line ends with the state's hash.
+    assert outputs[0] == outputs[1]
 
 
 def test_the_bridge_to_rerun_logs_splats_and_objects(launch: Launch, tmp_path: Path) -> None:

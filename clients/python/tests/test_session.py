@@ -104,6 +104,16 @@ def test_orders_are_applied_and_journalled(session: LaunchedSession) -> None:
     assert states["right"].linear_velocity == pytest.approx([1, 0, 0], abs=1e-3)
 
 
+def test_orders_of_one_step_go_by_the_senders_numbers(session: LaunchedSession) -> None:
+    journal = session.journal()
+    with cosplat.connect(session.name, client=2) as late, cosplat.connect(session.name, client=1) as early:
+        late.send(SetVelocity("left", (2, 0, 0)))
+        early.send(SetVelocity("left", (1, 0, 0)))
+        session.send(Resume())
+        message = journal.next(PATIENCE)
+    assert message and [(entry.client, entry.command.vector[0]) for entry in message.commands] == [(1, 1.0), (2, 2.0)]
+
+
 def test_a_refusal_says_why_and_what_was_accepted(session: LaunchedSession) -> None:
     with pytest.raises(Refused, match="impulse is NaN, expected a finite number") as error:
         session.send(Push("left", (0, 1, 0)), Push(1, (np.nan, 0, 0)), Pause())

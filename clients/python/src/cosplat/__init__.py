@@ -6,6 +6,7 @@
 """
 
 from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
 
 from . import wire
 from .domain import Domain
@@ -21,16 +22,20 @@ from .errors import (
     RecordingDamaged,
     Refused,
     ServerLost,
+    StepRefused,
     TimedOut,
     TooManyHeld,
     TransportFailed,
     Unanswered,
 )
 from .launch import LaunchedSession, launch
+from .lockstep import Cause, Done, Participant
 from .orders import (
     LAWS,
     Ack,
     Checkpoint,
+    ColliderVelocity,
+    Force,
     MoveCollider,
     Order,
     Pause,
@@ -38,27 +43,49 @@ from .orders import (
     Push,
     Release,
     Reset,
+    Restore,
     Resume,
+    Save,
     SetGravity,
     SetMaterial,
     SetVelocity,
+    Step,
     Stop,
 )
 from .recording import Recording
 from .scene import Scene
 from .session import Session, connect
-from .streams import Frame, Journal, Objects, Reader
+from .streams import Contacts, Frame, Journal, Objects, Reader
+
+if TYPE_CHECKING:
+    from .env import Env
 
 __version__ = version("cosplat")
+
+
+def __getattr__(name: str) -> Any:
+    # Gymnasium is an extra.
+    if name == "Env":
+        from .env import Env
+
+        return Env
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = [
     "LAWS",
     "Ack",
     "BadName",
+    "Cause",
     "Checkpoint",
+    "ColliderVelocity",
+    "Contacts",
     "CosplatError",
     "Domain",
     "DomainUnusable",
+    "Done",
+    "Env",
+    "Force",
     "Frame",
     "Journal",
     "LaunchFailed",
@@ -70,6 +97,7 @@ __all__ = [
     "Order",
     "OtherTransport",
     "OtherVersion",
+    "Participant",
     "Pause",
     "Pin",
     "Push",
@@ -79,13 +107,17 @@ __all__ = [
     "Refused",
     "Release",
     "Reset",
+    "Restore",
     "Resume",
+    "Save",
     "Scene",
     "ServerLost",
     "Session",
     "SetGravity",
     "SetMaterial",
     "SetVelocity",
+    "Step",
+    "StepRefused",
     "Stop",
     "TimedOut",
     "TooManyHeld",

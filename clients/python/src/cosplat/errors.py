@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from .lockstep import Done
     from .orders import Ack
 
 
@@ -60,11 +61,17 @@ class Unanswered(CosplatError):
 class Refused(CosplatError):
     """The server refused commands; those that it accepted in the same request take effect."""
 
-    def __init__(self, acks: Sequence[Ack]) -> None:
+    def __init__(self, acks: Sequence[Ack], done: Done | None = None) -> None:
         self.acks = list(acks)
         """Answers to all commands of the request, in order."""
+        self.done = done
+        """In lock-step what came of the steps, which are made all the same."""
         reasons = [ack.reason for ack in acks if not ack.accepted]
         super().__init__("; ".join(reasons))
+
+
+class StepRefused(CosplatError):
+    """The server refused a request for steps, with all of its orders."""
 
 
 class LaunchFailed(CosplatError):

@@ -28,7 +28,7 @@ class LaunchedSession(Session):
     """A session with the server that serves it, made by `launch`; `close` ends both."""
 
     def __init__(self, name: str, domain: Domain, process: subprocess.Popen[bytes], words: IO[bytes]) -> None:
-        super().__init__(name, 0.05, domain, "python")
+        super().__init__(name, 0.05, domain)
         self._patience = 10.0
         self.process = process
         """The server."""
@@ -48,7 +48,8 @@ def launch(
     scene: str | os.PathLike[str],
     *,
     session: str | None = None,
-    pace: Literal["realtime", "free"] = "realtime",
+    pace: Literal["realtime", "free", "lockstep"] = "realtime",
+    participants: Sequence[str] = (),
     paused: bool = False,
     threads: int = 0,
     arguments: Sequence[str] = (),
@@ -59,9 +60,9 @@ def launch(
     """Starts `cosplat serve` on a scene and attaches; leaving the context, or `close`, stops it.
 
     `scene` is a path, or the text of a scene file where it holds a line break. `session` is a name that nobody else uses
-    without. `program` is the command, by default the one that COSPLAT names, or `cosplat` on the path. `arguments` are
-    further ones of `cosplat serve`. `timeout` [s] is for loading the scene. Launched by the main thread, the server ends
-    with this process, however it ends.
+    without. With `participants` the pace is lock-step, and the first step waits for them. `arguments` are further ones of
+    `cosplat serve`. `program` is the command, by default the one that COSPLAT names, or `cosplat` on the path. `timeout` [s]
+    is for loading the scene. Launched by the main thread, the server ends with this process, however it ends.
 
     Raises LaunchFailed with the server's words when it does not start.
     """
@@ -75,7 +76,9 @@ def launch(
             scene = file.name
         # A pipe that nobody reads would stop the server when it is full.
         words = tempfile.TemporaryFile()
-        command = [_program(program), "serve", os.fspath(scene), "--session", name, "--pace", pace]
+        command = [_program(program), "serve", os.fspath(scene), "--session", name]
+        command += ["--participants", ",".join(participants)] if participants else []
+        command += ["--pace", "lockstep" if participants else pace]
         command += ["--threads", str(threads), *(["--paused"] if paused else []), *arguments]
         environment = {**os.environ, "COSPLAT_DOMAIN": str(domain.root)}
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -190,8 +190,79 @@ class Release(Order):
         command["object"] = scene.object_id(self.object)
 
 
+@dataclass(frozen=True)
+class Force(Order):
+    """Force [N] and torque [N m] on an object during one step; with `point` [m] on its particles within `radius` [m] of it.
+
+    A force that lasts is ordered for every step. Torque turns about the centre of mass, and goes without a point.
+    """
+
+    object: str | int
+    force: Vector
+    torque: Vector = (0.0, 0.0, 0.0)
+    point: Vector | None = None
+    radius: float = DEFAULT_RADIUS
+
+    def fill(self, command: np.void, scene: Scene) -> None:
+        torque = _vector("torque", self.torque)
+        command["object"] = scene.object_id(self.object)
+        command["vector"] = _vector("force", self.force)
+        if self.point is None:
+            command["kind"] = wire.COMMAND_FORCE
+            command["point"] = torque
+            return
+        if torque.any():
+            raise ValueError(f"torque is {torque.tolist()}, expected none together with a point")
+        command["kind"] = wire.COMMAND_FORCE_AT
+        command["point"] = _vector("point", self.point)
+        command["radius"] = self.radius
+
+
+@dataclass(frozen=True)
+class ColliderVelocity(Order):
+    """A collider moves with a velocity [m/s] and spin [rad/s] during one step; then it stands."""
+
+    collider: str | int
+    linear: Vector = (0.0, 0.0, 0.0)
+    angular: Vector = (0.0, 0.0, 0.0)
+
+    def fill(self, command: np.void, scene: Scene) -> None:
+        command["kind"] = wire.COMMAND_COLLIDER_VELOCITY
+        command["object"] = scene.collider_number(self.collider)
+        command["vector"] = _vector("linear", self.linear)
+        command["point"] = _vector("angular", self.angular)
+
+
+@dataclass(frozen=True)
+class _Numbered(Order):
+    number: int
+    kind: ClassVar[int]
+
+    def fill(self, command: np.void, scene: Scene) -> None:
+        command["kind"] = self.kind
+        command["object"] = self.number
+
+
+class Save(_Numbered):
+    """Keep the state in the server's memory as snapshot `number`; 16 of them at most."""
+
+    kind = wire.COMMAND_SAVE
+
+
+class Restore(_Numbered):
+    """Back to the state of snapshot `number`; the step count goes on."""
+
+    kind = wire.COMMAND_RESTORE
+
+
+class Step(_Numbered):
+    """Make `number` steps while the server is paused, 1 to 1,000,000; answered when the last frame was sent."""
+
+    kind = wire.COMMAND_STEP
+
+
 class _Plain(Order):
-    kind: int
+    kind: ClassVar[int]
 
     def fill(self, command: np.void, scene: Scene) -> None:
         command["kind"] = self.kind

@@ -105,7 +105,7 @@ class Recording:
                 # Older recordings have no hash here.
                 state_hash = int(record.get("state_hash") or "0", 16)
                 header = ObjectsHeader(record["step"], _number(record["sim_time"]), self.epoch, len(states), state_hash)
-                return Objects(header, states, 0, False, self.names)
+                return Objects(header, states, 0, False, (self.names, []))
         raise RecordingDamaged(f"{self.path}: the objects of step {step} are missing")
 
     def journal(self) -> list[AppliedCommand]:
@@ -207,7 +207,7 @@ class Recording:
             raise RecordingDamaged(
                 f"{self.path}: step {step} has {len(gaussians)} Gaussians, its /status says {header.count}"
             )
-        return Frame(header, gaussians, 0, False, [])
+        return Frame(header, gaussians, 0, False, ([], []))
 
     def _json(self, topic: str, sequence: int, data: bytes) -> Any:
         try:

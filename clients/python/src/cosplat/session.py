@@ -24,10 +24,11 @@ from .errors import (
     Refused,
     TimedOut,
 )
+from .lockstep import Participant
 from .orders import Ack, Order
 from .requests import RETRY_PERIOD, RequestPort
 from .scene import Scene
-from .streams import Frame, Journal, Objects, Reader, lost
+from .streams import Contacts, Frame, Journal, Names, Objects, Reader, lost
 from .wire import AppliedCommand, Command, CommandHeader, FrameHeader, GaussianState, Hello, JournalHeader
 from .wire import ObjectsHeader, ObjectState, Status
 
@@ -40,16 +41,22 @@ _log = logging.getLogger("cosplat")
 
 
 def connect(
-    session: str = "default", *, timeout: float = 10.0, domain: Domain | None = None, role: str = "python"
+    session: str = "default",
+    *,
+    timeout: float = 10.0,
+    domain: Domain | None = None,
+    role: str = "python",
+    client: int | None = None,
 ) -> Session:
     """Attaches to a session, waiting up to `timeout` [s] for its server.
 
-    `domain` is that of COSPLAT_DOMAIN without. `role`, a few plain characters, names the process in listings. Use it as a
-    context manager, or call `close`.
+    `domain` is that of COSPLAT_DOMAIN without. `role`, a few plain characters, names the process in listings. `client`, below
+    2**64, orders this process's orders among those of others for the same step; a random number without. Use it as a context
+    manager, or call `close`.
 
     Raises NoServer, OtherVersion, OtherTransport, BadName, DomainUnusable, TimedOut.
     """
-    return Session(session, timeout, domain or Domain.from_env(), role)
+    return Session(session, timeout, domain or Domain.from_env(), role, client)
 
 
 def _greet(session: str, timeout: float, domain: Domain, node: Any) -> _Greeting:
@@ -132,7 +139,9 @@ def _no_server(session: str, domain: Domain) -> str:
 class Session:
     """An attached process; made by `connect`. Messages that are held outlive it."""
 
-    def __init__(self, name: str, timeout: float, domain: Domain, role: str) -> None:
+    def __init__(
+        self, name: str, timeout: float, domain: Domain, role: str = "python", client: int | None = None
+    ) -> None:
         if not re.fullmatch(r"[A-Za-z0-9._-]{1,64}", name):
             raise BadName(f"{name!r} is not a session name: expected 1 to 64 of the characters a-z A-Z 0-9 - _ .")
         self.name = name
@@ -146,7 +155,8 @@ class Session:
         self._scene: Scene | None = None
         self._status: _StatusReader | None = None
         self._sender: RequestPort | None = None
-        self._client = secrets.randbits(64)
+        self.client = secrets.randbits(64) if client is None else client
+        """Number of this sender in the journal."""
         self._readers: weakref.WeakSet[Reader[Any]] = weakref.WeakSet()
 
     @property
@@ -162,6 +172,14 @@ class Session:
     def objects(self, depth: int = 1) -> Reader[Objects]:
         """Reads the state of all objects: `depth` as for frames."""
         return self._reader("objects", Objects, ObjectState, ObjectsHeader, depth)
+
+    def contacts(self, depth: int = 1) -> Reader[Contacts]:
+        """Reads who touched whom during each step: `depth` as for frames."""
+        return self._reader("contacts", Contacts, wire.Contact, wire.ContactsHeader, depth)
+
+    def participate(self, name: str = "python") -> Participant:
+        """Takes part in lock-step under a name: every step waits for it. Raises StepRefused for another pace."""
+        return Participant(self, name)
 
     def journal(self) -> Reader[Journal]:
         """Reads the journal of applied commands, from the oldest that the server still keeps."""
@@ -194,7 +212,7 @@ class Session:
         commands = self.encode(orders)
         if self._sender is None:
             self._sender = RequestPort(self, "command", CommandHeader)
-        _, acks = self._sender.ask(commands, {"client": self._client}, timeout)
+        _, acks = self._sender.ask(commands, {"client": self.client}, timeout)
         if not all(ack.accepted for ack in acks):
             raise Refused(acks)
         return acks
@@ -204,9 +222,12 @@ class Session:
         if len(orders) > wire.MAX_COMMANDS:
             raise ValueError(f"{len(orders)} orders in one request, expected at most {wire.MAX_COMMANDS}")
         commands = np.zeros(len(orders), Command.dtype)
+        if not orders:
+            return commands
+        known = self.scene()
         for order, command in zip(orders, commands, strict=True):
             command["apply_at_step"] = order.at_step
-            order.fill(command, self.scene())
+            order.fill(command, known)
         return commands
 
     def close(self) -> None:
@@ -255,11 +276,15 @@ class Session:
             _log.warning("session %r: ignoring a publisher that is not the server's", self.name)
         return False
 
-    def names(self, epoch: int) -> list[str]:
-        """Names of the objects in the run `epoch`."""
+    def names(self, epoch: int) -> Names:
+        """Names of objects and colliders in the run `epoch`."""
         if self._scene is None or self._scene.header.epoch < epoch:
             self._scene = scene.read(self, epoch, self._patience)
-        return self._scene.names
+        return self._scene.names, self._scene.colliders
+
+    def look_after(self) -> None:
+        """Attaches to the status: when the server dies, it cannot be opened any more."""
+        self._newest_status()
 
     def is_over(self, epoch: int) -> bool:
         """Whether the run `epoch` has ended. Raises ServerLost when its server died."""
@@ -281,8 +306,7 @@ class Session:
         return self._status.newest()
 
     def _reader(self, stream: str, kind: Any, element: Any, header: Any, depth: int) -> Reader[Any]:
-        # Now: when the server dies, it cannot be opened any more.
-        self._newest_status()
+        self.look_after()
         reader = Reader(self, stream, kind, (element, header), depth)
         self._readers.add(reader)
         return reader

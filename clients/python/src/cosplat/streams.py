@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import transport, wire
-from .errors import BadName, Malformed, ServerLost
-from .wire import FrameHeader, JournalHeader, ObjectsHeader, ObjectState
+from .errors import BadName, Malformed, ServerLost, TimedOut
+from .wire import ContactsHeader, FrameHeader, JournalHeader, ObjectsHeader, ObjectState
 
 if TYPE_CHECKING:
     from .session import Session
 
-H = TypeVar("H", bound=FrameHeader | ObjectsHeader | JournalHeader)
+Names: TypeAlias = tuple[list[str], list[str]]
+"""Names of objects, by id, and of colliders, by number."""
+
+H = TypeVar("H", bound=FrameHeader | ObjectsHeader | JournalHeader | ContactsHeader)
 
 
 class Message(Generic[H]):
     """A message of the server."""
 
-    def __init__(self, header: H, items: NDArray[np.void], missed: int, is_new_run: bool, names: list[str]) -> None:
+    def __init__(self, header: H, items: NDArray[np.void], missed: int, is_new_run: bool, names: Names) -> None:
         self.header = header
         """The header."""
         self.items = items
@@ -138,9 +141,28 @@ class Objects(Message[ObjectsHeader]):
 
     def __getitem__(self, object: str | int) -> ObjectState:
         """One object by name or id. Raises BadName when there is none."""
-        number = find(self._names, object, "object")
+        number = find(self._names[0], object, "object")
         element: np.void = self.items[number]
         return ObjectState.read(element)
+
+
+class Contacts(Message[ContactsHeader]):
+    """Who touched whom during a step."""
+
+    @property
+    def contacts(self) -> NDArray[np.void]:
+        """All contacts, of `wire.Contact.dtype`."""
+        return self.items
+
+    @property
+    def pairs(self) -> list[tuple[str, str]]:
+        """Names of who touched: an object, and an object or collider. Raises Malformed for what the scene does not have."""
+        objects, colliders = self._names
+        others = {wire.CONTACT_OBJECT: objects, wire.CONTACT_COLLIDER: colliders}
+        try:
+            return [(objects[c["object"]], others[int(c["kind"])][c["other"]]) for c in self.items]
+        except (IndexError, KeyError) as error:
+            raise Malformed(f"a contact names what the scene does not have: {error}") from None
 
 
 class Journal(Message[JournalHeader]):
@@ -208,6 +230,19 @@ class Reader(Generic[M]):
                 return None
             self._sleep(min(left, transport.LONGEST_WAIT))
 
+    def at(self, step: int, timeout: float = 5.0) -> M:
+        """The message of a step, waiting up to `timeout` [s] for it; older ones are passed over.
+
+        Raises TimedOut when it does not come, or a later one did before.
+        """
+        deadline = time.monotonic() + timeout
+        while (message := self.next(max(0.0, deadline - time.monotonic()))) is not None:
+            if message.step == step:
+                return message
+            if message.step > step:
+                raise TimedOut(f"step {step} of {self._stream!r} is past: the next message is that of step {message.step}")
+        raise TimedOut(f"step {step} of {self._stream!r} did not come within {timeout:.1f} s")
+
     def __iter__(self) -> Iterator[M]:
         """Messages up to the end of the session. Raises ServerLost when the server dies before."""
         while True:
@@ -264,11 +299,11 @@ class Reader(Generic[M]):
         self.missed += missed
         self.epoch = header.epoch
         self._next_number = following
-        names = self._session.names(self.epoch) if self._kind is Objects else []
+        names: Names = self._session.names(self.epoch) if self._kind in (Objects, Contacts) else ([], [])
         return self._kind(header, items, missed, is_new_run and not is_first, names)
 
 
-def _numbers(header: FrameHeader | ObjectsHeader | JournalHeader) -> tuple[int, int]:
+def _numbers(header: FrameHeader | ObjectsHeader | JournalHeader | ContactsHeader) -> tuple[int, int]:
     """The number that a message has in its run, and the number that the next one has."""
     if isinstance(header, JournalHeader):
         return header.first, header.first + header.count

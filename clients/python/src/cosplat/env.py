@@ -1,0 +1,143 @@
+"""A simulation as an environment of Gymnasium. Needs the extra `gym`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from .domain import Domain
+from .errors import BadName
+from .launch import LaunchedSession, launch
+from .lockstep import Cause, Done
+from .orders import ColliderVelocity, Force, Order, Reset
+from .streams import Objects
+
+Observation = NDArray[np.float64]
+Action = NDArray[np.float64]
+
+OBSERVED = ("com", "rotation", "linear_velocity", "angular_velocity")
+"""What is observed of an object: 3 + 4 + 3 + 3 numbers, in SI units."""
+
+
+class Env(gymnasium.Env[Observation, Action]):
+    """A server of its own in lock-step: an action acts for some steps, and the objects are what is observed.
+
+    The same seed and actions give the same observations, bit for bit.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}
+
+    def __init__(
+        self,
+        scene: str | os.PathLike[str],
+        *,
+        observe: Sequence[str],
+        reward: Callable[[Objects, Action], float],
+        forces: Mapping[str, float] | None = None,
+        collider_velocities: Mapping[str, float] | None = None,
+        terminated: Callable[[Objects], bool] = lambda objects: False,
+        randomise: Callable[[np.random.Generator], Sequence[Order]] = lambda random: (),
+        steps_per_action: int = 1,
+        max_actions: int = 1000,
+        threads: int = 0,
+        program: str | os.PathLike[str] | None = None,
+        domain: Domain | None = None,
+    ) -> None:
+        """Starts the server.
+
+        `observe` names objects; an observation is what OBSERVED says of each of them, in this order. An action is three
+        numbers from -1 to 1 per name in `forces` (largest force on the object [N]) and then per name in
+        `collider_velocities` (largest velocity [m/s]). It acts for `steps_per_action` steps; an episode is truncated after
+        `max_actions`. `reward` and `terminated` judge the objects after an action. `randomise` gives orders for the start
+        of an episode from the environment's own random numbers.
+
+        Raises LaunchFailed, and BadName for names that the scene does not have.
+        """
+        self._forces = dict(forces or {})
+        self._velocities = dict(collider_velocities or {})
+        self._reward, self._terminated, self._randomise = reward, terminated, randomise
+        self._steps, self._max_actions = steps_per_action, max_actions
+        self._session: LaunchedSession = launch(
+            scene,
+            participants=["env"],
+            threads=threads,
+            program=program,
+            domain=domain,
+        )
+        try:
+            scene_names = self._session.scene()
+            self._observed = [scene_names.object_id(name) for name in observe]
+            for name in self._forces:
+                scene_names.object_id(name)
+            for name in self._velocities:
+                scene_names.collider_number(name)
+            if not self._forces and not self._velocities:
+                raise BadName("an environment needs a name in `forces` or `collider_velocities`")
+            self._objects = self._session.objects(depth=64)
+            self._participant = self._session.participate("env")
+        except BaseException:
+            self._session.close()
+            raise
+        self._actions = 0
+        size = 13 * len(self._observed)
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float64)
+        size = 3 * (len(self._forces) + len(self._velocities))
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float64)
+
+    @property
+    def session(self) -> LaunchedSession:
+        """The session, for renderers and recorders of one's own."""
+        return self._session
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Back to the initial state; the first step from there is made.
+
+        `options["orders"]` are orders for its start, after those of `randomise`.
+        """
+        super().reset(seed=seed)
+        self._actions = 0
+        orders = [*self._randomise(self.np_random), *(options or {}).get("orders", ())]
+        done = self._participant.step(Reset(), *orders)
+        objects = self._objects.at(done.step)
+        return self._observe(objects), _info(done)
+
+    def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Applies an action for `steps_per_action` steps: observation, reward, terminated, truncated, info."""
+        parts = np.asarray(action, np.float64).reshape(-1, 3)
+        for _ in range(self._steps):
+            # Forces and velocities act for one step each.
+            done = self._participant.step(*self._orders(parts))
+            if done.cause is Cause.TERMINATE:
+                break
+        objects = self._objects.at(done.step)
+        self._actions += 1
+        is_over = bool(self._terminated(objects))
+        is_cut = self._actions >= self._max_actions or done.cause is Cause.TERMINATE
+        return self._observe(objects), float(self._reward(objects, action)), is_over, is_cut, _info(done)
+
+    def close(self) -> None:
+        """Stops the server."""
+        self._participant.close()
+        self._session.close()
+
+    def _orders(self, parts: NDArray[np.float64]) -> list[Order]:
+        forces = zip(self._forces.items(), parts, strict=False)
+        orders: list[Order] = [Force(name, largest * part) for (name, largest), part in forces]
+        velocities = zip(self._velocities.items(), parts[len(self._forces) :], strict=True)
+        return orders + [ColliderVelocity(name, largest * part) for (name, largest), part in velocities]
+
+    def _observe(self, objects: Objects) -> Observation:
+        states = objects.states[self._observed]
+        rows: Observation = np.concatenate([states[name].reshape(len(states), -1) for name in OBSERVED], axis=1)
+        return rows.ravel()
+
+
+def _info(done: Done) -> dict[str, Any]:
+    return {"sim_time": done.sim_time, "state_hash": done.state_hash, "cause": done.cause.name}

@@ -1,0 +1,162 @@
+"""Lock-step: the server makes the steps that its participants ask for, and no others."""
+
+from __future__ import annotations
+
+import contextlib
+import enum
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+
+from . import transport, wire
+from .errors import BadName, CosplatError, Refused, StepRefused
+from .orders import Ack, Order
+from .requests import RequestPort
+from .wire import StepDone, StepRequest
+
+if TYPE_CHECKING:
+    from .scene import Scene
+    from .session import Session
+
+
+class Cause(enum.IntEnum):
+    """Why a step request was answered."""
+
+    COMPLETE = wire.RETURN_COMPLETE
+    """All steps were made."""
+    CONTACT = wire.RETURN_CONTACT
+    """The pair touched in the last step."""
+    EVENT = wire.RETURN_EVENT
+    """Particles left, an object fell apart, the server paused itself, or the state was set back."""
+    QUARANTINE = wire.RETURN_QUARANTINE
+    """Particles were frozen because their state stayed bad."""
+    TERMINATE = wire.RETURN_TERMINATE
+    """The server ends, and no step follows."""
+    TIMEOUT = wire.RETURN_TIMEOUT
+    """The time was over; `reason` names who was waited for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """What came of a step request."""
+
+    step: int
+    """Steps completed by the server; the frame of this step was sent."""
+    sim_time: float
+    """Simulated time at the end of it [s]."""
+    state_hash: int
+    """Hash of the state after it."""
+    frames: int
+    """Steps made for this request."""
+    cause: Cause
+    """Why the answer came."""
+    contact: tuple[str, str] | None
+    """The pair that touched: an object, and an object or collider."""
+    reason: str
+    """A sentence for all causes but COMPLETE."""
+    server_seconds: float
+    """Wall time that the server spent on the steps, publishing included [s]."""
+    acks: list[Ack]
+    """Answers to the orders."""
+
+
+class Participant:
+    """Takes part in lock-step; made by `Session.participate`. Every step waits for it."""
+
+    def __init__(self, session: Session, name: str) -> None:
+        if not re.fullmatch(r"[A-Za-z0-9._-]{1,48}", name):
+            raise BadName(f"{name!r} is not a participant's name: expected 1 to 48 of the characters a-z A-Z 0-9 - _ .")
+        self.name = name
+        """Name among the participants; it orders the commands of one step among theirs."""
+        self._session = session
+        session.look_after()
+        self._port: RequestPort | None = RequestPort(session, "step", StepRequest, StepDone)
+        # The order among participants is the same in every run.
+        self._client = _fnv1a(name.encode())
+        self.attached_at = self._ask(wire.STEP_ATTACH, (), 10.0).step
+        """The last step that was made without it."""
+
+    def step(
+        self,
+        *orders: Order,
+        frames: int = 1,
+        contact: tuple[str | int, str | int] | None = None,
+        event: bool = False,
+        quarantine: bool = False,
+        timeout: float | None = None,
+    ) -> Done:
+        """Asks for `frames` steps, 1 to 1,000,000, with orders for the first of them, and returns when they are published.
+
+        It returns earlier when at the end of a step the pair `contact` touches (an object, and an object or collider), at an
+        `event`, when particles are frozen (`quarantine`), or after `timeout` [s]. Whoever reads frames or objects then finds
+        `Done.step`: `reader.at(done.step)`.
+
+        Raises Refused when an order is refused (the steps are made, and `error.done` tells), StepRefused when the request
+        is, BadName for names that the scene does not have, ServerLost.
+        """
+        until: dict[str, Any] = {"frames": frames, "timeout_ns": 0 if timeout is None else max(1, round(timeout * 1e9))}
+        if contact is not None:
+            scene = self._session.scene()
+            other, kind = _object_or_collider(scene, contact[1])
+            until |= {"pair": (scene.object_id(contact[0]), other), "pair_kind": kind}
+        conditions = (contact is not None, wire.UNTIL_CONTACT), (event, wire.UNTIL_EVENT), (quarantine, wire.UNTIL_QUARANTINE)
+        until["until"] = sum(flag for wanted, flag in conditions if wanted)
+        done = self._ask(wire.STEP_ADVANCE, orders, None, **until)
+        if not all(ack.accepted for ack in done.acks):
+            raise Refused(done.acks, done)
+        return done
+
+    def close(self) -> None:
+        """Takes part no more; the others go on."""
+        if self._port is not None:
+            # A server that is gone waits for nobody.
+            with contextlib.suppress(CosplatError, ValueError):
+                self._ask(wire.STEP_DETACH, (), 2.0)
+        self._port = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _ask(self, kind: int, orders: tuple[Order, ...], timeout: float | None, **fields: Any) -> Done:
+        if self._port is None:
+            raise ValueError(f"the participant {self.name!r} is closed")
+        header = {"client": self._client, "kind": kind, "participant": self.name.encode(), **fields}
+        response, acks = self._port.ask(self._session.encode(orders), header, timeout)
+        answer = transport.header(response, StepDone)
+        reason = answer.reason.decode(errors="replace")
+        if answer.cause == wire.RETURN_REFUSED:
+            raise StepRefused(reason)
+        pair = None
+        if answer.cause == wire.RETURN_CONTACT:
+            scene = self._session.scene()
+            others = scene.names if answer.contact_kind == wire.CONTACT_OBJECT else scene.colliders
+            pair = (scene.names[answer.contact[0]], others[answer.contact[1]])
+        return Done(
+            step=answer.step,
+            sim_time=answer.sim_time,
+            state_hash=answer.state_hash,
+            frames=answer.frames,
+            cause=Cause(answer.cause),
+            contact=pair,
+            reason=reason,
+            server_seconds=answer.step_ns * 1e-9,
+            acks=acks,
+        )
+
+
+def _object_or_collider(scene: Scene, name: str | int) -> tuple[int, int]:
+    """Id and kind of what an object can touch; numbers are ids of objects."""
+    if isinstance(name, str) and name not in scene.names and name in scene.colliders:
+        return scene.colliders.index(name), wire.CONTACT_COLLIDER
+    return scene.object_id(name), wire.CONTACT_OBJECT
+
+
+def _fnv1a(data: bytes) -> int:
+    state = 0xCBF29CE484222325
+    for byte in data:
+        state = (state ^ byte) * 0x100000001B3 % 2**64
+    return state
