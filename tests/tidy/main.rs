@@ -6,6 +6,7 @@ mod edges;
 mod layers;
 mod sources;
 mod wire;
+mod words;
 
 use std::path::{Path, PathBuf};
 

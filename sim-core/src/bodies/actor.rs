@@ -18,7 +18,7 @@ pub(crate) enum Drive {
     /// attack stay where they are during the step.
     Free { force: Vec3, torque: Vec3 },
     /// Nothing: it has this velocity [m/s] and spin [rad/s], whatever it meets.
-    Held { velocity: Vec3, spin: Vec3 },
+    Kinematic { velocity: Vec3, spin: Vec3 },
 }
 
 impl Drive {
@@ -29,7 +29,7 @@ impl Drive {
                 force: add(more.0, force),
                 torque: add(more.1, torque),
             },
-            held @ Self::Held { .. } => held,
+            held @ Self::Kinematic { .. } => held,
         }
     }
 }

@@ -11,7 +11,7 @@ const ROUND: f64 = 0.03;
 const OUTSIDE: f64 = 0.5;
 /// How far surface may be off a sphere: at most and as root of the mean square, in spacings, as a lattice of particles
 /// has terraces, and in radii, as what was captured has bumps.
-const MOST: [f64; 2] = [0.5, 0.07];
+const DEVIATION_MAX: [f64; 2] = [0.5, 0.07];
 const MEAN: [f64; 2] = [0.15, 0.02];
 /// Largest relative difference between the axes of what counts as round, and between the area of a surface and that of
 /// its sphere.
@@ -79,7 +79,7 @@ impl Sphere {
         let (mut mean, mut oval) = (0.0, [[0.0; 3]; 3]);
         for (x, w) in points {
             let (off, n) = (self.distance(*x), self.normal(*x));
-            if off.is_nan() || off.abs() > bound(MOST) {
+            if off.is_nan() || off.abs() > bound(DEVIATION_MAX) {
                 return false;
             }
             mean += w / area * off * off;

@@ -24,7 +24,7 @@ const MOST_IMPACTS: usize = 64;
 /// Speed of approach below which nothing bounces, at least [m/s].
 const SLOWEST_BOUNCE: f64 = 1e-6;
 /// Share of the slowest bounce below which an approach is left to the forces of contact.
-const STILL: f64 = 1e-4;
+const RESTING_SHARE: f64 = 1e-4;
 /// Share of a depth that is undone per step, and the most of it [cells].
 const RECOVERY: f64 = 0.2;
 const MOST_RECOVERY: f64 = 0.05;
@@ -37,8 +37,8 @@ pub(crate) struct CachedImpulse {
     /// Whether it is a point of the second, and which.
     pub feature: (bool, u32),
     /// Along the normal and across it [N].
-    pub pressed: f64,
-    pub rubbed: Vec3,
+    pub normal_impulse: f64,
+    pub friction_impulse: Vec3,
 }
 
 /// Who touches whom after a step, and what it took.
@@ -91,7 +91,7 @@ fn note(
     touches.push(Touched {
         body: point.a,
         other,
-        received: Received::at(place, point.normal, part * point.pressed, impulse),
+        received: Received::at(place, point.normal, part * point.normal_impulse, impulse),
     });
 }
 
@@ -138,7 +138,7 @@ fn piece(
     let mut left = h;
     for n in 0..=MOST_IMPACTS {
         for actor in actors.iter_mut() {
-            if let Drive::Held { velocity, spin } = actor.drive {
+            if let Drive::Kinematic { velocity, spin } = actor.drive {
                 actor.body.velocity = velocity;
                 actor.body.set_spin(&actor.shape.inertia, spin);
             }
@@ -146,10 +146,10 @@ fn piece(
         let walls = (setting.walls)(start + h - left, left);
         let pairs = pairs(actors, &walls, setting, left);
         let mut contacts = contacts(actors, &walls, &pairs, setting, bounce);
-        for (pair, point) in collide(actors, &mut contacts, bounce) {
+        for (pair, point) in resolve_impacts(actors, &mut contacts, bounce) {
             note(&mut outcome.touches, actors, &walls, pair, &point, 1.0);
         }
-        let mut loads = press(actors, &mut contacts, memory, setting, left);
+        let mut loads = solve_contact_forces(actors, &mut contacts, memory, setting, left);
         let until = match n < MOST_IMPACTS {
             true => next_impact(actors, &walls, &pairs, &loads, setting, bounce, left),
             false => left,
@@ -164,7 +164,7 @@ fn piece(
                 until / left,
             );
         }
-        follow(actors, origins, &contacts, &mut loads, left, until);
+        transport_contact_points(actors, origins, &contacts, &mut loads, left, until);
         for (actor, load) in actors.iter_mut().zip(&loads) {
             let inertia = &actor.shape.inertia;
             actor.body = actor
@@ -226,7 +226,7 @@ fn islands(actors: &[Actor<'_>], contacts: &[Contact]) -> Vec<usize> {
 
 /// Impulses of what approaches: all at once within an island, with restitution where it is fast. Returns them with their
 /// pairs.
-fn collide(
+fn resolve_impacts(
     actors: &mut [Actor<'_>],
     contacts: &mut [Contact],
     bounce: f64,
@@ -234,8 +234,8 @@ fn collide(
     let mut given = Vec::new();
     let speed = |c: &Contact| dot(c.point.before, c.point.normal);
     let meets = |c: &Contact| match c.point.holds {
-        true => length(c.point.before) > STILL * bounce,
-        false => speed(c) < -STILL * bounce,
+        true => length(c.point.before) > RESTING_SHARE * bounce,
+        false => speed(c) < -RESTING_SHARE * bounce,
     };
     if !contacts.iter().any(meets) {
         return given;
@@ -304,7 +304,7 @@ fn give(actors: &mut [Actor<'_>], point: &Point, part: f64) {
 }
 
 /// Forces during the coming `left` [s] that keep what touches from approaching; what acts on each body then.
-fn press(
+fn solve_contact_forces(
     actors: &[Actor<'_>],
     contacts: &mut [Contact],
     memory: &mut Vec<CachedImpulse>,
@@ -318,7 +318,7 @@ fn press(
                 acceleration: along(setting.gravity, 1.0 / actor.shape.inertia.mass, force),
                 torque,
             },
-            Drive::Held { .. } => Load {
+            Drive::Kinematic { .. } => Load {
                 acceleration: [0.0; 3],
                 torque: [0.0; 3],
             },
@@ -344,9 +344,13 @@ fn press(
                 false => (-dot(point.before, point.normal)).min(0.0),
             };
             if let Ok(at) = known {
-                point.pressed = left * memory[at].pressed;
-                let rubbed = scaled(memory[at].rubbed, left);
-                point.rubbed = along(rubbed, -dot(rubbed, point.normal), point.normal);
+                point.normal_impulse = left * memory[at].normal_impulse;
+                let friction_impulse = scaled(memory[at].friction_impulse, left);
+                point.friction_impulse = along(
+                    friction_impulse,
+                    -dot(friction_impulse, point.normal),
+                    point.normal,
+                );
             }
             point
         })
@@ -371,8 +375,8 @@ fn press(
         memory.push(CachedImpulse {
             pair: contact.pair,
             feature: (second, at),
-            pressed: point.pressed / left,
-            rubbed: scaled(point.rubbed, 1.0 / left),
+            normal_impulse: point.normal_impulse / left,
+            friction_impulse: scaled(point.friction_impulse, 1.0 / left),
         });
         contact.point = point;
     }
@@ -382,7 +386,7 @@ fn press(
 
 /// Lets the points of contact follow their bodies during `until` [s]: forces between two bodies that pass each other
 /// would otherwise turn the pair.
-fn follow(
+fn transport_contact_points(
     actors: &[Actor<'_>],
     origins: &[Vec3],
     contacts: &[Contact],
@@ -533,8 +537,8 @@ fn part(actors: &mut [Actor<'_>], contacts: &[Contact], dx: f64, bounce: f64) {
                 target: way,
                 holds: false,
                 sticks: false,
-                pressed: 0.0,
-                rubbed: [0.0; 3],
+                normal_impulse: 0.0,
+                friction_impulse: [0.0; 3],
                 wall: [0.0; 3],
                 ..contact.point
             }

@@ -62,7 +62,7 @@ pub(super) fn pairs<'a>(
         .map(|actor| {
             let push = match actor.drive {
                 Drive::Free { force, .. } => length(force) * left / actor.shape.inertia.mass,
-                Drive::Held { .. } => 0.0,
+                Drive::Kinematic { .. } => 0.0,
             };
             let spin = length(actor.body.spin(&actor.shape.inertia));
             1.1 * (length(actor.body.velocity) + fall + push + spin * actor.shape.radius)
@@ -118,7 +118,13 @@ pub(super) fn pairs<'a>(
 }
 
 /// Velocity of `a` relative to `b` at `x`.
-fn closing(actors: &[Actor<'_>], walls: &[Placed<'_>], a: usize, b: usize, x: Vec3) -> Vec3 {
+fn closing_velocity(
+    actors: &[Actor<'_>],
+    walls: &[Placed<'_>],
+    a: usize,
+    b: usize,
+    x: Vec3,
+) -> Vec3 {
     let of = |n: usize| match actors.get(n) {
         Some(actor) => {
             let spin = actor.body.spin(&actor.shape.inertia);
@@ -146,7 +152,7 @@ pub(super) fn contacts<'a>(
         let mut spots: Vec<Spot> = Vec::new();
         for &(feature, _) in pair.near.iter().filter(|(_, gap)| *gap <= touch) {
             let spot = spot(&a, &b, feature);
-            let u = closing(actors, walls, pair.a, pair.b, spot.x);
+            let u = closing_velocity(actors, walls, pair.a, pair.b, spot.x);
             if arrived || dot(u, spot.normal) > -bounce {
                 spots.push(spot);
             }
@@ -187,9 +193,9 @@ pub(super) fn contacts<'a>(
                 target: 0.0,
                 holds,
                 sticks,
-                pressed: 0.0,
-                rubbed: [0.0; 3],
-                before: closing(actors, walls, pair.a, pair.b, spot.x),
+                normal_impulse: 0.0,
+                friction_impulse: [0.0; 3],
+                before: closing_velocity(actors, walls, pair.a, pair.b, spot.x),
             };
             found.push(Contact {
                 pair: [pair.a as u32, pair.b as u32],

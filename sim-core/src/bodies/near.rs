@@ -20,14 +20,14 @@ const DRIFT: f64 = 1.0;
 
 /// The nearest of the particles that reach a node.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Nearest {
+pub(super) struct GapSample {
     /// Between its surface and that of the body, negative where they overlap [m]; infinite where there is none.
     pub gap: f64,
     /// Its place in the body's frame [m].
     pub place: Vec3,
 }
 
-impl Nearest {
+impl GapSample {
     const NONE: Self = Self {
         gap: f64::INFINITY,
         place: [0.0; 3],
@@ -46,23 +46,23 @@ pub(crate) struct Fields<'a> {
 }
 
 /// A particle near a body.
-struct Near {
+struct CandidateParticle {
     /// From the first node of its block [cells].
     inner: Vec3,
-    nearest: Nearest,
+    nearest: GapSample,
 }
 
 /// The nearest particles of the nodes of some blocks.
-pub(super) struct Told {
+pub(super) struct ClosestParticles {
     /// Per node block where its nodes are.
     at: BTreeMap<u32, usize>,
     /// Nodes of a block, z fastest.
-    nodes: Vec<[Nearest; NODES]>,
+    nodes: Vec<[GapSample; NODES]>,
 }
 
-impl Told {
+impl ClosestParticles {
     /// Of the nodes of a block, if any of them is reached by a particle that may touch the body.
-    pub fn get(&self, block: usize) -> Option<&[Nearest; NODES]> {
+    pub fn get(&self, block: usize) -> Option<&[GapSample; NODES]> {
         Some(&self.nodes[*self.at.get(&(block as u32))?])
     }
 }
@@ -76,32 +76,32 @@ pub(super) fn near(
     body: &Body,
     most: f64,
     dx: f64,
-) -> Told {
+) -> ClosestParticles {
     let blocks = particles.blocks.par_iter().zip(&grid.nodes_of);
     let of_block = |(block, nodes_of)| {
         let found = of_block(particles, cells_per_mass, block, shape, body, most, dx);
         (!found.is_empty()).then_some((found, nodes_of))
     };
-    let blocks: Vec<(Vec<Near>, &[u32; 27])> = blocks.filter_map(of_block).collect();
+    let blocks: Vec<(Vec<CandidateParticle>, &[u32; 27])> = blocks.filter_map(of_block).collect();
     let (mut at, mut nodes) = (BTreeMap::new(), Vec::new());
     for (found, nodes_of) in blocks {
         let mut known = [None; 27];
-        for Near { inner, nearest } in found {
+        for CandidateParticle { inner, nearest } in found {
             reached(inner, |offset, node| {
                 let place = *known[offset].get_or_insert_with(|| {
                     *at.entry(nodes_of[offset]).or_insert_with(|| {
-                        nodes.push([Nearest::NONE; NODES]);
+                        nodes.push([GapSample::NONE; NODES]);
                         nodes.len() - 1
                     })
                 });
-                let before: &mut Nearest = &mut nodes[place][node];
+                let before: &mut GapSample = &mut nodes[place][node];
                 if nearest.gap < before.gap {
                     *before = nearest;
                 }
             });
         }
     }
-    Told { at, nodes }
+    ClosestParticles { at, nodes }
 }
 
 /// The particles of a block with a gap of at most `most`.
@@ -113,7 +113,7 @@ fn of_block(
     body: &Body,
     most: f64,
     dx: f64,
-) -> Vec<Near> {
+) -> Vec<CandidateParticle> {
     let mut found = vec![];
     let reach = (shape.radius + most) / dx + LARGEST_RADIUS;
     let com = body.com.map(|x| x / dx);
@@ -131,8 +131,8 @@ fn of_block(
                 let place = turn.mul_vec([0, 1, 2].map(|a| dx * (start[a] + inner[a])));
                 let gap = shape.distance(place) - dx * radii.of(mass[lane]);
                 if gap <= most {
-                    let nearest = Nearest { gap, place };
-                    found.push(Near { inner, nearest });
+                    let nearest = GapSample { gap, place };
+                    found.push(CandidateParticle { inner, nearest });
                 }
             }
         }

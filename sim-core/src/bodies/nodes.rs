@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use super::{
     actor::Drive,
     body::Body,
-    near::{Fields, NODES, Nearest, near},
+    near::{Fields, GapSample, NODES, near},
     shape::Shape,
     solve::{Mover, Point, sweep},
     vector::{Vec3, add, along, length, scaled, sub},
@@ -27,7 +27,7 @@ const LIGHTEST: f32 = 1e-12;
 /// them.
 const DEPTH: f64 = 0.9;
 /// Gap up to which nodes count that would not close it by themselves [cells]: a body that others push may.
-const SOON: f64 = 0.1;
+const GAP_LOOKAHEAD: f64 = 0.1;
 /// Cosine of the angle beyond which a node's normal is that of the other side of a thin body.
 const SAME_SIDE: f64 = 0.5;
 
@@ -70,7 +70,7 @@ pub(crate) struct CouplingInput<'a> {
 pub(crate) type Load = (Vec3, Vec3);
 
 /// A node that meets a body, the first of those that it meets.
-struct Site {
+struct CoupledNode {
     /// Node block, row and first float of the node.
     at: [usize; 3],
     body: usize,
@@ -122,7 +122,7 @@ struct Coupling {
     /// The bodies, then the nodes.
     movers: Vec<Mover>,
     /// The nodes, in the order of their movers.
-    sites: Vec<Site>,
+    sites: Vec<CoupledNode>,
     /// Per node its mover.
     known: BTreeMap<[usize; 3], usize>,
     points: Vec<Point>,
@@ -141,12 +141,12 @@ impl Coupling {
     ) {
         let (coupled, moves) = (&bodies[n], self.movers[n]);
         let speed = length(moves.velocity) + length(moves.spin) * coupled.shape.radius;
-        let most = SOON * input.dx + input.dt * (input.fastest + speed);
+        let most = GAP_LOOKAHEAD * input.dx + input.dt * (input.fastest + speed);
         let (shape, body) = (coupled.shape, &coupled.body);
         let (particles, volumes) = (input.particles, input.fields.cells_per_mass);
         let told = near(particles, volumes, grid, shape, body, most, input.dx);
         for (block, nodes) in grid.nodes.iter().enumerate() {
-            let meeting = Meeting {
+            let meeting = BodyBlock {
                 grid,
                 input,
                 coupled,
@@ -162,8 +162,8 @@ impl Coupling {
     }
 
     /// Finds the points of the body `n` in a block of nodes.
-    fn find_points_in(&mut self, block: usize, n: usize, meeting: &Meeting<'_>) {
-        let Meeting {
+    fn find_points_in(&mut self, block: usize, n: usize, meeting: &BodyBlock<'_>) {
+        let BodyBlock {
             grid,
             input,
             coupled,
@@ -182,7 +182,7 @@ impl Coupling {
                 continue;
             };
             let arm = sub(meeting.place(meeting.index(at)), coupled.body.com);
-            let site = Site {
+            let site = CoupledNode {
                 at: [block, at / 4, 4 * (at % 4)],
                 body: n,
                 arm,
@@ -201,15 +201,15 @@ impl Coupling {
                 target,
                 holds: bonded,
                 sticks: bonded,
-                pressed: 0.0,
-                rubbed: [0.0; 3],
+                normal_impulse: 0.0,
+                friction_impulse: [0.0; 3],
                 before: [0.0; 3],
             });
         }
     }
 
     /// The mover of a node of this mass [kg]: a new one where no body before met it.
-    fn mover_of(&mut self, site: Site, mass: f64) -> usize {
+    fn mover_of(&mut self, site: CoupledNode, mass: f64) -> usize {
         let (sites, movers) = (&mut self.sites, &mut self.movers);
         *self.known.entry(site.at).or_insert_with(|| {
             movers.push(Mover {
@@ -238,7 +238,7 @@ impl Coupling {
             let body = &bodies[point.b?];
             let place = add(body.body.com, point.arms[1]);
             let (normal, impulse) = (scaled(point.normal, -1.0), scaled(point.impulse(), -1.0));
-            let received = Received::at(place, normal, point.pressed, impulse);
+            let received = Received::at(place, normal, point.normal_impulse, impulse);
             Some((body.object, *field, received))
         });
         received.collect()
@@ -282,7 +282,7 @@ impl Coupling {
 }
 
 /// A body and a block of nodes.
-struct Meeting<'a> {
+struct BodyBlock<'a> {
     grid: &'a Grid,
     input: &'a CouplingInput<'a>,
     coupled: &'a CoupledBody<'a>,
@@ -290,12 +290,12 @@ struct Meeting<'a> {
     moves: &'a Mover,
     nodes: &'a NodeBlock,
     /// What particles may touch the body, if any.
-    nearest: Option<&'a [Nearest; NODES]>,
+    nearest: Option<&'a [GapSample; NODES]>,
     /// Whether both are one piece.
     bonded: bool,
 }
 
-impl Meeting<'_> {
+impl BodyBlock<'_> {
     /// Which node of the grid one of the block is.
     fn index(&self, at: usize) -> [i32; 3] {
         let local = [at / 16, at / 4 % 4, at % 4];
@@ -347,7 +347,7 @@ impl Meeting<'_> {
         // What is on its way since it came to the grid is farther than where it was.
         let pass = &input.fields.passes[self.nodes.field as usize];
         let mut gap = nearest.gap + pass.elapsed * dot(velocity, normal);
-        if gap + way > SOON * input.dx {
+        if gap + way > GAP_LOOKAHEAD * input.dx {
             return None;
         }
         if input.fields.reconstructs_surface[self.nodes.field as usize] && gap + way < 0.0 {
@@ -407,7 +407,7 @@ fn mover(coupled: &CoupledBody<'_>, input: &CouplingInput<'_>) -> Mover {
                 spin: body.spin(inertia),
             }
         }
-        Drive::Held { velocity, spin } => Mover {
+        Drive::Kinematic { velocity, spin } => Mover {
             inverse_mass: 0.0,
             inverse_inertia: Mat3::diagonal([0.0; 3]),
             velocity,

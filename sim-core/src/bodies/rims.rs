@@ -21,7 +21,7 @@ const FLAT: f64 = 1e-3;
 const LID: f64 = 0.3;
 /// Margin, in parts of the smaller of radius and half length, by which points of the other solid may lie outside of
 /// the line of contact and still be of it.
-const BESIDE: f64 = 0.1;
+const LINE_MARGIN: f64 = 0.1;
 /// Directions around a rim among which the search for its lowest point begins: cosine and sine.
 const AROUND: [[f64; 2]; 12] = [
     [1.0, 0.0],
@@ -312,7 +312,7 @@ pub(super) fn choose(a: &Solid<'_>, b: &Solid<'_>, spots: &mut Vec<Spot>) {
             .iter()
             .filter_map(|spot| Some((computed(spot)?, *spot)))
             .collect();
-        let beside = BESIDE * cylinder.form.radius.min(cylinder.form.half);
+        let beside = LINE_MARGIN * cylinder.form.radius.min(cylinder.form.half);
         let is_of_line = |spot: &Spot| {
             let like = line.iter().filter(|l| dot(l.1.normal, spot.normal) >= FACE);
             let heights: Vec<f64> = like.map(|l| height(l.1.x)).collect();
@@ -331,10 +331,11 @@ pub(super) fn choose(a: &Solid<'_>, b: &Solid<'_>, spots: &mut Vec<Spot>) {
             match lid {
                 Some(lid) => {
                     let against = if second { 1.0 } else { -1.0 };
-                    let pressed = against * dot(rotate(cylinder.body.rotation, lid), spot.normal);
+                    let normal_impulse =
+                        against * dot(rotate(cylinder.body.rotation, lid), spot.normal);
                     let rim = RIMS[usize::from(x[cylinder.form.axis] > 0.0)];
                     let known = side.is_some() && line.iter().any(|l| l.0 == rim);
-                    pressed > LID && !known
+                    normal_impulse > LID && !known
                 }
                 None => !line.iter().any(|l| dot(l.1.normal, spot.normal) >= FACE),
             }

@@ -40,8 +40,8 @@ pub(super) struct Point {
     pub holds: bool,
     pub sticks: bool,
     /// Impulse along the normal and across it, on `a`.
-    pub pressed: f64,
-    pub rubbed: Vec3,
+    pub normal_impulse: f64,
+    pub friction_impulse: Vec3,
     /// Relative velocity before.
     pub before: Vec3,
 }
@@ -55,7 +55,7 @@ impl Point {
     }
 
     /// Velocity change at the point per impulse along `n`, in the direction of `n`.
-    fn yielding(&self, movers: &[Mover], n: Vec3) -> f64 {
+    fn inverse_effective_mass(&self, movers: &[Mover], n: Vec3) -> f64 {
         let of = |m: &Mover, r: Vec3| {
             let lever = cross(r, n);
             m.inverse_mass + dot(lever, m.inverse_inertia.mul_vec(lever))
@@ -65,7 +65,7 @@ impl Point {
     }
 
     /// The matrix `K`: velocity change at the point per impulse.
-    fn compliance(&self, movers: &[Mover]) -> Mat3<f64> {
+    fn delassus(&self, movers: &[Mover]) -> Mat3<f64> {
         let mut k = Mat3::diagonal([0.0; 3]);
         let both = [Some(self.a), self.b];
         for (n, r) in both.into_iter().zip(self.arms) {
@@ -95,7 +95,7 @@ impl Point {
 
     /// Impulse so far.
     pub fn impulse(&self) -> Vec3 {
-        along(self.rubbed, self.pressed, self.normal)
+        along(self.friction_impulse, self.normal_impulse, self.normal)
     }
 }
 
@@ -108,7 +108,7 @@ pub(super) fn impact(point: &mut Point, movers: &mut [Mover]) {
     if u_n >= 0.0 && !point.holds {
         return;
     }
-    let k = point.compliance(movers);
+    let k = point.delassus(movers);
     let k_n = k.mul_vec(n);
     let free = scaled(n, -u_n / dot(n, k_n));
     let stuck = scaled(solve(&k, u), -1.0);
@@ -138,8 +138,8 @@ pub(super) fn impact(point: &mut Point, movers: &mut [Mover]) {
     if work + 0.5 * bend > 0.0 && bend > 0.0 {
         j = scaled(j, (-2.0 * work / bend).clamp(0.0, 1.0));
     }
-    point.pressed += dot(j, n);
-    point.rubbed = add(point.rubbed, across(j));
+    point.normal_impulse += dot(j, n);
+    point.friction_impulse = add(point.friction_impulse, across(j));
     point.push(movers, j);
 }
 
@@ -154,7 +154,7 @@ pub(super) fn sweeps(points: usize) -> usize {
 pub(super) fn sweep(points: &mut [Point], movers: &mut [Mover], sweeps: usize) {
     let yields: Vec<f64> = points
         .iter()
-        .map(|p| p.yielding(movers, p.normal))
+        .map(|p| p.inverse_effective_mass(movers, p.normal))
         .collect();
     for point in points.iter() {
         let j = point.impulse();
@@ -170,10 +170,10 @@ pub(super) fn sweep(points: &mut [Point], movers: &mut [Mover], sweeps: usize) {
             }
             let n = point.normal;
             let u = point.relative(movers);
-            let wanted = point.pressed + (point.target - dot(u, n)) / k_n;
+            let wanted = point.normal_impulse + (point.target - dot(u, n)) / k_n;
             let total = if point.holds { wanted } else { wanted.max(0.0) };
-            let step = total - point.pressed;
-            point.pressed = total;
+            let step = total - point.normal_impulse;
+            point.normal_impulse = total;
             point.push(movers, scaled(n, step));
             most = most.max(total.abs());
             change = change.max(step.abs());
@@ -182,9 +182,9 @@ pub(super) fn sweep(points: &mut [Point], movers: &mut [Mover], sweeps: usize) {
             } else {
                 point.friction * total.max(0.0)
             };
-            if limit > 0.0 || point.rubbed != [0.0; 3] {
-                let step = rub(point, movers, limit);
-                most = most.max(length(point.rubbed));
+            if limit > 0.0 || point.friction_impulse != [0.0; 3] {
+                let step = apply_friction(point, movers, limit);
+                most = most.max(length(point.friction_impulse));
                 change = change.max(step);
             }
         }
@@ -195,23 +195,23 @@ pub(super) fn sweep(points: &mut [Point], movers: &mut [Mover], sweeps: usize) {
 }
 
 /// Friction of one point against its tangential velocity; returns how much it changed.
-fn rub(point: &mut Point, movers: &mut [Mover], limit: f64) -> f64 {
+fn apply_friction(point: &mut Point, movers: &mut [Mover], limit: f64) -> f64 {
     let n = point.normal;
     let u = point.relative(movers);
     let slide = along(u, -dot(u, n), n);
     let speed = length(slide);
-    let mut wanted = point.rubbed;
+    let mut wanted = point.friction_impulse;
     if speed > 0.0 {
         let direction = scaled(slide, 1.0 / speed);
-        let k = point.yielding(movers, direction);
+        let k = point.inverse_effective_mass(movers, direction);
         wanted = along(wanted, -speed / k, direction);
     }
     let size = length(wanted);
     if size > limit {
         wanted = scaled(wanted, limit / size);
     }
-    let step = sub(wanted, point.rubbed);
-    point.rubbed = wanted;
+    let step = sub(wanted, point.friction_impulse);
+    point.friction_impulse = wanted;
     point.push(movers, step);
     length(step)
 }
@@ -239,7 +239,7 @@ pub(super) fn settle_energy(points: &mut [Point], movers: &mut [Mover]) {
     for point in points {
         let back = scaled(point.impulse(), keep - 1.0);
         point.push(movers, back);
-        point.pressed *= keep;
-        point.rubbed = scaled(point.rubbed, keep);
+        point.normal_impulse *= keep;
+        point.friction_impulse = scaled(point.friction_impulse, keep);
     }
 }

@@ -29,14 +29,14 @@ const FACING: f64 = 0.7;
 
 /// The nearest to a collider of the particles that reach a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Nearest {
+pub(crate) struct GapSample {
     /// Its distance, less half the spacing of particles; negative when it is too deep [units].
     pub gap: f32,
     /// Normal of the collider there.
     pub normal: [f32; 3],
 }
 
-impl Nearest {
+impl GapSample {
     /// No particle in range.
     pub const NONE: Self = Self {
         gap: f32::INFINITY,
@@ -57,7 +57,7 @@ pub(super) struct Reaction {
     pub contact: Contact,
     pub normal: [f64; 3],
     /// How much farther matter may go against the normal [units].
-    pub room: f64,
+    pub clearance: f64,
 }
 
 /// Half the spacing of particles of a rest volume, as far as it counts.
@@ -67,18 +67,18 @@ pub(crate) fn half_spacing(volume: f64, cell: f64) -> f64 {
 
 impl Placed<'_> {
     /// A particle of this rest volume at `x` as nodes see it, when it is in range; `cell` is the cell size.
-    pub fn nearest(&self, x: [f64; 3], volume: f64, cell: f64) -> Option<Nearest> {
+    pub fn nearest(&self, x: [f64; 3], volume: f64, cell: f64) -> Option<GapSample> {
         self.nearest_of(x, half_spacing(volume, cell), cell)
     }
 
     /// The same for a particle of this [`half_spacing`].
-    pub fn nearest_of(&self, x: [f64; 3], half_spacing: f64, cell: f64) -> Option<Nearest> {
+    pub fn nearest_of(&self, x: [f64; 3], half_spacing: f64, cell: f64) -> Option<GapSample> {
         let found = self.distance(x);
         if found.value >= (RANGE + RADIUS_MAX) * cell {
             return None;
         }
         let gap = found.value - half_spacing;
-        (gap < RANGE * cell).then(|| Nearest {
+        (gap < RANGE * cell).then(|| GapSample {
             gap: gap as f32,
             normal: found.normal.map(|n| n as f32),
         })
@@ -111,19 +111,19 @@ impl Placed<'_> {
     }
 
     /// What happens at a node at `x` that `nearest` reaches; none when nothing does.
-    pub(super) fn reaction(&self, x: [f64; 3], nearest: &Nearest, cell: f64) -> Option<Reaction> {
+    pub(super) fn reaction(&self, x: [f64; 3], nearest: &GapSample, cell: f64) -> Option<Reaction> {
         let found = self.distance(x);
         let mut reaction = Reaction {
             contact: self.contact(),
             normal: found.normal,
-            room: f64::INFINITY,
+            clearance: f64::INFINITY,
         };
         let gap = f64::from(nearest.gap);
         let normal = nearest.normal.map(f64::from);
         let faces = dot(normal, found.normal) > FACING;
         if found.value < -ON_FACE * cell {
             if gap < RANGE * cell {
-                reaction.room = gap.max(0.0);
+                reaction.clearance = gap.max(0.0);
                 if !faces {
                     reaction.normal = normal;
                 }
@@ -133,11 +133,11 @@ impl Placed<'_> {
             return Some(reaction);
         }
         let beyond = (found.value - BAND * cell).max(0.0);
-        reaction.room = (gap + STEEPNESS * beyond).max(0.0);
+        reaction.clearance = (gap + STEEPNESS * beyond).max(0.0);
         if beyond > 0.0 || gap > TOUCHING * cell {
             reaction.contact.surface = Surface::Separate;
         }
-        (faces && reaction.room < RANGE * cell).then_some(reaction)
+        (faces && reaction.clearance < RANGE * cell).then_some(reaction)
     }
 }
 
@@ -169,7 +169,9 @@ mod tests {
         };
         let conditions = boundaries.on_nodes(&vec![], &now);
         let body = &conditions.bodies()[0];
-        let nearest = body.nearest(particle, 0.125, 1.0).unwrap_or(Nearest::NONE);
+        let nearest = body
+            .nearest(particle, 0.125, 1.0)
+            .unwrap_or(GapSample::NONE);
         body.reaction(x, &nearest, 1.0)
     }
 
@@ -180,19 +182,19 @@ mod tests {
 
     #[test]
     fn matter_may_go_on_until_it_touches() {
-        let room = |x: f64, particle: f64| {
+        let clearance = |x: f64, particle: f64| {
             let (x, particle) = ([0.0, 0.0, x], [0.3, 0.2, particle]);
-            at(floor(), Surface::Separate, x, particle).map(|reaction| reaction.room)
+            at(floor(), Surface::Separate, x, particle).map(|reaction| reaction.clearance)
         };
         // Eight per cell: half their spacing is a quarter of a cell.
-        assert_eq!(room(-0.5, 0.75), Some(0.5));
-        assert_eq!(room(0.2, 0.75), Some(0.5));
-        assert_eq!(room(-0.5, 0.25), Some(0.0));
-        assert_eq!(room(-0.5, 1.5), None);
+        assert_eq!(clearance(-0.5, 0.75), Some(0.5));
+        assert_eq!(clearance(0.2, 0.75), Some(0.5));
+        assert_eq!(clearance(-0.5, 0.25), Some(0.0));
+        assert_eq!(clearance(-0.5, 1.5), None);
         // Nodes farther out stop what is too deep.
-        let outside = room(0.75, 0.25).expect("it touches");
+        let outside = clearance(0.75, 0.25).expect("it touches");
         assert!((outside - 0.05).abs() < 1e-7, "{outside}");
-        assert_eq!(room(0.75, 0.15), Some(0.0));
+        assert_eq!(clearance(0.75, 0.15), Some(0.0));
     }
 
     #[test]

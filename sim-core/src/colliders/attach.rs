@@ -23,7 +23,7 @@
 //! coefficient times the momentum that presses has gone to the surface.
 
 use super::{
-    Held, Placed, THIN,
+    FixedRegion, Placed, THIN,
     approach::{RANGE, TOUCHING},
     edge,
     friction::coefficient,
@@ -67,14 +67,14 @@ pub(crate) struct Face {
     /// Where nodes are, across the axis [units].
     bounds: Aabb,
     /// Components of the velocity that it holds.
-    grips: [bool; 3],
+    constrained_axes: [bool; 3],
     velocity: [f64; 3],
     /// Whether it lets go of what moves away.
     releases: bool,
     /// Coulomb coefficient.
     friction: f64,
     /// Whether that depends on what it meets, and the collider's own, if it states one.
-    rubs: Option<Option<f64>>,
+    frictional: Option<Option<f64>>,
 }
 
 /// Velocities on the way from forces to boundaries.
@@ -139,11 +139,11 @@ impl Face {
                 min: [f64::NEG_INFINITY; 3],
                 max: [f64::INFINITY; 3],
             },
-            grips: [true; 3],
+            constrained_axes: [true; 3],
             velocity: [0.0; 3],
             releases: false,
             friction: 0.0,
-            rubs: None,
+            frictional: None,
         }
     }
 
@@ -163,18 +163,18 @@ impl Face {
         let at = body.start.translation[axis];
         let sticky = contact.surface == Surface::Sticky;
         Some(Self {
-            grips: std::array::from_fn(|a| sticky || a == axis),
+            constrained_axes: std::array::from_fn(|a| sticky || a == axis),
             velocity: body.linear,
             releases,
             friction: if sticky { 0.0 } else { contact.friction },
-            rubs: (!sticky).then_some(body.body.friction),
+            frictional: (!sticky).then_some(body.body.friction),
             ..Self::new(Owner::Body(body.id), axis, side, at, cell)
         })
     }
 
     /// Of a held region that has faces: all that are far enough from the one behind.
-    pub(super) fn of_region(held: &Held, cell: f64) -> impl Iterator<Item = Self> {
-        let Held {
+    pub(super) fn of_region(held: &FixedRegion, cell: f64) -> impl Iterator<Item = Self> {
+        let FixedRegion {
             bounds: Aabb { min, max },
             velocity,
             has_faces,
@@ -204,7 +204,7 @@ impl Face {
 
     /// The same for an object whose surface states this friction.
     pub(super) fn against(&self, object: Option<f64>) -> Self {
-        let friction = self.rubs.map(|stated| coefficient(stated, object));
+        let friction = self.frictional.map(|stated| coefficient(stated, object));
         Self {
             friction: friction.unwrap_or(self.friction),
             ..*self
@@ -287,25 +287,25 @@ impl Face {
     }
 
     /// Moves a node of a line that is attached to it, and to nothing else.
-    fn hold(&self, velocity: &mut [f64; 3], line: &Members, rank: usize, rubs: [bool; 3]) {
+    fn bond(&self, velocity: &mut [f64; 3], line: &Members, rank: usize, frictional: [bool; 3]) {
         let carried = self.carried(line);
-        for q in (0..3).filter(|&q| self.grips[q]) {
+        for q in (0..3).filter(|&q| self.constrained_axes[q]) {
             velocity[q] = self.velocity[q] + self.share[rank] * carried[q];
         }
         if self.friction > 0.0 {
             let given = line.iter().zip(self.share);
             let given =
                 given.map(|((m, v), share)| m * (share * carried[self.axis] - v[self.axis]));
-            let pressed = f64::from(self.side) * given.sum::<f64>();
-            self.rub(velocity, line, pressed, rank, rubs);
+            let normal_impulse = f64::from(self.side) * given.sum::<f64>();
+            self.apply_friction(velocity, line, normal_impulse, rank, frictional);
         }
     }
 
-    /// Speeds away from the boundary of the nodes of a line that may come closer by `closing`, and the momentum that
+    /// Speeds away from the boundary of the nodes of a line that may come closer by `max_closing_speed`, and the momentum that
     /// the boundary gives to them.
-    fn press(&self, line: &Members, closing: f64) -> ([f64; 3], f64) {
+    fn clamp_inward(&self, line: &Members, max_closing_speed: f64) -> ([f64; 3], f64) {
         let mass = line.map(|(m, _)| m);
-        let free = line.map(|(_, v)| f64::from(self.side) * v[self.axis] + closing);
+        let free = line.map(|(_, v)| f64::from(self.side) * v[self.axis] + max_closing_speed);
         let share = self.share;
         let mut speed = free;
         // The nearest of what is allowed is where none, both or one of the nodes behind are held: where no free one is
@@ -333,21 +333,28 @@ impl Face {
             }
         }
         let given = (0..3).map(|n| mass[n] * (speed[n] - free[n])).sum();
-        (speed.map(|speed| speed - closing), given)
+        (speed.map(|speed| speed - max_closing_speed), given)
     }
 
     /// Coulomb friction on a node of a line on which this momentum presses: the line goes towards where it would be
     /// attached along the boundary, all of the way if that takes no more than the coefficient allows. Only in the
-    /// components `rubs`, which no other boundary has a hold of.
-    fn rub(&self, v: &mut [f64; 3], line: &Members, pressed: f64, rank: usize, rubs: [bool; 3]) {
+    /// components `frictional`, which no other boundary has a hold of.
+    fn apply_friction(
+        &self,
+        v: &mut [f64; 3],
+        line: &Members,
+        normal_impulse: f64,
+        rank: usize,
+        frictional: [bool; 3],
+    ) {
         let carried = self.carried(line);
-        let along = || (0..3).filter(|&q| q != self.axis && rubs[q]);
+        let along = || (0..3).filter(|&q| q != self.axis && frictional[q]);
         let mut taken = [0.0; 3];
         for ((m, v), share) in line.iter().zip(self.share) {
             along().for_each(|q| taken[q] += m * (share * carried[q] - v[q]));
         }
         let all = dot(taken, taken).sqrt();
-        let most = self.friction * pressed;
+        let most = self.friction * normal_impulse;
         if most <= 0.0 {
             return;
         }
@@ -370,7 +377,12 @@ struct Line {
 
 /// What the faces of one axis that grip component `q` make of the node `i`; none when they hold it where they are.
 fn line(along: &[Option<&Face>; 2], q: usize, i: i32) -> Option<Line> {
-    let faces = || along.iter().flatten().filter(|face| face.grips[q]);
+    let faces = || {
+        along
+            .iter()
+            .flatten()
+            .filter(|face| face.constrained_axes[q])
+    };
     let mut own = (i, 1.0);
     for face in faces() {
         if let rank @ 1..=2 = face.rank(i) {
@@ -412,12 +424,13 @@ pub(crate) fn attached(
     let mut found = Attached::free(nodes.node(index)?.1);
     let FacesAt {
         bonded: all,
-        pressing,
+        unilateral,
     } = FacesAt::new(faces, index, nodes, cell, &mut found)?;
     let bonded = || all.iter().flatten().flatten();
     let holding = || bonded().filter(|face| face.has(index));
-    let rubs: [bool; 3] =
-        std::array::from_fn(|q| pressing[q].is_none() && !holding().any(|face| face.grips[q]));
+    let frictional: [bool; 3] = std::array::from_fn(|q| {
+        unilateral[q].is_none() && !holding().any(|face| face.constrained_axes[q])
+    });
     let mut bonded = bonded();
     match (bonded.next(), bonded.next()) {
         (None, _) => {}
@@ -425,18 +438,18 @@ pub(crate) fn attached(
         (Some(face), None) if face.has(index) => {
             let rank = face.rank(index[face.axis]) as usize;
             let line = face.members(index, nodes);
-            face.hold(&mut found.velocity, &line, rank, rubs);
+            face.bond(&mut found.velocity, &line, rank, frictional);
         }
-        _ => hold_all(&mut found.velocity, &all, index, nodes, rubs),
+        _ => bond_all(&mut found.velocity, &all, index, nodes, frictional),
     }
-    for (face, gap) in pressing.into_iter().flatten() {
+    for (face, gap) in unilateral.into_iter().flatten() {
         let rank = face.rank(index[face.axis]) as usize;
         let line = face.members(index, nodes);
-        let (speed, given) = face.press(&line, gap.max(0.0) / dt);
+        let (speed, given) = face.clamp_inward(&line, gap.max(0.0) / dt);
         if given > 0.0 {
             found.velocity[face.axis] =
                 face.velocity[face.axis] + f64::from(face.side) * speed[rank];
-            face.rub(&mut found.velocity, &line, given, rank, rubs);
+            face.apply_friction(&mut found.velocity, &line, given, rank, frictional);
         }
     }
     Some(found)
@@ -447,7 +460,7 @@ struct FacesAt<'a> {
     /// Those that matter is attached to.
     bonded: All<'a>,
     /// Per axis the one that the node presses on, with its gap.
-    pressing: [Option<(&'a Face, f64)>; 3],
+    unilateral: [Option<(&'a Face, f64)>; 3],
 }
 
 impl<'a> FacesAt<'a> {
@@ -460,7 +473,7 @@ impl<'a> FacesAt<'a> {
         found: &mut Attached,
     ) -> Option<Self> {
         let mut all: All<'_> = [[None; 2]; 3];
-        let mut pressing: [Option<(&Face, f64)>; 3] = [None; 3];
+        let mut unilateral: [Option<(&Face, f64)>; 3] = [None; 3];
         let mut count = 0;
         for face in faces {
             let of = &mut all[face.axis][usize::from(face.side > 0)];
@@ -477,16 +490,16 @@ impl<'a> FacesAt<'a> {
                     found.owners[count] = Some(face.owner);
                     count += 1;
                 }
-            } else if face.has(index) && pressing[face.axis].is_none() {
-                pressing[face.axis] = Some((face, gap));
+            } else if face.has(index) && unilateral[face.axis].is_none() {
+                unilateral[face.axis] = Some((face, gap));
             }
         }
         // Nodes that another boundary has a hold of in the same direction are left to the conditions on single nodes.
-        for (axis, of) in pressing.iter_mut().enumerate() {
+        for (axis, of) in unilateral.iter_mut().enumerate() {
             let alone = |face: &Face| {
                 let mut holding = all.iter().flatten().flatten();
                 let mut facing = faces.iter().filter(|other| other.axis == axis);
-                !holding.any(|other| other.grips[axis])
+                !holding.any(|other| other.constrained_axes[axis])
                     && !facing.any(|other| other.side != face.side && face.meets(other))
             };
             *of = of.filter(|(face, _)| alone(face));
@@ -497,18 +510,18 @@ impl<'a> FacesAt<'a> {
         }
         (count > 0).then_some(Self {
             bonded: all,
-            pressing,
+            unilateral,
         })
     }
 }
 
 /// Moves a node of lines that are attached to several boundaries.
-fn hold_all(
+fn bond_all(
     velocity: &mut [f64; 3],
     all: &All<'_>,
     index: [i32; 3],
     nodes: &impl Nodes,
-    rubs: [bool; 3],
+    frictional: [bool; 3],
 ) {
     let holding = || {
         all.iter()
@@ -517,7 +530,7 @@ fn hold_all(
             .filter(|face| face.has(index))
     };
     for q in 0..3 {
-        if let Some(face) = holding().find(|face| face.grips[q]) {
+        if let Some(face) = holding().find(|face| face.constrained_axes[q]) {
             let u = face.velocity[q];
             velocity[q] = u + component(all, index, q, u, nodes).0;
         }
@@ -526,8 +539,8 @@ fn hold_all(
         let u = face.velocity[face.axis];
         let given = component(all, index, face.axis, u, nodes).1;
         let (line, rank) = (face.members(index, nodes), face.rank(index[face.axis]));
-        let pressed = given * f64::from(face.side);
-        face.rub(velocity, &line, pressed, rank as usize, rubs);
+        let normal_impulse = given * f64::from(face.side);
+        face.apply_friction(velocity, &line, normal_impulse, rank as usize, frictional);
     }
 }
 

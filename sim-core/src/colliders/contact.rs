@@ -2,7 +2,7 @@
 
 use super::{
     Placed,
-    approach::{Nearest, Reaction},
+    approach::{GapSample, Reaction},
 };
 use crate::{mat3::dot, scene::Surface};
 
@@ -24,12 +24,12 @@ fn tangential(v: [f64; 3], normal: [f64; 3], v_n: f64) -> [f64; 3] {
 }
 
 impl Contact {
-    /// Whether the normal velocity `v_n` needs no change, up to `slack`, when `closing` towards the surface is allowed.
-    fn allows(&self, v_n: f64, closing: f64, slack: f64) -> bool {
+    /// Whether the normal velocity `v_n` needs no change, up to `slack`, when `max_closing_speed` towards the surface is allowed.
+    fn allows(&self, v_n: f64, max_closing_speed: f64, slack: f64) -> bool {
         match self.surface {
             Surface::Sticky => false,
-            Surface::Slip => v_n <= slack && v_n >= -closing - slack,
-            Surface::Separate => v_n >= -closing - slack,
+            Surface::Slip => v_n <= slack && v_n >= -max_closing_speed - slack,
+            Surface::Separate => v_n >= -max_closing_speed - slack,
         }
     }
 
@@ -38,22 +38,22 @@ impl Contact {
         self.restitution > 0.0 && self.surface != Surface::Sticky
     }
 
-    /// Relative velocity after contact at a node whose matter may still come closer at the speed `closing`.
-    pub fn resolve_at(&self, v: [f64; 3], normal: [f64; 3], closing: f64) -> [f64; 3] {
+    /// Relative velocity after contact at a node whose matter may still come closer at the speed `max_closing_speed`.
+    pub fn resolve_at(&self, v: [f64; 3], normal: [f64; 3], max_closing_speed: f64) -> [f64; 3] {
         let v_n = dot(v, normal);
         if self.surface == Surface::Sticky {
-            let kept = v_n.clamp(-closing, 0.0);
+            let kept = v_n.clamp(-max_closing_speed, 0.0);
             return normal.map(|n| kept * n);
         }
-        if self.allows(v_n, closing, 0.0) {
+        if self.allows(v_n, max_closing_speed, 0.0) {
             return v;
         }
         if v_n > 0.0 {
             return tangential(v, normal, v_n);
         }
-        let moved = std::array::from_fn(|a| v[a] + closing * normal[a]);
+        let moved = std::array::from_fn(|a| v[a] + max_closing_speed * normal[a]);
         let after = self.resolve(moved, normal);
-        std::array::from_fn(|a| after[a] - closing * normal[a])
+        std::array::from_fn(|a| after[a] - max_closing_speed * normal[a])
     }
 
     /// Relative velocity after contact. Coulomb: what presses changes the normal velocity by `(1 + e) |v_n|`,
@@ -71,9 +71,9 @@ impl Contact {
             return v_t;
         }
         let speed = dot(v_t, v_t).sqrt();
-        let pressed = (1.0 + self.restitution) * v_n.abs();
+        let normal_change = (1.0 + self.restitution) * v_n.abs();
         let kept = if speed > 0.0 {
-            (1.0 - self.friction * pressed / speed).max(0.0)
+            (1.0 - self.friction * normal_change / speed).max(0.0)
         } else {
             0.0
         };
@@ -95,7 +95,7 @@ fn plus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 /// Velocity that a node at `x` may have near some bodies during `dt`, each with the matter near it; `cell` is the cell
 /// size.
 pub(crate) fn constrain<'a>(
-    acting: impl Iterator<Item = (&'a Placed<'a>, &'a Nearest)> + Clone,
+    acting: impl Iterator<Item = (&'a Placed<'a>, &'a GapSample)> + Clone,
     x: [f64; 3],
     mut v: [f64; 3],
     dt: f64,
@@ -107,10 +107,10 @@ pub(crate) fn constrain<'a>(
             continue;
         };
         let u = body.velocity(x);
-        let closing = reaction.room / dt;
+        let max_closing_speed = reaction.clearance / dt;
         let allowed = reaction
             .contact
-            .resolve_at(minus(v, u), reaction.normal, closing);
+            .resolve_at(minus(v, u), reaction.normal, max_closing_speed);
         v = plus(u, allowed);
         touched += 1;
     }
@@ -125,7 +125,7 @@ pub(crate) fn constrain<'a>(
             let Some(Reaction {
                 contact,
                 normal,
-                room,
+                clearance,
             }) = body.reaction(x, nearest, cell)
             else {
                 continue;
@@ -133,11 +133,11 @@ pub(crate) fn constrain<'a>(
             let u = body.velocity(x);
             let relative = minus(v, u);
             if contact.surface == Surface::Sticky {
-                return plus(u, contact.resolve_at(relative, normal, room / dt));
+                return plus(u, contact.resolve_at(relative, normal, clearance / dt));
             }
             let v_n = dot(relative, normal);
-            if !contact.allows(v_n, room / dt, slack) {
-                let kept = v_n.clamp(-room / dt, 0.0);
+            if !contact.allows(v_n, clearance / dt, slack) {
+                let kept = v_n.clamp(-clearance / dt, 0.0);
                 v = plus(u, tangential(relative, normal, v_n - kept));
                 obeyed = false;
             }

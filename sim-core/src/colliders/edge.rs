@@ -17,7 +17,7 @@
 
 use super::{
     NodeConditions, Placed,
-    approach::{Nearest, RANGE},
+    approach::{GapSample, RANGE},
     attach::{Attached, Nodes, Owner},
 };
 use crate::materials::Law;
@@ -25,11 +25,11 @@ use crate::materials::Law;
 /// Nodes in front of the one that is looked at, one of which is inside matter.
 const INSIDE: i32 = 3;
 /// How far from a node the line through it is looked at along an axis at most [nodes]: to the next block.
-const BESIDE: f64 = 1.0;
+const LINE_OFFSET_MAX: f64 = 1.0;
 /// How far the nodes that are looked at are from it along an axis at most [nodes].
-pub(crate) const REACH: f64 = INSIDE as f64 + BESIDE;
+pub(crate) const REACH: f64 = INSIDE as f64 + LINE_OFFSET_MAX;
 /// Largest gap: farther matter counts as not there, and what is in front of it would go unseen [cells].
-const FAR: f64 = 0.95 * RANGE;
+const GAP_MAX: f64 = 0.95 * RANGE;
 
 /// Height above a node [cells] from which on matter holds this share, 0..=1, of the mass of a node inside: `H(h) = share`.
 fn height(share: f64) -> f64 {
@@ -85,7 +85,9 @@ pub(crate) fn edge(
     let ((off, normal), mut base) = (surface(index), index);
     // The node of its line that is nearest to the surface, as far as lines may begin beside a node.
     for a in 0..3 {
-        base[a] -= (off * normal[a]).clamp(-BESIDE, BESIDE).round() as i32;
+        base[a] -= (off * normal[a])
+            .clamp(-LINE_OFFSET_MAX, LINE_OFFSET_MAX)
+            .round() as i32;
     }
     let off = if base == index { off } else { surface(base).0 };
     line(base, normal, off, mass)
@@ -93,7 +95,7 @@ pub(crate) fn edge(
 
 /// Gap of matter whose nearest particle has the gap `nearest`, and which ends at `edge` [cells].
 pub(crate) fn gap(nearest: f64, edge: f64) -> f64 {
-    nearest.max(edge.min(FAR))
+    nearest.max(edge.min(GAP_MAX))
 }
 
 /// Per grid field, of `count`, whether the masses of nodes tell where matter ends: it keeps its shape and has one density.
@@ -128,16 +130,16 @@ impl NodeConditions<'_> {
     pub fn ends(
         &self,
         index: [i32; 3],
-        nearest: &[Nearest],
+        nearest: &[GapSample],
         dt: f64,
         cell: f64,
         obeyed: &Attached,
         nodes: &impl Nodes,
-    ) -> Option<Vec<Nearest>> {
+    ) -> Option<Vec<GapSample>> {
         if !nodes.reconstructs_surface() {
             return None;
         }
-        let mut ends: Option<Vec<Nearest>> = None;
+        let mut ends: Option<Vec<GapSample>> = None;
         for (b, body) in self.bodies().iter().enumerate() {
             if body.holds() || obeyed.obeys(Owner::Body(body.id)) {
                 continue;

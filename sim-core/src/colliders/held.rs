@@ -5,7 +5,7 @@ use crate::scene::{Aabb, PinnedRegion, Scene, TimeSpan, TurnedBox};
 
 /// A held region during one substep.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Held {
+pub(super) struct FixedRegion {
     /// Where it is [units].
     place: TurnedBox,
     /// The box along the axes around it [units].
@@ -18,7 +18,7 @@ pub(super) struct Held {
     pub id: usize,
 }
 
-impl Held {
+impl FixedRegion {
     /// The region with this number after it `moved` for so long [s], in units of `unit` metres with cells of `cell` units.
     pub fn new(
         region: &PinnedRegion,

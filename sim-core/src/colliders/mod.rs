@@ -16,11 +16,11 @@ pub(crate) mod shape;
 pub(crate) mod sweep;
 pub(crate) mod touch;
 
-use approach::Nearest;
+use approach::GapSample;
 use attach::{Attached, Face, Owner};
 use contact::Contact;
 use friction::{Frictions, domain_walls};
-use held::{Held, has_faces};
+use held::{FixedRegion, has_faces};
 use pose::{conjugate, from_rotation_vector, pose_at, product, rotate, rotation_vector};
 use serde::{Deserialize, Serialize};
 use shape::{Distance, Shape};
@@ -143,7 +143,7 @@ pub(crate) struct Placed<'a> {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NodeConditions<'a> {
     bodies: Vec<Placed<'a>>,
-    regions: Vec<Held>,
+    regions: Vec<FixedRegion>,
     faces: Vec<Face>,
     frictions: Option<&'a Frictions>,
 }
@@ -225,14 +225,16 @@ impl Boundaries {
         Some(placed)
     }
 
-    fn held(&self, n: usize, substep: &Substep) -> Option<Held> {
+    fn held(&self, n: usize, substep: &Substep) -> Option<FixedRegion> {
         let region = &self.regions[n];
         if !substep.is_in(&region.span) {
             return None;
         }
         let moved = region.span.elapsed(substep.time);
         let faced = self.faced_regions[n];
-        Some(Held::new(region, n, faced, moved, self.cell, self.unit))
+        Some(FixedRegion::new(
+            region, n, faced, moved, self.cell, self.unit,
+        ))
     }
 
     /// What acts on nodes in a substep, in the order of the scene.
@@ -241,7 +243,7 @@ impl Boundaries {
         let bodies: Vec<Placed<'_>> = ids
             .filter_map(|id| self.place(id, paths, substep))
             .collect();
-        let regions: Vec<Held> = (0..self.regions.len())
+        let regions: Vec<FixedRegion> = (0..self.regions.len())
             .filter_map(|n| self.held(n, substep))
             .collect();
         let of_bodies = bodies.iter();
@@ -558,16 +560,16 @@ impl NodeConditions<'_> {
     pub fn constrain(
         &self,
         x: [f64; 3],
-        nearest: &[Nearest],
+        nearest: &[GapSample],
         dt: f64,
         cell: f64,
         obeyed: &Attached,
     ) -> [f64; 3] {
-        let holds = |held: &&Held| held.holds(x) && !obeyed.obeys(Owner::Region(held.id));
+        let holds = |held: &&FixedRegion| held.holds(x) && !obeyed.obeys(Owner::Region(held.id));
         if let Some(held) = self.regions.iter().rev().find(holds) {
             return held.velocity;
         }
-        let free = |(body, _): &(&Placed<'_>, &Nearest)| !obeyed.obeys(Owner::Body(body.id));
+        let free = |(body, _): &(&Placed<'_>, &GapSample)| !obeyed.obeys(Owner::Body(body.id));
         let acting = self.bodies.iter().zip(nearest).filter(free);
         contact::constrain(acting, x, obeyed.velocity, dt, cell)
     }

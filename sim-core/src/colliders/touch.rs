@@ -24,7 +24,7 @@ pub(crate) const ANCHOR: f64 = 1e4;
 
 /// Everything that acts on particles around one transfer.
 #[derive(Clone, Debug)]
-pub(crate) struct Touch<'a> {
+pub(crate) struct ParticleConditions<'a> {
     bodies: Vec<Placed<'a>>,
     frictions: &'a Frictions,
     rules: &'a Rules,
@@ -73,14 +73,14 @@ impl Ghost<'_> {
 
 /// A particle after what acted on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Touched {
+pub(crate) struct ConditionedParticle {
     pub x: [f64; 3],
     pub v: [f64; 3],
     /// New affine velocity, where motion is prescribed.
     pub affine: Option<[f64; 9]>,
 }
 
-impl<'a> Touch<'a> {
+impl<'a> ParticleConditions<'a> {
     /// What acts after the substep `now` and before the substep `next`; none when nothing does. `gravity` is in SI
     /// units.
     pub fn new(
@@ -176,12 +176,12 @@ impl<'a> Touch<'a> {
     }
 
     /// What becomes of a particle that the grid moves along `way`; none when nothing acts on it.
-    pub fn after(&self, id: u32, mut way: Way) -> Option<Touched> {
+    pub fn after(&self, id: u32, mut way: Way) -> Option<ConditionedParticle> {
         if self.holds_now
             && let Some(field) = self.rules.field(self.pins, &self.now, id)
         {
             let x = field.moved(way.from, self.now.dt);
-            return Some(Touched {
+            return Some(ConditionedParticle {
                 x,
                 v: field.velocity(x),
                 affine: Some(field.gradient()),
@@ -200,7 +200,7 @@ impl<'a> Touch<'a> {
                 break;
             }
         }
-        touched.then_some(Touched {
+        touched.then_some(ConditionedParticle {
             x: way.to,
             v: way.v,
             affine: None,
@@ -209,18 +209,18 @@ impl<'a> Touch<'a> {
 
     /// Velocity and perhaps affine velocity with which a particle at `x` goes into the next transfer. One with an
     /// affine velocity is held: it weighs [`ANCHOR`] times as much on the grid and brings no stress.
-    pub fn before(&self, id: u32, x: [f64; 3], v: [f64; 3]) -> Option<Touched> {
+    pub fn before(&self, id: u32, x: [f64; 3], v: [f64; 3]) -> Option<ConditionedParticle> {
         if self.holds_next
             && let Some(field) = self.rules.field(self.pins, &self.next, id)
         {
-            return Some(Touched {
+            return Some(ConditionedParticle {
                 x,
                 v: field.velocity(x),
                 affine: Some(field.gradient()),
             });
         }
         let push = self.pushes.as_ref()?.on(id);
-        (push != [0.0; 3]).then(|| Touched {
+        (push != [0.0; 3]).then(|| ConditionedParticle {
             x,
             v: std::array::from_fn(|a| v[a] + push[a]),
             affine: None,

@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::sites::{Node, Site, Sites, coordinates, read};
+use super::sites::{ContactBlock, ContactBlocks, Node, coordinates, read};
 use crate::{
     colliders::edge::{end, gap},
     grid::{Grid, NONE, anchors::Anchors},
@@ -16,13 +16,13 @@ use crate::{
 };
 
 /// Farthest that the middle is from the node whose gap it is along an axis [nodes].
-const BESIDE: f64 = 1.0;
+const LINE_OFFSET_MAX: f64 = 1.0;
 /// Gap that is looked into even where nothing closes it by itself: pairs that share a node may push each other [cells].
-const SOON: f64 = 0.1;
+const GAP_LOOKAHEAD: f64 = 0.1;
 
 /// How the two sides of a node come nearer along its normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Approach {
+pub(super) struct ClosingSpeed {
     /// How fast [cells/s].
     pub speed: f64,
     /// By how much since their particles came to the grid, as far as that was in an earlier substep [cells].
@@ -40,8 +40,8 @@ pub(super) struct Edges {
 
 /// Asks the masses, where both fields tell edges and approach each other, per node.
 pub(super) fn edges(
-    sites: &Sites,
-    approaches: &[Approach],
+    sites: &ContactBlocks,
+    approaches: &[ClosingSpeed],
     grid: &Grid,
     reconstructs_surface: &[bool],
     anchors: &Anchors<'_>,
@@ -60,7 +60,7 @@ pub(super) fn edges(
             }
             let around = Around::new(grid, site, anchors);
             let nodes = nodes.iter().zip(&approaches[site.range()]);
-            let gap = |(node, approach): (&Node, &Approach)| match approach.speed > 0.0 {
+            let gap = |(node, approach): (&Node, &ClosingSpeed)| match approach.speed > 0.0 {
                 true => around.gap(coordinates(node.at), node.normal),
                 false => f64::NEG_INFINITY,
             };
@@ -84,13 +84,13 @@ pub(super) fn edges(
 
 /// Gap that an approach at some speed [cells/s] may close in what is left of a substep [s], in cells.
 fn closes(speed: f64, left: f64) -> f64 {
-    SOON.max(speed * left)
+    GAP_LOOKAHEAD.max(speed * left)
 }
 
 impl Edges {
     /// Widens the gaps of nodes, as the nearest particles say them where they were asked, and takes off what has closed
     /// since.
-    pub fn widen(&self, nodes: &mut [Node], approaches: &[Approach]) {
+    pub fn widen(&self, nodes: &mut [Node], approaches: &[ClosingSpeed]) {
         let told = self.gaps.iter().zip(&self.close);
         for ((node, (&edge, &asked)), approach) in nodes.iter_mut().zip(told).zip(approaches) {
             if edge > f64::NEG_INFINITY {
@@ -109,7 +109,7 @@ struct Around<'a> {
 }
 
 impl<'a> Around<'a> {
-    fn new(grid: &'a Grid, site: &Site, anchors: &'a Anchors<'a>) -> Self {
+    fn new(grid: &'a Grid, site: &ContactBlock, anchors: &'a Anchors<'a>) -> Self {
         let here = &grid.shared[site.shared].nodes;
         let sharers = &grid.sharers[here.clone()];
         let blocks = site.blocks.map(|block| {
@@ -123,7 +123,7 @@ impl<'a> Around<'a> {
         }
     }
 
-    /// Mass of the matter of a side at a node, at most a block away: a line begins at most `BESIDE` its node, and three of its nodes count.
+    /// Mass of the matter of a side at a node, at most a block away: a line begins at most `LINE_OFFSET_MAX` its node, and three of its nodes count.
     fn mass(&self, side: usize, at: [i32; 3]) -> f64 {
         let [x, y, z] = at.map(|i| i.div_euclid(BLOCK) + 1);
         let block = self.blocks[side][(9 * x + 3 * y + z) as usize];
@@ -156,7 +156,11 @@ impl<'a> Around<'a> {
         if !middle.is_finite() {
             return f64::INFINITY;
         }
-        let step = |a: usize| (middle * normal[a]).clamp(-BESIDE, BESIDE).round() as i32;
+        let step = |a: usize| {
+            (middle * normal[a])
+                .clamp(-LINE_OFFSET_MAX, LINE_OFFSET_MAX)
+                .round() as i32
+        };
         let better = std::array::from_fn(|a| at[a] + step(a));
         let [a, b] = if better == at {
             [a, b]

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     ledger::Ledger,
     motion::Motion,
-    sites::{Site, unit},
+    sites::{ContactBlock, unit},
     solve::{Exchange, Solved},
 };
 use crate::{grid::Grid, mat3::dot};
@@ -23,7 +23,7 @@ const USABLE: f64 = 0.98;
 
 /// What is asked of a pair.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Wish {
+pub(crate) struct RequestedRestitution {
     /// Restitution; none: as it comes.
     pub restitution: Option<f64>,
     /// Whether both are solids, whose rigid motion may be corrected.
@@ -43,7 +43,7 @@ struct Episode {
     /// Impulse that `b` received so far.
     impulse: [f64; 3],
     /// Part of it along normals.
-    pressed: [f64; 3],
+    normal_impulse: [f64; 3],
     /// Where they last pressed, carried along.
     point: [f64; 3],
     /// What carries it.
@@ -101,7 +101,7 @@ pub(crate) struct Episodes {
 pub(crate) type PairExchange = ([u32; 2], Exchange);
 
 /// Exchanges per pair of fields, by fields.
-pub(super) fn by_pair(sites: &[Site], solved: &[Solved]) -> Vec<PairExchange> {
+pub(super) fn by_pair(sites: &[ContactBlock], solved: &[Solved]) -> Vec<PairExchange> {
     let exchanged = solved.iter().flat_map(|place| &place.exchanged);
     let mut found: Vec<PairExchange> = sites
         .iter()
@@ -132,7 +132,7 @@ impl Episodes {
         let episodes = self.open.iter().flat_map(|e| {
             let flags = u64::from(e.quiet) << 1 | u64::from(e.lasting);
             let fields = e.fields.map(u64::from);
-            let vectors = [e.before, e.impulse, e.pressed, e.point, e.drift];
+            let vectors = [e.before, e.impulse, e.normal_impulse, e.point, e.drift];
             let numbers = vectors.into_iter().flatten().chain([
                 e.age,
                 e.radius,
@@ -180,7 +180,7 @@ impl Episodes {
                         before: std::array::from_fn(|i| v_a[i] - v_b[i]),
                         radius: a.radius.min(b.radius),
                         impulse: [0.0; 3],
-                        pressed: [0.0; 3],
+                        normal_impulse: [0.0; 3],
                         point,
                         drift: [0.0; 3],
                         age: dt,
@@ -202,7 +202,7 @@ impl Episodes {
             for i in 0..3 {
                 episode.drift[i] += frame_velocity[i];
                 episode.impulse[i] += exchange.impulse[i];
-                episode.pressed[i] += exchange.pressed[i];
+                episode.normal_impulse[i] += exchange.normal_impulse[i];
             }
         }
     }
@@ -212,7 +212,7 @@ impl Episodes {
     pub(super) fn part(
         &mut self,
         grid: &mut Grid,
-        wish: &dyn Fn([u32; 2]) -> Wish,
+        wish: &dyn Fn([u32; 2]) -> RequestedRestitution,
         resting: f64,
         time: f64,
         exchanged: &mut Vec<PairExchange>,
@@ -220,7 +220,7 @@ impl Episodes {
         let mut largest = 0;
         let mut open = std::mem::take(&mut self.open);
         open.retain_mut(|episode| {
-            let normal = unit(episode.pressed);
+            let normal = unit(episode.normal_impulse);
             let before = dot(episode.before, normal);
             if !episode.lasting && episode.age * before.abs() > LASTING * episode.radius {
                 episode.lasting = true;
@@ -255,7 +255,7 @@ impl Episodes {
                 .filter(|_| wish.solid && parting > 0.0 && before > resting);
             let mut reached = true;
             if let Some(e) = wanted {
-                let k = a.compliance(x, n) + b.compliance(x, n);
+                let k = a.inverse_effective_mass(x, n) + b.inverse_effective_mass(x, n);
                 let available = match wish.elastic {
                     true => a.vibration + b.vibration,
                     false => 0.0,

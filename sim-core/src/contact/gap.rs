@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::sites::{Node, Site, Sites, coordinates};
+use super::sites::{ContactBlock, ContactBlocks, Node, coordinates};
 use crate::{
     grid::{Grid, NONE, OFFSETS},
     particles::{BLOCK, Block, Particles},
@@ -19,15 +19,15 @@ pub(crate) const LARGEST_RADIUS: f64 = 0.5;
 
 /// Measures the gaps of the nodes for which `wanted` says so; returns how many particles it looked at.
 pub(super) fn measure_gaps(
-    sites: &mut Sites,
+    sites: &mut ContactBlocks,
     wanted: &[bool],
     particles: &Particles,
     grid: &Grid,
     cells_per_mass: &[f64],
     isa: Isa,
 ) -> u64 {
-    let Sites { sites, nodes } = sites;
-    let seen = Seen::new(sites, wanted, particles, grid, cells_per_mass);
+    let ContactBlocks { sites, nodes } = sites;
+    let seen = CandidateGroups::new(sites, wanted, particles, grid, cells_per_mass);
     let found: Vec<(Vec<f64>, u64)> = sites
         .par_iter()
         .map(|site| {
@@ -57,15 +57,15 @@ pub(super) fn measure_gaps(
 }
 
 /// Particles of all blocks that some node looks at: what does not depend on the node, found once for all.
-struct Seen {
+struct CandidateGroups {
     /// Per particle block where it is in `blocks`, or [`NONE`].
     place: Vec<u32>,
-    blocks: Vec<Vec<Near>>,
+    blocks: Vec<Vec<ParticleGroup>>,
 }
 
-impl Seen {
+impl CandidateGroups {
     fn new(
-        sites: &[Site],
+        sites: &[ContactBlock],
         wanted: &[bool],
         particles: &Particles,
         grid: &Grid,
@@ -94,13 +94,13 @@ impl Seen {
         (groups * LANES) as u64
     }
 
-    fn block(&self, tile: u32) -> &[Near] {
+    fn block(&self, tile: u32) -> &[ParticleGroup] {
         &self.blocks[self.place[tile as usize] as usize]
     }
 }
 
 /// The groups of a block.
-fn near(particles: &Particles, block: &Block, cells_per_mass: &[f64]) -> Vec<Near> {
+fn near(particles: &Particles, block: &Block, cells_per_mass: &[f64]) -> Vec<ParticleGroup> {
     let mut found = Vec::with_capacity(block.groups.len());
     for run in &particles.runs[block.runs.clone()] {
         let mut radii = Radii::new(cells_per_mass[run.part]);
@@ -112,14 +112,14 @@ fn near(particles: &Particles, block: &Block, cells_per_mass: &[f64]) -> Vec<Nea
                     *radius = radii.of(mass) as f32;
                 }
             }
-            found.push(Near::new(&particles.groups[group].x, radius));
+            found.push(ParticleGroup::new(&particles.groups[group].x, radius));
         }
     }
     found
 }
 
 struct View<'a> {
-    seen: &'a Seen,
+    seen: &'a CandidateGroups,
     grid: &'a Grid,
     nodes: &'a [Node],
     wanted: &'a [bool],
@@ -128,7 +128,7 @@ struct View<'a> {
 impl View<'_> {
     /// How far particles of one side reach beyond each node along its normal, seen from that side [cells], and how
     /// many it looked at.
-    fn outermost(&self, isa: Isa, site: &Site, side: usize) -> (Vec<f64>, u64) {
+    fn outermost(&self, isa: Isa, site: &ContactBlock, side: usize) -> (Vec<f64>, u64) {
         let sign = if side == 0 { 1.0 } else { -1.0 };
         let wanted = self.nodes.iter().zip(self.wanted);
         let wanted = wanted.enumerate().filter(|(_, (_, wanted))| **wanted);
@@ -186,11 +186,16 @@ struct Probe {
 
 on_isa! {
     /// Takes note of how far sixteen particles reach beyond nodes.
-    fn look = look_on(near: &Near, shift: [f32; 3], bounds: &[[f32; 3]; 2], probes: &mut [Probe])
+    fn look = look_on(near: &ParticleGroup, shift: [f32; 3], bounds: &[[f32; 3]; 2], probes: &mut [Probe])
 }
 
 #[inline(always)]
-fn look_on<V: Lanes>(near: &Near, shift: [f32; 3], bounds: &[[f32; 3]; 2], probes: &mut [Probe]) {
+fn look_on<V: Lanes>(
+    near: &ParticleGroup,
+    shift: [f32; 3],
+    bounds: &[[f32; 3]; 2],
+    probes: &mut [Probe],
+) {
     let x = V::load(&near.x[0]) + V::broadcast(shift[0]);
     let y = V::load(&near.x[1]) + V::broadcast(shift[1]);
     let z = V::load(&near.x[2]) + V::broadcast(shift[2]);
@@ -220,7 +225,7 @@ fn look_on<V: Lanes>(near: &Near, shift: [f32; 3], bounds: &[[f32; 3]; 2], probe
 }
 
 /// Sixteen particles relative to the centre of their block [cells].
-struct Near {
+struct ParticleGroup {
     x: [F32x16; 3],
     /// Infinitely negative in unused lanes.
     radius: F32x16,
@@ -228,7 +233,7 @@ struct Near {
     bounds: [[f32; 3]; 2],
 }
 
-impl Near {
+impl ParticleGroup {
     fn new(x: &[F32x16; 3], radius: F32x16) -> Self {
         let mut bounds = [[0.0; 3]; 2];
         for a in 0..3 {
@@ -375,8 +380,8 @@ mod tests {
     }
 
     /// Sites wherever the fields share node blocks, with random nodes and normals.
-    fn sites(grid: &Grid, seed: &mut u64) -> Sites {
-        let mut all = Sites::default();
+    fn sites(grid: &Grid, seed: &mut u64) -> ContactBlocks {
+        let mut all = ContactBlocks::default();
         for (shared, here) in grid.shared.iter().enumerate() {
             let nodes: Vec<Node> = (0..64)
                 .filter(|_| random(seed) > 0.5)
@@ -390,7 +395,7 @@ mod tests {
                 })
                 .collect();
             let sharers = &grid.sharers[here.nodes.clone()];
-            all.sites.push(Site {
+            all.sites.push(ContactBlock {
                 shared,
                 fields: [0, 1],
                 index: here.index,

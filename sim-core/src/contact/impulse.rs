@@ -19,25 +19,25 @@ pub(crate) fn contact_impulse(
         return None;
     }
     let tangential: [f64; 3] = std::array::from_fn(|a| u[a] - approach * normal[a]);
-    let pressed = excess / k;
+    let normal_impulse = excess / k;
     let speed = dot(tangential, tangential).sqrt();
-    let share = if speed * pressed * friction > 0.0 {
-        (friction * pressed / speed).min(1.0 / k)
+    let share = if speed * normal_impulse * friction > 0.0 {
+        (friction * normal_impulse / speed).min(1.0 / k)
     } else {
         0.0
     };
     Some(std::array::from_fn(|a| {
-        pressed * normal[a] + share * tangential[a]
+        normal_impulse * normal[a] + share * tangential[a]
     }))
 }
 
 /// What two points have exchanged so far in a substep.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Held {
+pub(crate) struct AccumulatedImpulse {
     /// Impulse that `b` received and `a` lost.
     pub impulse: [f64; 3],
     /// Its size along the normal, >= 0.
-    pub pressed: f64,
+    pub normal_impulse: f64,
     /// Mean velocity of both when they first pressed.
     pub drift: [f64; 3],
 }
@@ -46,34 +46,34 @@ pub(crate) struct Held {
 ///
 /// Where others act on the same points, an impulse that was right may turn out too large: what is more than needed is
 /// given back, as long as they still press. Otherwise it drives them apart, and does work that comes from nowhere.
-pub(crate) fn hold(
-    held: &mut Held,
+pub(crate) fn accumulate(
+    held: &mut AccumulatedImpulse,
     u: [f64; 3],
     normal: [f64; 3],
     k: f64,
     friction: f64,
     allowed: f64,
 ) -> Option<[f64; 3]> {
-    if held.pressed == 0.0 {
+    if held.normal_impulse == 0.0 {
         let impulse = contact_impulse(u, normal, k, friction, allowed)?;
         held.impulse = impulse;
-        held.pressed = dot(impulse, normal);
+        held.normal_impulse = dot(impulse, normal);
         return Some(impulse);
     }
     let approach = dot(u, normal);
-    let pressed = (held.pressed + (approach - allowed) / k).max(0.0);
+    let normal_impulse = (held.normal_impulse + (approach - allowed) / k).max(0.0);
     let before = held.impulse;
     let sticks: [f64; 3] = std::array::from_fn(|a| {
-        before[a] - held.pressed * normal[a] + (u[a] - approach * normal[a]) / k
+        before[a] - held.normal_impulse * normal[a] + (u[a] - approach * normal[a]) / k
     });
     let size = dot(sticks, sticks).sqrt();
-    let share = if size > friction * pressed {
-        friction * pressed / size
+    let share = if size > friction * normal_impulse {
+        friction * normal_impulse / size
     } else {
         1.0
     };
-    held.pressed = pressed;
-    held.impulse = std::array::from_fn(|a| pressed * normal[a] + share * sticks[a]);
+    held.normal_impulse = normal_impulse;
+    held.impulse = std::array::from_fn(|a| normal_impulse * normal[a] + share * sticks[a]);
     let change: [f64; 3] = std::array::from_fn(|a| held.impulse[a] - before[a]);
     (change != [0.0; 3]).then_some(change)
 }
@@ -114,19 +114,19 @@ mod tests {
     #[test]
     fn what_is_held_is_given_back_when_it_is_too_much() {
         let (k, friction) = (2.0, 0.5);
-        let mut held = Held::default();
-        let first = hold(&mut held, [3.0, 4.0, 2.0], UP, k, friction, 0.0).expect("approach");
+        let mut held = AccumulatedImpulse::default();
+        let first = accumulate(&mut held, [3.0, 4.0, 2.0], UP, k, friction, 0.0).expect("approach");
         assert!(near(first, [0.3, 0.4, 1.0], 1e-15), "{first:?}");
         // Others made them part at 1 m/s: half of it was enough, and friction has to fit that half.
-        let back = hold(&mut held, [2.4, 3.2, -1.0], UP, k, friction, 0.0).expect("too much");
+        let back = accumulate(&mut held, [2.4, 3.2, -1.0], UP, k, friction, 0.0).expect("too much");
         assert!(near(held.impulse, [0.15, 0.2, 0.5], 1e-15), "{held:?}");
         assert!(near(back, [-0.15, -0.2, -0.5], 1e-15), "{back:?}");
         // They part faster than all of it explains: nothing is held, and nothing pulls.
-        let rest = hold(&mut held, [0.0, 0.0, -9.0], UP, k, friction, 0.0).expect("too much");
+        let rest = accumulate(&mut held, [0.0, 0.0, -9.0], UP, k, friction, 0.0).expect("too much");
         assert!(near(rest, [-0.15, -0.2, -0.5], 1e-15), "{rest:?}");
-        assert_eq!((held.pressed, held.impulse), (0.0, [0.0; 3]));
+        assert_eq!((held.normal_impulse, held.impulse), (0.0, [0.0; 3]));
         assert_eq!(
-            hold(&mut held, [1.0, 0.0, -0.1], UP, k, friction, 0.0),
+            accumulate(&mut held, [1.0, 0.0, -0.1], UP, k, friction, 0.0),
             None
         );
     }
@@ -137,12 +137,12 @@ mod tests {
         // an impulse, and sliding while it is held.
         let mass = [1.0, 0.2, 3.0];
         let mut v = [[0.0, 0.3, 2.0], [0.1, 0.0, 0.0], [0.0, -0.2, -1.0]];
-        let mut held = [Held::default(); 2];
+        let mut held = [AccumulatedImpulse::default(); 2];
         for _ in 0..200 {
             for (n, held) in held.iter_mut().enumerate() {
                 let u = std::array::from_fn(|a| v[n][a] - v[n + 1][a]);
                 let k = 1.0 / mass[n] + 1.0 / mass[n + 1];
-                if let Some(change) = hold(held, u, UP, k, 0.1, 0.0) {
+                if let Some(change) = accumulate(held, u, UP, k, 0.1, 0.0) {
                     for a in 0..3 {
                         v[n][a] -= change[a] / mass[n];
                         v[n + 1][a] += change[a] / mass[n + 1];

@@ -14,7 +14,7 @@ pub(crate) struct Received {
     /// The impulse.
     pub impulse: [f64; 3],
     /// Its normal part, along the normal from the other to it.
-    pub pressed: [f64; 3],
+    pub normal_impulse: [f64; 3],
     /// Size of that; of sums the sum of sizes.
     pub weight: f64,
     /// Where, times `weight`.
@@ -23,19 +23,19 @@ pub(crate) struct Received {
 
 impl Received {
     /// An impulse at a point.
-    pub fn at(point: [f64; 3], normal: [f64; 3], pressed: f64, impulse: [f64; 3]) -> Self {
+    pub fn at(point: [f64; 3], normal: [f64; 3], normal_impulse: f64, impulse: [f64; 3]) -> Self {
         Self {
             impulse,
-            pressed: normal.map(|n| pressed * n),
-            weight: pressed,
-            moment: point.map(|x| pressed * x),
+            normal_impulse: normal.map(|n| normal_impulse * n),
+            weight: normal_impulse,
+            moment: point.map(|x| normal_impulse * x),
         }
     }
 
     fn add(&mut self, more: &Self, sign: f64) {
         for a in 0..3 {
             self.impulse[a] += sign * more.impulse[a];
-            self.pressed[a] += sign * more.pressed[a];
+            self.normal_impulse[a] += sign * more.normal_impulse[a];
             self.moment[a] += more.moment[a];
         }
         self.weight += more.weight;
@@ -54,8 +54,8 @@ impl Ledger {
 
     /// Adds what an object received from another, or from a collider.
     pub fn add(&mut self, object: usize, other: ContactPartner, received: &Received) {
-        let pressed = received.weight > 0.0;
-        if !pressed || other == ContactPartner::Object(object) {
+        let normal_impulse = received.weight > 0.0;
+        if !normal_impulse || other == ContactPartner::Object(object) {
             return;
         }
         let (key, sign) = match other {
@@ -80,7 +80,7 @@ impl Ledger {
             let [a, b] = fields.map(|field| field as usize);
             let received = Received {
                 impulse: exchange.impulse.map(|j| j * mass * dx),
-                pressed: exchange.pressed.map(|j| j * mass * dx),
+                normal_impulse: exchange.normal_impulse.map(|j| j * mass * dx),
                 weight: exchange.weight * mass * dx,
                 moment: exchange.moment.map(|x| x * mass * dx * dx),
             };
@@ -104,13 +104,13 @@ impl Ledger {
     /// The pairs: of objects, then with colliders.
     pub fn contacts(&self) -> Vec<Contact> {
         let contacts = self.0.iter().map(|(&(other, object), sum)| {
-            let size = length(sum.pressed);
+            let size = length(sum.normal_impulse);
             Contact {
                 object,
                 other,
                 point: sum.moment.map(|x| x / sum.weight),
                 normal: match size > 0.0 {
-                    true => sum.pressed.map(|n| n / size),
+                    true => sum.normal_impulse.map(|n| n / size),
                     // Pressed from both sides alike.
                     false => [0.0, 0.0, 1.0],
                 },

@@ -13,15 +13,15 @@ mod patches;
 mod sites;
 mod solve;
 
-use edge::Approach;
-pub(crate) use episodes::{Closed, Episodes, Wish};
+use edge::ClosingSpeed;
+pub(crate) use episodes::{Closed, Episodes, RequestedRestitution};
 use episodes::{PairExchange, by_pair};
 pub(crate) use gap::{LARGEST_RADIUS, Radii};
-use sites::{Sites, read};
+use sites::{ContactBlocks, read};
 use solve::Surroundings;
 
 use crate::{
-    grid::{Grid, approach::Acting},
+    grid::{Grid, approach::BoundaryConditions},
     mat3::dot,
     particles::Particles,
     scene::ContactMethod,
@@ -32,7 +32,7 @@ use crate::{
 const LIGHTEST: f32 = 1e-12;
 
 /// What contact in one substep works on.
-pub(crate) struct Meeting<'a> {
+pub(crate) struct ContactInput<'a> {
     /// The method.
     pub method: ContactMethod,
     /// Instruction set of the kernels.
@@ -46,7 +46,7 @@ pub(crate) struct Meeting<'a> {
     /// Friction coefficient of two fields, the lower first.
     pub friction: &'a (dyn Fn([u32; 2]) -> f64 + Sync),
     /// Restitution that is asked of two fields, the lower first.
-    pub wish: &'a dyn Fn([u32; 2]) -> Wish,
+    pub wish: &'a dyn Fn([u32; 2]) -> RequestedRestitution,
     /// Size of gravity [cells/s^2].
     pub gravity: f64,
     /// Simulated time [s].
@@ -54,7 +54,7 @@ pub(crate) struct Meeting<'a> {
     /// Substep [s].
     pub dt: f64,
     /// Everything that acts on nodes.
-    pub acting: Acting<'a>,
+    pub acting: BoundaryConditions<'a>,
     /// Velocity that those of nodes are relative to [cells/s].
     pub frame_velocity: [f64; 3],
 }
@@ -70,7 +70,7 @@ pub(crate) struct Work {
 
 /// What came of a meeting.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Met {
+pub(crate) struct ContactResult {
     /// What pairs exchanged.
     pub exchanged: Vec<PairExchange>,
     /// Largest velocity component that some node was given [cells/s]; NaN when one is.
@@ -80,13 +80,17 @@ pub(crate) struct Met {
 }
 
 /// Lets the objects of a grid meet.
-pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>, episodes: &mut Episodes) -> Met {
+pub(crate) fn meet(
+    grid: &mut Grid,
+    meeting: &ContactInput<'_>,
+    episodes: &mut Episodes,
+) -> ContactResult {
     let on_nodes = matches!(
         meeting.method,
         ContactMethod::MultiField | ContactMethod::TwoScale
     );
     if !on_nodes {
-        return Met::default();
+        return ContactResult::default();
     }
     let (sites, work) = touching(grid, meeting);
     let friction: Vec<f64> = sites
@@ -114,7 +118,7 @@ pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>, episodes: &mut Episod
     // Twice what gravity adds in a substep: bodies at rest on each other do not bounce.
     let resting = 2.0 * meeting.gravity * meeting.dt;
     let given = episodes.part(grid, meeting.wish, resting, meeting.time, &mut exchanged);
-    Met {
+    ContactResult {
         exchanged,
         largest: f32::from_bits(largest.max(given)),
         work,
@@ -122,9 +126,9 @@ pub(crate) fn meet(grid: &mut Grid, meeting: &Meeting<'_>, episodes: &mut Episod
 }
 
 /// The nodes that objects share, with their normals and, where the method asks for them, gaps.
-fn touching(grid: &Grid, meeting: &Meeting<'_>) -> (Sites, Work) {
+fn touching(grid: &Grid, meeting: &ContactInput<'_>) -> (ContactBlocks, Work) {
     let acting = &meeting.acting;
-    let mut sites = Sites::find(
+    let mut sites = ContactBlocks::find(
         grid,
         meeting.specific_volumes,
         acting.passes,
@@ -158,7 +162,7 @@ fn touching(grid: &Grid, meeting: &Meeting<'_>) -> (Sites, Work) {
 }
 
 /// Per node how its two sides approach along its normal.
-fn approaches(grid: &Grid, sites: &Sites, frame_velocity: [f64; 3]) -> Vec<Approach> {
+fn approaches(grid: &Grid, sites: &ContactBlocks, frame_velocity: [f64; 3]) -> Vec<ClosingSpeed> {
     let mut found = Vec::with_capacity(sites.nodes.len());
     for site in &sites.sites {
         for node in &sites.nodes[site.range()] {
@@ -168,7 +172,7 @@ fn approaches(grid: &Grid, sites: &Sites, frame_velocity: [f64; 3]) -> Vec<Appro
             let way = std::array::from_fn(|i| {
                 far_a * (a[i] + frame_velocity[i]) - far_b * (b[i] + frame_velocity[i])
             });
-            found.push(Approach {
+            found.push(ClosingSpeed {
                 speed: dot(u, node.normal),
                 closed: dot(way, node.normal),
             });

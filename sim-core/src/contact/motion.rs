@@ -125,7 +125,7 @@ impl Motion {
     }
 
     /// Change of velocity along `normal` at a point, per impulse along `normal` there.
-    pub fn compliance(&self, x: [f64; 3], normal: [f64; 3]) -> f64 {
+    pub fn inverse_effective_mass(&self, x: [f64; 3], normal: [f64; 3]) -> f64 {
         let turn = cross(self.arm(x), normal);
         1.0 / self.mass + dot(turn, self.inverse_inertia.mul_vec(turn))
     }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::sites::{Node, Site, Sites, coordinates, members, unit};
+use super::sites::{ContactBlock, ContactBlocks, Node, coordinates, members, unit};
 use crate::mat3::dot;
 
 /// Length of the mean normal of a patch from which on the patch counts as flat: its nodes within some 25 degrees.
@@ -11,12 +11,12 @@ const FLAT: f64 = 0.9;
 const ROUNDS: usize = 3;
 
 /// Gives every node the normal of its patch, or, where the patch is curved, of its surroundings.
-pub(super) fn smooth_normals(sites: &mut Sites) {
-    let Sites { sites, nodes } = sites;
-    let mut by_pair: Vec<&Site> = sites.iter().collect();
+pub(super) fn smooth_normals(sites: &mut ContactBlocks) {
+    let ContactBlocks { sites, nodes } = sites;
+    let mut by_pair: Vec<&ContactBlock> = sites.iter().collect();
     // Stable: sums run in the order of places.
     by_pair.sort_by_key(|site| site.fields);
-    let smoothed: Vec<(&[&Site], Vec<[f64; 3]>)> = by_pair
+    let smoothed: Vec<(&[&ContactBlock], Vec<[f64; 3]>)> = by_pair
         .par_chunk_by(|a, b| a.fields == b.fields)
         .map(|pair| (pair, normals_of(pair, nodes)))
         .collect();
@@ -29,7 +29,7 @@ pub(super) fn smooth_normals(sites: &mut Sites) {
 }
 
 /// Normals of the nodes of one pair, site after site.
-fn normals_of(pair: &[&Site], nodes: &[Node]) -> Vec<[f64; 3]> {
+fn normals_of(pair: &[&ContactBlock], nodes: &[Node]) -> Vec<[f64; 3]> {
     let nodes: Vec<&Node> = pair.iter().flat_map(|site| &nodes[site.range()]).collect();
     let edges = edges(pair);
     let patches = Patches::new(nodes.len(), &edges);
@@ -73,7 +73,7 @@ fn normals_of(pair: &[&Site], nodes: &[Node]) -> Vec<[f64; 3]> {
 }
 
 /// Pairs of neighbours along the axes, numbered site after site.
-fn edges(sites: &[&Site]) -> Vec<[usize; 2]> {
+fn edges(sites: &[&ContactBlock]) -> Vec<[usize; 2]> {
     let mut numbered = Vec::with_capacity(sites.len());
     let mut first = 0;
     for &site in sites {
@@ -136,8 +136,8 @@ mod tests {
     use super::*;
     use crate::{contact::sites::Node, grid::FieldPass};
 
-    fn site(index: [i32; 3], mask: u64, first: usize) -> Site {
-        Site {
+    fn site(index: [i32; 3], mask: u64, first: usize) -> ContactBlock {
+        ContactBlock {
             shared: 0,
             fields: [0, 1],
             index,
@@ -161,7 +161,7 @@ mod tests {
     #[test]
     fn a_flat_patch_over_two_blocks_has_one_normal() {
         // Nodes 60..64 of one block end at its upper face along x; 12..16 of the next begin there.
-        let mut sites = Sites {
+        let mut sites = ContactBlocks {
             sites: vec![
                 site([0, 0, 0], 0b1 << 60 | 0b1 << 1, 0),
                 site([1, 0, 0], 0b1 << 12, 2),
@@ -188,7 +188,7 @@ mod tests {
                 node(at as usize, [angle.cos(), angle.sin(), 0.0])
             })
             .collect();
-        let mut sites = Sites {
+        let mut sites = ContactBlocks {
             sites: vec![site([0; 3], 0b1111, 0)],
             nodes: nodes.clone(),
         };

@@ -12,7 +12,7 @@ const HALO: usize = 6;
 
 /// Where node blocks of two fields lie over each other and share nodes.
 #[derive(Clone, Debug)]
-pub(super) struct Site {
+pub(super) struct ContactBlock {
     /// Position in [`Grid::shared`].
     pub shared: usize,
     /// The fields, the lower first: sides `a` and `b`.
@@ -23,7 +23,7 @@ pub(super) struct Site {
     pub blocks: [usize; 2],
     /// Nodes that have mass of both, one bit each, z fastest.
     pub mask: u64,
-    /// Position of its first node in [`Sites::nodes`].
+    /// Position of its first node in [`ContactBlocks::nodes`].
     pub first: usize,
     /// What the substep does to both sides.
     pub passes: [FieldPass; 2],
@@ -52,20 +52,20 @@ impl Node {
 
 /// All nodes that objects share in one substep.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Sites {
+pub(super) struct ContactBlocks {
     /// Ordered by place, then fields.
-    pub sites: Vec<Site>,
+    pub sites: Vec<ContactBlock>,
     /// Site after site.
     pub nodes: Vec<Node>,
 }
 
-impl Site {
+impl ContactBlock {
     /// Which of its nodes one of the block that is in the mask is.
     pub fn rank(&self, at: usize) -> usize {
         (self.mask & ((1 << at) - 1)).count_ones() as usize
     }
 
-    /// Its nodes in [`Sites::nodes`].
+    /// Its nodes in [`ContactBlocks::nodes`].
     pub fn range(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.mask.count_ones() as usize
     }
@@ -103,7 +103,7 @@ pub(super) fn read(block: &Velocities, at: usize) -> ([f64; 3], f64) {
     ([0, 1, 2].map(|a| f64::from(row[a])), f64::from(row[3]))
 }
 
-impl Sites {
+impl ContactBlocks {
     /// Finds them, but for those of inactive fields. `specific_volumes` is per field the rest volume per mass, up to a
     /// common factor; `passes` likewise what the substep does to it.
     pub fn find(
@@ -112,7 +112,7 @@ impl Sites {
         passes: &[FieldPass],
         anchors: &Anchors<'_>,
     ) -> Self {
-        let found: Vec<(Site, Vec<Node>)> = grid
+        let found: Vec<(ContactBlock, Vec<Node>)> = grid
             .shared
             .par_iter()
             .enumerate()
@@ -138,7 +138,7 @@ fn at_place(
     anchors: &Anchors<'_>,
     shared: usize,
     place: &Shared,
-) -> Vec<(Site, Vec<Node>)> {
+) -> Vec<(ContactBlock, Vec<Node>)> {
     let sharers = &grid.sharers[place.nodes.clone()];
     let around = &grid.around[place.nodes.clone()];
     // At most places no node has mass of two: particles may drift further than they did.
@@ -194,7 +194,7 @@ fn at_place(
                     gap: f64::NEG_INFINITY,
                 });
             }
-            let site = Site {
+            let site = ContactBlock {
                 shared,
                 fields,
                 index: place.index,

@@ -3,13 +3,13 @@
 use rayon::prelude::*;
 
 use super::{
-    impulse::{Held, hold},
-    sites::{Node, Site, Sites, read},
+    impulse::{AccumulatedImpulse, accumulate},
+    sites::{ContactBlock, ContactBlocks, Node, read},
 };
 use crate::{
     grid::{
         Grid, Velocities,
-        approach::{Acting, Allowed},
+        approach::{BlockConstraints, BoundaryConditions},
     },
     mat3::dot,
 };
@@ -23,7 +23,7 @@ pub(crate) struct Exchange {
     /// Impulse that `b` received.
     pub impulse: [f64; 3],
     /// Part of it along the normals.
-    pub pressed: [f64; 3],
+    pub normal_impulse: [f64; 3],
     /// Sum of the sizes of the normal impulses.
     pub weight: f64,
     /// Sum of positions, with those as weights.
@@ -34,21 +34,21 @@ pub(crate) struct Exchange {
 
 impl Exchange {
     /// What the nodes of a site hold.
-    fn of(site: &Site, nodes: &[Node], held: &[Held]) -> Self {
+    fn of(site: &ContactBlock, nodes: &[Node], held: &[AccumulatedImpulse]) -> Self {
         let mut sum = Self::default();
         for (node, held) in nodes
             .iter()
             .zip(held)
-            .filter(|(_, held)| held.pressed > 0.0)
+            .filter(|(_, held)| held.normal_impulse > 0.0)
         {
             let x = site.position(node.at);
-            let pressed = dot(held.impulse, node.normal);
-            sum.weight += pressed;
+            let normal_impulse = dot(held.impulse, node.normal);
+            sum.weight += normal_impulse;
             for i in 0..3 {
                 sum.impulse[i] += held.impulse[i];
-                sum.pressed[i] += pressed * node.normal[i];
-                sum.moment[i] += pressed * x[i];
-                sum.drift[i] += pressed * held.drift[i];
+                sum.normal_impulse[i] += normal_impulse * node.normal[i];
+                sum.moment[i] += normal_impulse * x[i];
+                sum.drift[i] += normal_impulse * held.drift[i];
             }
         }
         sum
@@ -59,7 +59,7 @@ impl Exchange {
         let given = normal.map(|n| impulse * n);
         Self {
             impulse: given,
-            pressed: given,
+            normal_impulse: given,
             weight: impulse.abs(),
             moment: point.map(|x| impulse.abs() * x),
             drift: [0.0; 3],
@@ -70,7 +70,7 @@ impl Exchange {
     pub fn add(&mut self, other: &Self) {
         for a in 0..3 {
             self.impulse[a] += other.impulse[a];
-            self.pressed[a] += other.pressed[a];
+            self.normal_impulse[a] += other.normal_impulse[a];
             self.moment[a] += other.moment[a];
             self.drift[a] += other.drift[a];
         }
@@ -89,7 +89,7 @@ pub(super) struct Solved {
 /// What acts besides contact.
 pub(super) struct Surroundings<'a> {
     /// Colliders and regions.
-    pub acting: Acting<'a>,
+    pub acting: BoundaryConditions<'a>,
     /// Velocity that those of nodes are relative to [cells/s].
     pub frame_velocity: [f64; 3],
 }
@@ -97,7 +97,7 @@ pub(super) struct Surroundings<'a> {
 /// Solves all places; the grid stays as it is. `friction` is per site.
 pub(super) fn solve(
     grid: &Grid,
-    sites: &Sites,
+    sites: &ContactBlocks,
     friction: &[f64],
     around: &Surroundings<'_>,
 ) -> Vec<Solved> {
@@ -123,7 +123,7 @@ pub(super) fn solve(
 
 fn solve_place(
     grid: &Grid,
-    sites: &[Site],
+    sites: &[ContactBlock],
     nodes: &[Node],
     friction: &[f64],
     around: &Surroundings<'_>,
@@ -151,7 +151,7 @@ fn solve_place(
             }
         }
     }
-    let conditions: Vec<Option<Allowed<'_>>> = blocks
+    let conditions: Vec<Option<BlockConstraints<'_>>> = blocks
         .iter()
         .map(|(n, _)| around.acting.on(&grid.nodes[*n]))
         .collect();
@@ -159,9 +159,9 @@ fn solve_place(
         true => SWEEPS,
         false => 1,
     };
-    let mut held: Vec<Vec<Held>> = sites
+    let mut held: Vec<Vec<AccumulatedImpulse>> = sites
         .iter()
-        .map(|site| vec![Held::default(); site.range().len()])
+        .map(|site| vec![AccumulatedImpulse::default(); site.range().len()])
         .collect();
     for _ in 0..sweeps {
         let mut touched = 0_u64;
@@ -195,11 +195,11 @@ fn allowed(node: &Node, left: f64) -> f64 {
 
 /// One sweep over the nodes of a site; returns those whose impulse changed.
 fn press(
-    site: &Site,
+    site: &ContactBlock,
     nodes: &[Node],
     friction: f64,
     blocks: &mut [(usize, Velocities)],
-    held: &mut [Held],
+    held: &mut [AccumulatedImpulse],
 ) -> u64 {
     let mut touched = 0;
     let [a, b] = site
@@ -212,7 +212,7 @@ fn press(
         let [(v_a, _), (v_b, _)] = [a, b].map(|n| read(&blocks[n].1, node.at));
         let u: [f64; 3] = std::array::from_fn(|i| v_a[i] - v_b[i]);
         let k = 1.0 / node.mass[0] + 1.0 / node.mass[1];
-        let Some(impulse) = hold(
+        let Some(impulse) = accumulate(
             held,
             u,
             node.normal,
@@ -244,7 +244,7 @@ fn push(block: &mut Velocities, at: usize, impulse: [f64; 3], per_mass: f64) {
 fn constrain(
     block: &mut Velocities,
     at: usize,
-    conditions: &Allowed<'_>,
+    conditions: &BlockConstraints<'_>,
     frame_velocity: [f64; 3],
 ) {
     let (v, _) = read(block, at);

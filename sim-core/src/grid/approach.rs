@@ -15,7 +15,7 @@ use super::{
 use crate::{
     colliders::{
         NODES_REACH, NodeConditions, Placed,
-        approach::{Nearest, RADIUS_MAX, RANGE},
+        approach::{GapSample, RADIUS_MAX, RANGE},
         attach::{Attached, Nodes},
     },
     particles::{BLOCK, Block, NO_PARTICLE, Particles, position_in_cells},
@@ -29,38 +29,38 @@ const CUBE: usize = CELLS * CELLS * CELLS;
 /// Nodes along an edge of a block.
 const EDGE: usize = BLOCK as usize;
 /// Gap beyond which no surface holds on to matter [cells].
-const CLEAR: f32 = 0.25;
+const BONDING_RANGE: f32 = 0.25;
 /// Particle blocks per task at least.
 const TASK: usize = 16;
 
 /// The particle of a cell that is nearest to a curved collider.
 #[derive(Clone, Copy, Debug)]
-struct Seen {
+struct ClosestParticle {
     /// Number of the collider.
     body: usize,
     /// The cell, 0..6 per axis: -1..=4 in the block of its particles.
     cell: [i32; 3],
-    nearest: Nearest,
+    nearest: GapSample,
 }
 
 /// What the particles of one block are near to.
 #[derive(Clone, Debug)]
-pub(crate) struct Approach {
+pub(crate) struct ParticleGaps {
     /// Half-spaces.
     flat: Vec<Flat>,
     /// All others, collider after collider and cell after cell.
-    curved: Vec<Seen>,
+    curved: Vec<ClosestParticle>,
 }
 
 /// Everything that acts on nodes in one substep.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Acting<'a> {
+pub(crate) struct BoundaryConditions<'a> {
     /// All colliders and regions.
     pub boundaries: &'a NodeConditions<'a>,
     /// Those that move, or come and go.
     pub moving: &'a NodeConditions<'a>,
     /// Per particle block.
-    pub approaches: &'a [Approach],
+    pub approaches: &'a [ParticleGaps],
     /// Per field whether masses tell where matter ends.
     pub reconstructs_surface: &'a [bool],
     /// What of masses is not matter.
@@ -71,10 +71,10 @@ pub(crate) struct Acting<'a> {
 
 /// What acts on one block of nodes.
 #[derive(Clone, Debug)]
-pub(crate) struct Allowed<'a> {
+pub(crate) struct BlockConstraints<'a> {
     conditions: NodeConditions<'a>,
     /// Node by node, for every collider.
-    nearest: Vec<Nearest>,
+    nearest: Vec<GapSample>,
     /// Whether all is colliders that stand still, and no node is inside any.
     is_outside: bool,
     index: [i32; 3],
@@ -88,11 +88,11 @@ pub(crate) fn approaches(
     half_spacings: &[f64],
     boundaries: &NodeConditions<'_>,
     passes: &[FieldPass],
-) -> Vec<Approach> {
+) -> Vec<ParticleGaps> {
     let blocks = particles.blocks.par_iter().with_min_len(TASK);
     blocks
         .map(|block| match passes[block.field as usize].is_inactive {
-            true => Approach::new(),
+            true => ParticleGaps::new(),
             false => approach(block, particles, half_spacings, boundaries),
         })
         .collect()
@@ -103,8 +103,8 @@ fn approach(
     particles: &Particles,
     half_spacings: &[f64],
     boundaries: &NodeConditions<'_>,
-) -> Approach {
-    let mut found = Approach::new();
+) -> ParticleGaps {
+    let mut found = ParticleGaps::new();
     // Cells of the block, and as far as particles may drift.
     let min = block.index.map(|i| f64::from(BLOCK * i) - 1.5);
     let max = block.index.map(|i| f64::from(BLOCK * (i + 1)) + 0.5);
@@ -143,9 +143,9 @@ fn approach_body(
     particles: &Particles,
     half_spacings: &[f64],
     body: &Placed<'_>,
-    found: &mut Vec<Seen>,
+    found: &mut Vec<ClosestParticle>,
 ) {
-    let (mut cells, mut is_used) = ([Nearest::NONE; CUBE], false);
+    let (mut cells, mut is_used) = ([GapSample::NONE; CUBE], false);
     for g in block.groups.clone() {
         let (id, x) = (&particles.fixed[g].id, &particles.groups[g].x);
         if is_out_of_range(body, block.index, x) {
@@ -167,7 +167,7 @@ fn approach_body(
     }
     for (n, nearest) in cells.iter().enumerate() {
         if nearest.gap < f32::INFINITY {
-            found.push(Seen {
+            found.push(ClosestParticle {
                 body: body.id,
                 cell: [n / (CELLS * CELLS), n / CELLS % CELLS, n % CELLS].map(|i| i as i32),
                 nearest: *nearest,
@@ -202,7 +202,7 @@ fn is_out_of_range(body: &Placed<'_>, block: [i32; 3], x: &[F32x16; 3]) -> bool 
 
 /// Tells the nodes of a block, for collider `b` of `count`, how near the particles are that reach them: those of the cells
 /// around them. Of what is equally near it is the first; `seen` has cells -1..=4 of the block, 0..6 per axis, z fastest.
-fn spread(seen: &[(usize, Nearest)], nearest: &mut [Nearest], b: usize, count: usize) {
+fn spread(seen: &[(usize, GapSample)], nearest: &mut [GapSample], b: usize, count: usize) {
     let Some((_, first)) = seen.first() else {
         return;
     };
@@ -230,14 +230,14 @@ fn spread(seen: &[(usize, Nearest)], nearest: &mut [Nearest], b: usize, count: u
 fn spread_gaps(
     gaps: &[f32; CUBE],
     normal: [f32; 3],
-    nearest: &mut [Nearest],
+    nearest: &mut [GapSample],
     b: usize,
     count: usize,
 ) {
     let gaps = smallest_around(gaps, f32::INFINITY);
     for (at, &gap) in gaps.as_flattened().iter().enumerate() {
         if gap < f32::INFINITY {
-            nearest[count * at + b] = Nearest { gap, normal };
+            nearest[count * at + b] = GapSample { gap, normal };
         }
     }
 }
@@ -289,7 +289,7 @@ fn rank(gap: f32, of: usize) -> u64 {
     u64::from(order) << 32 | of as u64
 }
 
-impl<'a> Acting<'a> {
+impl<'a> BoundaryConditions<'a> {
     /// What the substep does to the field of a block.
     pub fn pass(&self, block: &NodeBlock) -> &'a FieldPass {
         &self.passes[block.field as usize]
@@ -315,12 +315,12 @@ impl<'a> Acting<'a> {
     }
 
     /// What acts on the nodes of a block, if anything does.
-    pub fn on(&self, block: &NodeBlock) -> Option<Allowed<'a>> {
+    pub fn on(&self, block: &NodeBlock) -> Option<BlockConstraints<'a>> {
         if !self.may_reach(block) {
             return None;
         }
         // What the particle blocks around it are near to; most are near to nothing.
-        let nothing = Approach::new();
+        let nothing = ParticleGaps::new();
         let mut around = [([0; 3], &nothing); 27];
         let mut count = 0;
         for n in (0..27).filter(|&n| block.tiles[n] != NONE) {
@@ -341,7 +341,7 @@ impl<'a> Acting<'a> {
             return None;
         }
         let bodies = conditions.bodies();
-        let mut nearest = vec![Nearest::NONE; 64 * bodies.len()];
+        let mut nearest = vec![GapSample::NONE; 64 * bodies.len()];
         let mut reaching = Vec::new();
         for (b, body) in bodies.iter().enumerate() {
             if let Some(normal) = body.flat_normal() {
@@ -363,7 +363,7 @@ impl<'a> Acting<'a> {
         }
         let mut bodies = bodies.iter();
         let is_outside = !conditions.has_regions() && bodies.all(|b| !moves(b) && !is_inside(b));
-        Some(Allowed {
+        Some(BlockConstraints {
             is_outside,
             conditions,
             nearest,
@@ -375,18 +375,18 @@ impl<'a> Acting<'a> {
 
 /// Whether matter with this velocity [cells/s] at a node outside of all colliders touches none of them in a substep of `dt`
 /// [s], whatever its direction: then they leave it as it is.
-fn is_clear(nearest: &[Nearest], v: [f64; 3], dt: f64) -> bool {
+fn is_clear(nearest: &[GapSample], v: [f64; 3], dt: f64) -> bool {
     let travel = dt * (v[0].abs() + v[1].abs() + v[2].abs());
     let mut gaps = nearest.iter().map(|nearest| nearest.gap);
     // Less than all of the gap, for round-off.
-    gaps.all(|gap| gap > CLEAR && travel <= 0.99 * f64::from(gap))
+    gaps.all(|gap| gap > BONDING_RANGE && travel <= 0.99 * f64::from(gap))
 }
 
 fn moves(body: &Placed<'_>) -> bool {
     body.speed(1.0, 1.0) > 0.0
 }
 
-impl Approach {
+impl ParticleGaps {
     /// To nothing.
     fn new() -> Self {
         Self {
@@ -406,9 +406,9 @@ impl Approach {
     }
 }
 
-impl Seen {
+impl ClosestParticle {
     /// The same by the number of its cell around a node block that has the particles' block at an offset, if it is there.
-    fn from(&self, offset: [i32; 3]) -> Option<(usize, Nearest)> {
+    fn from(&self, offset: [i32; 3]) -> Option<(usize, GapSample)> {
         let [i, j, k] = std::array::from_fn(|a| self.cell[a] + BLOCK * offset[a]);
         let range = 0..CELLS as i32;
         let is_there = range.contains(&i) && range.contains(&j) && range.contains(&k);
@@ -417,7 +417,7 @@ impl Seen {
     }
 }
 
-impl Allowed<'_> {
+impl BlockConstraints<'_> {
     /// Largest speed that it may give to nodes [cells/s].
     pub fn speed(&self) -> f64 {
         let [first, last] = corners(self.index);
@@ -447,7 +447,7 @@ impl Allowed<'_> {
     }
 
     /// Per collider the nearest of the particles that reach a node.
-    fn near(&self, at: usize) -> &[Nearest] {
+    fn near(&self, at: usize) -> &[GapSample] {
         let count = self.conditions.bodies().len();
         &self.nearest[count * at..][..count]
     }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{
     NONE, NodeBlock, Velocities,
     anchors::Anchors,
-    approach::{Acting, Allowed},
+    approach::{BlockConstraints, BoundaryConditions},
     boundary::{constrain, holds_matter},
     topology::Place,
 };
@@ -31,7 +31,7 @@ struct Before<'a> {
     n: usize,
     block: &'a NodeBlock,
     velocities: Velocities,
-    allowed: Option<Allowed<'a>>,
+    allowed: Option<BlockConstraints<'a>>,
 }
 
 /// A block and those around it, as they were.
@@ -101,7 +101,7 @@ impl Nodes for Around<'_> {
 pub(super) fn attach(
     nodes: &[NodeBlock],
     velocities: &mut [Velocities],
-    acting: &Acting<'_>,
+    acting: &BoundaryConditions<'_>,
 ) -> u32 {
     if acting.boundaries.is_empty() {
         return 0;
@@ -157,7 +157,11 @@ pub(super) fn attach(
 }
 
 /// All conditions on the nodes of one block, which are what they were. Returns the largest magnitude as above.
-fn constrain_block(out: &mut Velocities, around: &Around<'_>, acting: &Acting<'_>) -> u32 {
+fn constrain_block(
+    out: &mut Velocities,
+    around: &Around<'_>,
+    acting: &BoundaryConditions<'_>,
+) -> u32 {
     let allowed = around.own.allowed.as_ref();
     let given = allowed.map_or(0, |allowed| (allowed.speed() as f32).to_bits());
     let (field, block) = around.place;

@@ -64,7 +64,7 @@ pub(super) fn constrain(
 mod tests {
     use super::*;
     use crate::{
-        colliders::{Boundaries, Substep, approach::Nearest, attach::Attached},
+        colliders::{Boundaries, Substep, approach::GapSample, attach::Attached},
         mat3::dot,
         scene::{Scene, Surface},
         test_scenes::{add_plane, empty},
@@ -90,8 +90,8 @@ mod tests {
     }
 
     /// Matter that touches all planes through the origin with these normals.
-    fn touching(normals: &[[f64; 3]]) -> Vec<Nearest> {
-        let of = |normal: &[f64; 3]| Nearest {
+    fn touching(normals: &[[f64; 3]]) -> Vec<GapSample> {
+        let of = |normal: &[f64; 3]| GapSample {
             gap: 0.0,
             normal: normal.map(|n| n as f32),
         };
@@ -103,7 +103,7 @@ mod tests {
         let up = [0.0, 0.0, 1.0];
         let floor = planes(Surface::Separate, &[up]);
         let floor = now(&floor);
-        let at = |z: f64, nearest: &[Nearest]| {
+        let at = |z: f64, nearest: &[GapSample]| {
             floor.constrain(
                 [0.0, 0.0, z],
                 nearest,
@@ -114,7 +114,7 @@ mod tests {
         };
         for z in [-1.0, 0.0, 0.2] {
             assert_eq!(at(z, &touching(&[up])), [0.0; 3]);
-            assert_eq!(at(z, &[Nearest::NONE]), [0.3, 0.4, -2.0]);
+            assert_eq!(at(z, &[GapSample::NONE]), [0.3, 0.4, -2.0]);
         }
         assert_eq!(at(1.0, &touching(&[up])), [0.3, 0.4, -2.0]);
     }

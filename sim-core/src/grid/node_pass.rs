@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{
     Cells, FRONT, FieldPass, Grid, NONE, NodeBlock, Tile, Velocities,
-    approach::Acting,
+    approach::BoundaryConditions,
     attach::attach,
     boundary::{constrain, holds_matter},
     topology::OFFSETS,
@@ -24,7 +24,7 @@ const TASK: [usize; 2] = [16, 64];
 ///
 /// Returns the largest component of a velocity, frame velocity included, before or after boundaries, or speed of a boundary among
 /// nodes [cells/s]; NaN or infinite when a node's is.
-pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, acting: &Acting<'_>) -> f32 {
+pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, acting: &BoundaryConditions<'_>) -> f32 {
     let Grid {
         tiles,
         cells,

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use crate::{
     colliders::{
         NodeConditions,
-        approach::Nearest,
+        approach::GapSample,
         attach::{Attached, Nodes, attached},
         touch::Ghost,
     },
@@ -114,12 +114,12 @@ impl Grid {
     pub fn constrain(
         &mut self,
         boundaries: &NodeConditions<'_>,
-        nearest: &[Vec<Nearest>],
+        nearest: &[Vec<GapSample>],
         reconstructs_surface: bool,
         dt: f64,
         dx: f64,
     ) {
-        let seen = Seen {
+        let seen = FreeNodes {
             grid: self,
             boundaries,
             nearest,
@@ -178,14 +178,14 @@ impl Grid {
 }
 
 /// Nodes between forces and boundaries.
-struct Seen<'a> {
+struct FreeNodes<'a> {
     grid: &'a Grid,
     boundaries: &'a NodeConditions<'a>,
-    nearest: &'a [Vec<Nearest>],
+    nearest: &'a [Vec<GapSample>],
     reconstructs_surface: bool,
 }
 
-impl Nodes for Seen<'_> {
+impl Nodes for FreeNodes<'_> {
     fn node(&self, index: [i32; 3]) -> Option<(f64, [f64; 3])> {
         let &slot = self.grid.slots.get(&index)?;
         let node = &self.grid.nodes[slot].1;

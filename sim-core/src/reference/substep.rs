@@ -7,10 +7,10 @@ use super::{
 use crate::{
     colliders::{
         Substep,
-        approach::Nearest,
+        approach::GapSample,
         edge::reconstructs_surface,
         sweep::Way,
-        touch::{ANCHOR, Touch},
+        touch::{ANCHOR, ParticleConditions},
     },
     kinematics::kick,
     mat3::Mat3,
@@ -36,7 +36,7 @@ impl ReferenceWorld {
             frame_start: frame.start_time,
             frame_length: frame.length,
         };
-        let touch = Touch::new(
+        let touch = ParticleConditions::new(
             &self.boundaries,
             &self.paths,
             &self.rules,
@@ -147,7 +147,7 @@ impl ReferenceWorld {
         let Scattered { grid, stencils } = of;
         let (dx, kick, particles) = (self.scene.dx, substep.kick, &self.particles);
         let boundaries = self.boundaries.on_nodes(&self.paths, substep);
-        let mut nearest = vec![vec![Nearest::NONE; boundaries.bodies().len()]; grid.nodes.len()];
+        let mut nearest = vec![vec![GapSample::NONE; boundaries.bodies().len()]; grid.nodes.len()];
         for (p, stencil) in stencils.iter().enumerate() {
             let Some(stencil) = stencil else { continue };
             for (b, body) in boundaries.bodies().iter().enumerate() {
@@ -198,7 +198,7 @@ impl ReferenceWorld {
 }
 
 /// Rules before the transfer; per particle whether its motion is prescribed.
-fn prescribe(particles: &mut Particles, touch: Option<&Touch<'_>>) -> Vec<bool> {
+fn prescribe(particles: &mut Particles, touch: Option<&ParticleConditions<'_>>) -> Vec<bool> {
     let mut held = vec![false; particles.mass.len()];
     if let Some(touch) = touch {
         for p in 0..particles.mass.len() {
@@ -214,7 +214,12 @@ fn prescribe(particles: &mut Particles, touch: Option<&Touch<'_>>) -> Vec<bool> 
 }
 
 /// G2P.
-fn gather(particles: &mut Particles, of: &Scattered, touch: Option<&Touch<'_>>, dx: f64) {
+fn gather(
+    particles: &mut Particles,
+    of: &Scattered,
+    touch: Option<&ParticleConditions<'_>>,
+    dx: f64,
+) {
     for (p, stencil) in of.stencils.iter().enumerate() {
         let Some(stencil) = stencil else { continue };
         let (mut v, mut c) = of.grid.gather(stencil, dx);
@@ -234,7 +239,7 @@ fn touch_after(
     particles: &mut Particles,
     parts: &[Part],
     of: &Scattered,
-    touch: Option<&Touch<'_>>,
+    touch: Option<&ParticleConditions<'_>>,
     before: &[[f64; 3]],
 ) {
     let Some(touch) = touch else { return };

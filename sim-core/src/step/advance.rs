@@ -6,7 +6,7 @@ use super::{
     lanes::{load3, load9, store3, store9},
     pass::Pass,
     stencil::Stencil,
-    touch::BlockTouch,
+    touch::LaneConditions,
 };
 use crate::{
     grid::Tile,
@@ -149,7 +149,7 @@ pub(super) fn advance<V: Lanes>(
     live: V::Mask,
     velocities: &Tile,
     limits: &Limits<V>,
-    touch: Option<(&BlockTouch<'_>, &[u32; LANES])>,
+    touch: Option<(&LaneConditions<'_>, &[u32; LANES])>,
     largest: &mut Largest<V>,
 ) -> Moved<V> {
     let zero = V::broadcast(0.0);

@@ -10,7 +10,7 @@ use super::{
     prefetch::{prefetch, prefetch_tile, prefetch_velocities},
     scatter::Accumulator,
     stencil::Stencil,
-    touch::{BlockTouch, anchor},
+    touch::{LaneConditions, anchor},
 };
 use crate::{
     grid::{Cells, NONE, TILE, Tile, Velocities},
@@ -64,7 +64,7 @@ pub(super) fn load_velocities(
 struct Mover<'a, V: Real> {
     velocities: &'a Tile,
     limits: Limits<V>,
-    touch: Option<BlockTouch<'a>>,
+    touch: Option<LaneConditions<'a>>,
 }
 
 /// Two groups on their way from one loop over them to the next: they stay in the first-level cache.
@@ -136,7 +136,7 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
         touch: pass.touch.and_then(|touch| {
             let frame_velocity = [pass.frame_velocity, pass.next_frame_velocity];
             let concerned = work.concerned;
-            BlockTouch::new(touch, work.block, concerned, frame_velocity, pass.next_keep)
+            LaneConditions::new(touch, work.block, concerned, frame_velocity, pass.next_keep)
         }),
     };
     let (origin, first_shape) = (work.block.groups.start, work.block.shapes.start);

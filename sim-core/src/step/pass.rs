@@ -2,7 +2,7 @@
 
 use super::constitutive::PartLaw;
 use crate::{
-    colliders::touch::Touch,
+    colliders::touch::ParticleConditions,
     grid::{Cells, Tile},
     particles::{Block, Fixed, Flags, Group, Motion, Run, Shape},
     simd::F32x16,
@@ -49,7 +49,7 @@ pub(crate) struct Pass<'a> {
     /// Smallest and largest position [cells].
     pub domain: [[f64; 3]; 2],
     /// What acts on single particles, when anything does.
-    pub touch: Option<&'a Touch<'a>>,
+    pub touch: Option<&'a ParticleConditions<'a>>,
     /// Per block, whether a rule may name one of its particles; empty when there is no rule.
     pub concerned: &'a [bool],
 }

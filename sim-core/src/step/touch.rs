@@ -6,7 +6,7 @@
 use crate::{
     colliders::{
         sweep::Way,
-        touch::{ANCHOR, Touch},
+        touch::{ANCHOR, ParticleConditions},
     },
     grid::Tile,
     particles::{BLOCK, Block, Motion, NO_PARTICLE, position_in_cells},
@@ -24,8 +24,8 @@ fn spline(r: f64) -> f64 {
 
 /// What acts on the particles of one block.
 #[derive(Clone, Debug)]
-pub(crate) struct BlockTouch<'a> {
-    touch: Touch<'a>,
+pub(crate) struct LaneConditions<'a> {
+    touch: ParticleConditions<'a>,
     block: [i32; 3],
     centre: [f64; 3],
     /// Velocity that those of particles are relative to, before and after the next transfer [cells/s].
@@ -52,10 +52,10 @@ pub(super) fn anchor(
     heavy
 }
 
-impl<'a> BlockTouch<'a> {
+impl<'a> LaneConditions<'a> {
     /// What acts on a block, if anything does; `concerned` says whether a rule names one of its particles.
     pub fn new(
-        touch: &Touch<'a>,
+        touch: &ParticleConditions<'a>,
         block: &Block,
         concerned: bool,
         frame_velocity: [[f64; 3]; 2],

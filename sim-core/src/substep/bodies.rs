@@ -191,7 +191,7 @@ fn advance(
 /// What moves a body in a substep besides contact and gravity.
 fn drive(given: &Given<'_>, object: usize, rigid: &RigidBody, now: &Substep) -> Drive {
     if given.levels[object].is_asleep() {
-        return Drive::Held {
+        return Drive::Kinematic {
             velocity: [0.0; 3],
             spin: [0.0; 3],
         };
@@ -210,7 +210,7 @@ fn prescribed(given: &Given<'_>, rigid: &RigidBody, now: &Substep) -> Option<Dri
     let field = members.find_map(|m| rules.field(pins, now, m.id))?;
     let com = rigid.body.com.map(|x| x / dx);
     let [_, a, b, c, _, d, e, f, _] = field.gradient();
-    Some(Drive::Held {
+    Some(Drive::Kinematic {
         velocity: field.velocity(com).map(|v| v * dx),
         spin: [0.5 * (f - d), 0.5 * (b - e), 0.5 * (c - a)],
     })

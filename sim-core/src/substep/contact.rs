@@ -6,7 +6,7 @@ use super::{
     tally::{Tally, timed},
 };
 use crate::{
-    contact::{Episodes, Meeting, Wish, meet},
+    contact::{ContactInput, Episodes, RequestedRestitution, meet},
     grid::Grid,
     mat3::dot,
     materials::Law,
@@ -26,7 +26,7 @@ pub(super) fn contact(
     let (given, now) = (&at.given, &at.now);
     let model = given.model;
     let (scene, gravity) = (&model.scene, given.commanded.gravity);
-    let meeting = Meeting {
+    let meeting = ContactInput {
         method: scene.contact.method,
         isa: model.isa,
         particles: &matter.particles,
@@ -50,13 +50,13 @@ pub(super) fn contact(
 }
 
 /// Restitution that is asked of two objects.
-fn requested_restitution(given: &Given<'_>, fields: [u32; 2]) -> Wish {
+fn requested_restitution(given: &Given<'_>, fields: [u32; 2]) -> RequestedRestitution {
     let [a, b] = fields.map(|field| field as usize);
     let all = |what: fn(Law) -> bool| {
         let mut parts = given.model.parts.iter().zip(&given.commanded.materials);
         parts.all(|(part, m)| part.object != a && part.object != b || what(m.law))
     };
-    Wish {
+    RequestedRestitution {
         restitution: given.model.scene.surface_between(a, b).restitution,
         solid: all(Law::is_solid),
         elastic: all(|law| law.is_solid() && !law.is_plastic()),

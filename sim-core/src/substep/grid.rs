@@ -10,7 +10,7 @@ use crate::{
     grid::{
         FieldPass, Grid,
         anchors::Anchors,
-        approach::{Acting, Approach, approaches},
+        approach::{BoundaryConditions, ParticleGaps, approaches},
         node_pass,
     },
     kinematics::kick,
@@ -79,7 +79,7 @@ pub(super) fn field_passes(
 pub(super) struct NodeInput<'a> {
     boundaries: NodeConditions<'a>,
     moving: NodeConditions<'a>,
-    approaches: Vec<Approach>,
+    approaches: Vec<ParticleGaps>,
     anchors: Anchors<'a>,
     reconstructs_surface: &'a [bool],
     passes: &'a [FieldPass],
@@ -132,8 +132,8 @@ impl<'a> NodeInput<'a> {
     }
 
     /// The same, as nodes see it.
-    pub fn acting(&self) -> Acting<'_> {
-        Acting {
+    pub fn acting(&self) -> BoundaryConditions<'_> {
+        BoundaryConditions {
             boundaries: &self.boundaries,
             moving: &self.moving,
             approaches: &self.approaches,

@@ -6,7 +6,7 @@ use super::{
     schedule::{Context, MARGIN, Schedule},
 };
 use crate::{
-    colliders::{Substep, sweep::SKIN, touch::Touch},
+    colliders::{Substep, sweep::SKIN, touch::ParticleConditions},
     kinematics::kick,
     particles::{BLOCK, Extremes},
     report::DtLimit,
@@ -79,7 +79,7 @@ impl OutsideSpeeds {
     /// How fast boundaries and rules may move particles in a substep; `speeds` is per prescribed motion.
     fn new(given: &Given<'_>, now: &Substep, [min, max]: [[i32; 3]; 2], speeds: &[f64]) -> Self {
         let (model, commanded) = (given.model, given.commanded);
-        let touch = Touch::new(
+        let touch = ParticleConditions::new(
             &model.boundaries,
             &commanded.paths,
             &model.rules,

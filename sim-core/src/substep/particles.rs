@@ -8,7 +8,7 @@ use super::{
     tally::{Tally, timed},
 };
 use crate::{
-    colliders::{Substep, touch::Touch},
+    colliders::{Substep, touch::ParticleConditions},
     grid::{Sums, node_means},
     particles::NO_PARTICLE,
     report::Work,
@@ -131,7 +131,7 @@ fn pass(
         model, commanded, ..
     } = *given;
     let touches = groups.all.iter().map(|&(_, [now, next])| {
-        Touch::new(
+        ParticleConditions::new(
             &model.boundaries,
             &commanded.paths,
             &model.rules,
@@ -141,7 +141,7 @@ fn pass(
             commanded.gravity,
         )
     });
-    let touches: Vec<Option<Touch<'_>>> = touches.collect();
+    let touches: Vec<Option<ParticleConditions<'_>>> = touches.collect();
     let conditions = &model.scene.conditions;
     let passes = groups.all.iter().zip(&touches);
     let passes = passes.map(|(&(rate, [now, next]), touch)| Pass {

@@ -132,26 +132,28 @@ impl World {
 
 /// Which particles of a law take part.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Held {
+enum CoherentPart {
     All,
     /// Those whose memory says that they never yielded.
     Unyielded,
     None,
 }
 
-fn held(law: Law) -> Held {
+fn held(law: Law) -> CoherentPart {
     match law {
-        Law::FixedCorotated | Law::NeoHookean => Held::All,
-        Law::VonMises { .. } | Law::Snow { .. } | Law::Plasticine { .. } => Held::Unyielded,
+        Law::FixedCorotated | Law::NeoHookean => CoherentPart::All,
+        Law::VonMises { .. } | Law::Snow { .. } | Law::Plasticine { .. } => CoherentPart::Unyielded,
         // A rigid object is coherent by itself.
-        Law::DruckerPrager { .. } | Law::Foam { .. } | Law::Fluid { .. } | Law::Rigid => Held::None,
+        Law::DruckerPrager { .. } | Law::Foam { .. } | Law::Fluid { .. } | Law::Rigid => {
+            CoherentPart::None
+        }
     }
 }
 
-fn holds(held: Held, memory: f32) -> bool {
+fn holds(held: CoherentPart, memory: f32) -> bool {
     match held {
-        Held::All => true,
-        Held::Unyielded => memory == 0.0,
-        Held::None => false,
+        CoherentPart::All => true,
+        CoherentPart::Unyielded => memory == 0.0,
+        CoherentPart::None => false,
     }
 }

@@ -67,8 +67,8 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
     hash.update(&vec![0; state.bodies.of.len()]);
     for known in &state.bodies.warm_start {
         hash.update(bytes_of(&known.pair));
-        hash.update(bytes_of(&known.pressed));
-        hash.update(bytes_of(&known.rubbed));
+        hash.update(bytes_of(&known.normal_impulse));
+        hash.update(bytes_of(&known.friction_impulse));
     }
     for level in &state.levels {
         level.add_to(&mut hash);

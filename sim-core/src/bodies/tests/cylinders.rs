@@ -223,7 +223,7 @@ fn a_drum_lies_on_a_narrow_block_and_across_another_drum() {
         let mut stage = Stage::new([0.0, 0.0, -G]);
         stage.surface = (0.0, 0.5);
         let held = stage.add(&below);
-        stage.drives[held] = Drive::Held {
+        stage.drives[held] = Drive::Kinematic {
             velocity: [0.0; 3],
             spin: [0.0; 3],
         };

@@ -173,8 +173,8 @@ fn the_point_of_impact_leaves_at_e_times_the_closing_speed() {
             target: 0.0,
             holds: false,
             sticks: false,
-            pressed: 0.0,
-            rubbed: [0.0; 3],
+            normal_impulse: 0.0,
+            friction_impulse: [0.0; 3],
             before: [0.0; 3],
         };
         let energy = |movers: &[Mover]| -> f64 {
@@ -195,7 +195,10 @@ fn the_point_of_impact_leaves_at_e_times_the_closing_speed() {
                 (after.0 + e * before.0).abs() < 1e-12,
                 "{before:?} {after:?}"
             );
-            assert!(length(point.rubbed) <= point.friction * point.pressed * (1.0 + 1e-12));
+            assert!(
+                length(point.friction_impulse)
+                    <= point.friction * point.normal_impulse * (1.0 + 1e-12)
+            );
         }
         assert!(after.1 <= before.1 * (1.0 + 1e-13), "{before:?} {after:?}");
     }

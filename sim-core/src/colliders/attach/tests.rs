@@ -22,7 +22,7 @@ impl Nodes for Row {
 
 fn wall(at: f64, side: i32, sticky: bool) -> Face {
     Face {
-        grips: [true, sticky, sticky],
+        constrained_axes: [true, sticky, sticky],
         ..Face::new(Owner::Body(0), 0, side, at, 1.0)
     }
 }
@@ -161,10 +161,10 @@ fn a_separating_surface_gives_the_nearest_allowed_by_mass() {
             ..wall(random(), 1, false)
         };
         let line = [0; 3].map(|_| (0.5 * (random() + 1.0), [random(), 0.0, 0.0]));
-        let closing = (0.2 * random()).max(0.0);
-        let (speed, given) = face.press(&line, closing);
-        // The conditions of Karush, Kuhn and Tucker, with the plane coming towards matter at `closing`.
-        let after = speed.map(|speed| speed + closing);
+        let max_closing_speed = (0.2 * random()).max(0.0);
+        let (speed, given) = face.clamp_inward(&line, max_closing_speed);
+        // The conditions of Karush, Kuhn and Tucker, with the plane coming towards matter at `max_closing_speed`.
+        let after = speed.map(|speed| speed + max_closing_speed);
         let change: [f64; 3] = std::array::from_fn(|n| line[n].0 * (speed[n] - line[n].1[0]));
         let mut carried = 0.0;
         for n in [1, 2] {

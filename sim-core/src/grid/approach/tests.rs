@@ -20,13 +20,13 @@ const NOW: Substep = Substep {
 };
 
 /// What particle blocks at all offsets see of one collider, in cells of about one in seven.
-fn sights(normal: impl Fn(usize) -> [f32; 3]) -> Vec<([i32; 3], Vec<Seen>)> {
+fn sights(normal: impl Fn(usize) -> [f32; 3]) -> Vec<([i32; 3], Vec<ClosestParticle>)> {
     let block = |(o, offset): (usize, &[i32; 3])| {
         let cells = (0..CUBE).filter(|n| (n * 31 + o * 17) % 7 == 0);
-        let seen = cells.map(|n| Seen {
+        let seen = cells.map(|n| ClosestParticle {
             body: 0,
             cell: [n / 36, n / 6 % 6, n % 6].map(|i| i as i32),
-            nearest: Nearest {
+            nearest: GapSample {
                 // Few different ones, so that many are equally near.
                 gap: ((n * 37 + o * 11) % 23) as f32 - 9.0,
                 normal: normal(n + 5 * o),
@@ -46,11 +46,11 @@ fn a_node_sees_the_nearest_of_all_cells_around_it_and_no_other() {
         let reaching: Vec<_> = all
             .flat_map(|(offset, seen)| seen.iter().filter_map(|one| one.from(*offset)))
             .collect();
-        let mut found = vec![Nearest::NONE; 2 * 64];
+        let mut found = vec![GapSample::NONE; 2 * 64];
         spread(&reaching, &mut found, 1, 2);
         for at in 0..64 {
             let node = [at / 16, at / 4 % 4, at % 4].map(|i| i as i32);
-            let mut expected = Nearest::NONE;
+            let mut expected = GapSample::NONE;
             for (offset, seen) in &sights {
                 for one in seen {
                     // Cells -1..=4 of a block that lies four cells farther per offset.
@@ -62,15 +62,15 @@ fn a_node_sees_the_nearest_of_all_cells_around_it_and_no_other() {
             }
             assert!(expected.gap < f32::INFINITY);
             assert_eq!(found[2 * at + 1], expected, "{node:?}");
-            assert_eq!(found[2 * at], Nearest::NONE);
+            assert_eq!(found[2 * at], GapSample::NONE);
         }
     }
 }
 
 #[test]
 fn what_nothing_is_near_to_is_near_to_nothing() {
-    let mut found = vec![Nearest::NONE; 64];
-    let far = Nearest {
+    let mut found = vec![GapSample::NONE; 64];
+    let far = GapSample {
         gap: 0.25,
         normal: [1.0, 0.0, 0.0],
     };
@@ -79,7 +79,7 @@ fn what_nothing_is_near_to_is_near_to_nothing() {
     let near = found.iter().filter(|nearest| nearest.gap == 0.25).count();
     assert_eq!(near, 8);
     assert_eq!(found[63], far);
-    assert_eq!(found[0], Nearest::NONE);
+    assert_eq!(found[0], GapSample::NONE);
 }
 
 #[test]
@@ -96,8 +96,8 @@ fn what_is_clear_of_all_colliders_goes_on_as_it_was() {
     let conditions = boundaries.on_nodes(&vec![], &NOW);
     let bodies = conditions.bodies();
     let gaps = [0.26, 0.4, 0.9, f32::INFINITY];
-    let nearest: Vec<Nearest> = (0..64 * bodies.len())
-        .map(|n| Nearest {
+    let nearest: Vec<GapSample> = (0..64 * bodies.len())
+        .map(|n| GapSample {
             gap: gaps[n * 29 % 23 % 4],
             normal: bodies[n % bodies.len()]
                 .distance([9.0; 3])
@@ -105,7 +105,7 @@ fn what_is_clear_of_all_colliders_goes_on_as_it_was() {
                 .map(|n| n as f32),
         })
         .collect();
-    let allowed = Allowed {
+    let allowed = BlockConstraints {
         nearest: nearest.clone(),
         is_outside: true,
         index: [0; 3],
@@ -161,7 +161,7 @@ fn gaps_to_a_half_space_are_those_of_its_particles_one_by_one() {
         let half_spacings: Vec<f64> = (0..newcomers.len()).map(|n| spacings[n * 29 % 4]).collect();
         let mut seen = 0;
         for block in &particles.blocks {
-            let mut expected = [Nearest::NONE; CUBE];
+            let mut expected = [GapSample::NONE; CUBE];
             for g in block.groups.clone() {
                 let (fixed, x) = (&particles.fixed[g], &particles.groups[g].x);
                 for lane in (0..LANES).filter(|&lane| fixed.id[lane] != NO_PARTICLE) {
@@ -196,10 +196,10 @@ fn a_node_block_takes_over_cells_shared_with_particle_blocks() {
         let before: [f32; CUBE] = std::array::from_fn(|n| ((n * 31) % 29) as f32);
         let mut expected = before;
         for (n, gap) in from.iter().enumerate() {
-            let seen = Seen {
+            let seen = ClosestParticle {
                 body: 0,
                 cell: [n / 36, n / 6 % 6, n % 6].map(|i| i as i32),
-                nearest: Nearest {
+                nearest: GapSample {
                     gap: *gap,
                     normal: [0.0; 3],
                 },
