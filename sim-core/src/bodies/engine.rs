@@ -48,24 +48,24 @@ pub(crate) struct Outcome {
     pub pairs: Vec<[u32; 2]>,
     /// Points of contact that were solved for.
     pub points: u64,
-    /// What was exchanged at them, in the order it happened.
-    pub touches: Vec<Touched>,
+    /// Impulses exchanged at them, in the order they happened.
+    pub touches: Vec<ExchangedImpulse>,
 }
 
-/// What a body received at a point.
+/// The impulse that a body received at a point of contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Touched {
+pub(crate) struct ExchangedImpulse {
     /// The body.
     pub body: usize,
-    /// From whom.
-    pub other: Toucher,
-    /// What.
+    /// The other side.
+    pub other: Partner,
+    /// Point, normal and impulse.
     pub received: Received,
 }
 
-/// Whom a body touches.
+/// The other side of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Toucher {
+pub(crate) enum Partner {
     /// Another body.
     Body(usize),
     /// A collider, by its number in the scene.
@@ -74,7 +74,7 @@ pub(crate) enum Toucher {
 
 /// Notes `part` of the impulse at a point of contact.
 fn note(
-    touches: &mut Vec<Touched>,
+    touches: &mut Vec<ExchangedImpulse>,
     actors: &[Actor<'_>],
     walls: &[Placed<'_>],
     pair: [u32; 2],
@@ -83,12 +83,12 @@ fn note(
 ) {
     let second = pair[1] as usize;
     let other = match second.checked_sub(actors.len()) {
-        None => Toucher::Body(second),
-        Some(wall) => Toucher::Wall(walls[wall].id),
+        None => Partner::Body(second),
+        Some(wall) => Partner::Wall(walls[wall].id),
     };
     let place = add(actors[point.a].body.com, point.arms[0]);
     let impulse = scaled(point.impulse(), part);
-    touches.push(Touched {
+    touches.push(ExchangedImpulse {
         body: point.a,
         other,
         received: Received::at(place, point.normal, part * point.normal_impulse, impulse),

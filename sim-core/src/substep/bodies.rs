@@ -4,7 +4,7 @@ use super::tally::{Tally, timed};
 use crate::{
     bodies::{
         actor::{Actor, Drive, Setting},
-        engine::{CachedImpulse, Outcome, Toucher, step},
+        engine::{CachedImpulse, Outcome, Partner, step},
         near::Fields,
         nodes::{Coupled, CoupledBody, CouplingInput, couple_bodies_to_grid},
     },
@@ -90,8 +90,8 @@ fn move_all(
     workspace.body_pairs = outcome.pairs;
     for touch in &outcome.touches {
         let other = match touch.other {
-            Toucher::Body(body) => ContactPartner::Object(objects[body]),
-            Toucher::Wall(collider) => ContactPartner::Collider(collider),
+            Partner::Body(body) => ContactPartner::Object(objects[body]),
+            Partner::Wall(collider) => ContactPartner::Collider(collider),
         };
         ledger.add(objects[touch.body], other, &touch.received);
     }

@@ -120,16 +120,7 @@ impl World {
     /// Checks an action and works out what it does.
     fn effect<'a>(&self, action: &'a Action) -> Result<Effect<'a>, CommandError> {
         match *action {
-            Action::Impulse { object, impulse } => {
-                let mass = self.mass_of(object)?;
-                finite("impulse", &impulse)?;
-                within("impulse", length(impulse), 0.0, mass * self.max_speed())?;
-                Ok(Effect::Push {
-                    object,
-                    change: impulse.map(|j| j / mass),
-                    particles: None,
-                })
-            }
+            Action::Impulse { object, impulse } => self.checked_push(object, impulse),
             Action::ImpulseAt {
                 object,
                 impulse,
@@ -140,20 +131,7 @@ impl World {
                 object,
                 linear,
                 angular,
-            } => {
-                self.mass_of(object)?;
-                finite("linear velocity", &linear)?;
-                finite("angular velocity", &angular)?;
-                within("linear velocity", length(linear), 0.0, self.max_speed())?;
-                let reach = 2.0 * self.report.objects[object].radius + self.model.scene.dx;
-                let fastest = self.max_speed() / reach;
-                within("angular velocity", length(angular), 0.0, fastest)?;
-                Ok(Effect::Velocity {
-                    object,
-                    linear,
-                    angular,
-                })
-            }
+            } => self.checked_velocity(object, linear, angular),
             Action::SetMaterial {
                 object,
                 region,
@@ -209,6 +187,43 @@ impl World {
             }
             Action::Reset => Ok(Effect::Reset),
         }
+    }
+
+    /// An impulse on all particles of an object.
+    fn checked_push<'a>(
+        &self,
+        object: usize,
+        impulse: [f64; 3],
+    ) -> Result<Effect<'a>, CommandError> {
+        let mass = self.mass_of(object)?;
+        finite("impulse", &impulse)?;
+        within("impulse", length(impulse), 0.0, mass * self.max_speed())?;
+        Ok(Effect::Push {
+            object,
+            change: impulse.map(|j| j / mass),
+            particles: None,
+        })
+    }
+
+    /// Velocity and spin of an object.
+    fn checked_velocity<'a>(
+        &self,
+        object: usize,
+        linear: [f64; 3],
+        angular: [f64; 3],
+    ) -> Result<Effect<'a>, CommandError> {
+        self.mass_of(object)?;
+        finite("linear velocity", &linear)?;
+        finite("angular velocity", &angular)?;
+        within("linear velocity", length(linear), 0.0, self.max_speed())?;
+        let reach = 2.0 * self.report.objects[object].radius + self.model.scene.dx;
+        let max_spin = self.max_speed() / reach;
+        within("angular velocity", length(angular), 0.0, max_spin)?;
+        Ok(Effect::Velocity {
+            object,
+            linear,
+            angular,
+        })
     }
 
     /// An impulse on the particles near a point.

@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// Gap to a collider below which an object may touch it [cells].
-const BESIDE: f64 = 0.5;
+const TOUCHING_GAP: f64 = 0.5;
 /// Impulses below this share of an object's momentum and weight are round-off of single precision.
 const NOISE: f64 = 1e-5;
 /// Sweeps that part an impulse into normal parts.
@@ -88,7 +88,7 @@ impl World {
             {
                 let x = self.published.cells[p].map(|x| x * dx);
                 let near = placed.distance(x);
-                let closeness = (BESIDE + self.model.half_spacings[p]) * dx - near.value;
+                let closeness = (TOUCHING_GAP + self.model.half_spacings[p]) * dx - near.value;
                 if closeness <= 0.0 {
                     continue;
                 }
