@@ -365,13 +365,13 @@ impl Server<'_> {
     fn idle(&mut self, news: bool) -> Result<(), ServeError> {
         if self.held_up() == Permission::Step {
             // Mostly they ask at once: who then waits for a status to be sent waits for nothing.
-            if !self.ports.wait(IDLE) {
-                if news || self.output.state != wire::SERVER_WAITING {
-                    self.output.state = wire::SERVER_WAITING;
-                    self.update_status()?;
-                }
-                self.allowance.grant(IDLE.as_secs_f64());
+            let woken = self.ports.wait(IDLE);
+            if !woken && (news || self.output.state != wire::SERVER_WAITING) {
+                self.output.state = wire::SERVER_WAITING;
+                self.update_status()?;
             }
+            // In any case: requests that wait for their share of the time keep it awake.
+            self.allowance.grant(IDLE.as_secs_f64());
             self.pacer.restart(Instant::now());
             return Ok(());
         }

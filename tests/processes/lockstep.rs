@@ -264,7 +264,12 @@ fn a_pause_holds_the_participants() {
     assert_eq!((back.cause, back.frames), (RETURN_EVENT, 1));
     assert!((back.sim_time - 0.02).abs() < 1e-12, "{}", back.sim_time);
     // And so is a stop.
-    assert!(stage.ctl(&["stop"]).status.success());
+    let stopped = stage.ctl(&["stop"]);
+    assert!(
+        stopped.status.success(),
+        "{}",
+        String::from_utf8_lossy(&stopped.stderr)
+    );
     match arm.step(1, &[]) {
         Ok(stepped) => assert_eq!(stepped.done.cause, RETURN_TERMINATE),
         Err(error) => assert!(has_ended(&error), "{error}"),
