@@ -36,13 +36,13 @@ const COMMANDS: usize = 4;
 /// Steps of a request that asks for many.
 const MANY: u32 = 100;
 
-/// The smallest scene that moves: eight particles that float.
+/// A small scene: a block of some cells that floats.
 const SCENE: &str = r#"
 version = 1
-name = "eight particles"
+name = "a small block"
 gravity = [0.0, 0.0, 0.0]
 frame_rate = 60
-dx = 0.1
+dx = 0.05
 
 [[objects]]
 name = "block"
@@ -123,9 +123,10 @@ fn measure(domain: &Domain, rounds: u32) -> anyhow::Result<Report> {
         "--threads",
         "1",
     ])?;
+    // First, as it makes the domain's folder with the right mode.
+    let client = attach(domain)?;
     let _echo = start(&["lockstep", "--echo"])?;
     let bare = Bare::open(domain)?;
-    let client = attach(domain)?;
     let mut participant = client.participate("bench", PATIENCE)?;
 
     let gravity = wire::Command {
