@@ -147,7 +147,8 @@ fn a_viewer_stands_aside_once_it_has_something_to_draw() {
         assert!(viewer.is_running(), "{}", viewer.words());
         pause();
     }
-    assert_eq!(niceness(viewer.id()), 19);
+    let own = niceness(std::process::id());
+    assert_eq!(niceness(viewer.id()), (own + 19).min(19));
 }
 
 #[test]
