@@ -34,50 +34,27 @@ pub trait StreamHeader: Copy + Debug + Default + ZeroCopySend + 'static {
     fn next_number(&self) -> u64;
 }
 
-impl StreamHeader for FrameHeader {
-    fn epoch(&self) -> u64 {
-        self.epoch
-    }
-    fn count(&self) -> usize {
-        self.count as usize
-    }
-    fn number(&self) -> u64 {
-        self.step
-    }
-    fn next_number(&self) -> u64 {
-        self.step.wrapping_add(1)
-    }
+/// Headers of streams with one message per step, which its step numbers.
+macro_rules! numbered_by_step {
+    ($($header:ty),*) => {$(
+        impl StreamHeader for $header {
+            fn epoch(&self) -> u64 {
+                self.epoch
+            }
+            fn count(&self) -> usize {
+                self.count as usize
+            }
+            fn number(&self) -> u64 {
+                self.step
+            }
+            fn next_number(&self) -> u64 {
+                self.step.wrapping_add(1)
+            }
+        }
+    )*};
 }
 
-impl StreamHeader for ObjectsHeader {
-    fn epoch(&self) -> u64 {
-        self.epoch
-    }
-    fn count(&self) -> usize {
-        self.count as usize
-    }
-    fn number(&self) -> u64 {
-        self.step
-    }
-    fn next_number(&self) -> u64 {
-        self.step.wrapping_add(1)
-    }
-}
-
-impl StreamHeader for ContactsHeader {
-    fn epoch(&self) -> u64 {
-        self.epoch
-    }
-    fn count(&self) -> usize {
-        self.count as usize
-    }
-    fn number(&self) -> u64 {
-        self.step
-    }
-    fn next_number(&self) -> u64 {
-        self.step.wrapping_add(1)
-    }
-}
+numbered_by_step!(FrameHeader, ObjectsHeader, ContactsHeader);
 
 impl StreamHeader for JournalHeader {
     fn epoch(&self) -> u64 {
