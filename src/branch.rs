@@ -1,29 +1,15 @@
 //! `cosplat branch`: goes on live from a recorded step.
 
-use std::{
-    collections::BTreeMap,
-    fs,
-    path::{Path, PathBuf},
-    sync::atomic::Ordering,
-};
+use std::path::PathBuf;
 
-use anyhow::{Context, bail, ensure};
-use cosplat_recorder::{
-    chunks::Chunks,
-    messages::JournalEntry,
-    reader::{Event, Recording},
-    runs::{CommandCount, FileKind, RunHeader},
-};
+use anyhow::Context;
+use cosplat_replay::branch::{Branch, Place, branch};
 
-use crate::{
-    note, progress,
-    resimulate::{Kept, Rerun, Take, take},
-    serve, signals,
-};
+use crate::{note, progress, serve, signals};
 
 /// Go on live from a recorded step, with all of its state.
 ///
-/// The run is simulated again up to that step, from its start or the checkpoint that it began with, and compared with the
+/// The run is simulated again up to that step, from its start or the last checkpoint before it, and compared with the
 /// recorded hashes on the way; commands that the recording has of later steps are left out.
 #[derive(clap::Args)]
 pub struct Args {
@@ -45,104 +31,19 @@ pub struct Args {
 /// When the recording lacks something, the step is not in it, or simulating it again gives another state.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let stop = signals::stop_flag()?;
-    let path = &args.recording;
-    let Take { header, kept, .. } = take(&mut Chunks::open(path)?, path, args.run)?;
-    let recorded = Recorded::of(path, header.scene.epoch)?;
-    let mut rerun = Rerun::begin(&kept, &header, path, args.how.threads)?;
-    let (first, last) = (rerun.step(), recorded.last);
-    ensure!(
-        (first..=last).contains(&args.at),
-        "step {} is not in the run, which can be branched at steps {first} to {last}",
-        args.at
-    );
-    let mut count = CommandCount::default();
-    for entry in recorded.journal {
-        if entry.applied.step <= args.at {
-            count.take(&entry)?;
-            rerun.expect(entry.applied);
-        }
-    }
-    let bar = progress::bar("simulating again", args.at - first);
-    loop {
-        let (step, hash) = (rerun.step(), rerun.report().state_hash);
-        if let Some(expected) = recorded.hashes.get(&step)
-            && *expected != hash
-        {
-            bail!(
-                "step {step} is not what was recorded: its state hash is {hash:016x}, expected {expected:016x}; \
-                 `cosplat verify` says more"
-            );
-        }
-        bar.set_position(step - first);
-        if step == args.at {
-            break;
-        }
-        if stop.load(Ordering::Relaxed) {
-            return Ok(());
-        }
-        rerun.advance()?;
-    }
-    bar.finish_and_clear();
-
-    // Recorders of the branch find here what they attach, for as long as it is served.
+    let (path, at) = (&args.recording, args.at);
+    let place = Place { at, run: args.run };
     let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
-    let copies = unpack(&kept, &header, folder.path())?;
-    let copy = |name: &str| copies.get(name).cloned().unwrap_or_default();
-    let scene = kept.scene(&header, path, copy)?;
-    let checkpoint = folder.path().join(format!("step-{}.checkpoint", args.at));
-    fs::write(&checkpoint, rerun.checkpoint())
-        .with_context(|| format!("cannot write {}", checkpoint.display()))?;
-    drop(rerun);
-    note!("branching {} at step {}", path.display(), args.at);
+    let bar = progress::bar("simulating again", 0);
+    let threads = args.how.threads;
+    let found = branch(path, place, threads, folder.path(), &stop, |done, steps| {
+        bar.set_length(steps);
+        bar.set_position(done);
+    })?;
+    bar.finish_and_clear();
+    let Some(Branch { scene, checkpoint }) = found else {
+        return Ok(());
+    };
+    note!("branching {} at step {at}", path.display());
     serve::serve_scene(scene, Some(checkpoint), &args.how, &stop)
-}
-
-/// What a run has to be compared with and to apply.
-#[derive(Default)]
-struct Recorded {
-    journal: Vec<JournalEntry>,
-    /// State hashes by step.
-    hashes: BTreeMap<u64, u64>,
-    /// Last step of a frame.
-    last: u64,
-}
-
-impl Recorded {
-    /// Reads the run with this `epoch`.
-    fn of(path: &Path, epoch: u64) -> anyhow::Result<Recorded> {
-        let mut recorded = Recorded::default();
-        for event in Recording::open(path)?.without_gaussians() {
-            match event? {
-                Event::Frame(frame) if frame.header.epoch == epoch => {
-                    let header = frame.header;
-                    recorded.hashes.insert(header.step, header.state_hash);
-                    recorded.last = header.step;
-                }
-                Event::Journal(entry) if entry.epoch.is_none_or(|e| e == epoch) => {
-                    recorded.journal.push(entry);
-                }
-                _ => {}
-            }
-        }
-        Ok(recorded)
-    }
-}
-
-/// Writes the assets of a run to `folder`, and returns their paths by the names in the scene.
-fn unpack(
-    kept: &Kept,
-    run: &RunHeader,
-    folder: &Path,
-) -> anyhow::Result<BTreeMap<String, PathBuf>> {
-    let assets = kept
-        .files(run)
-        .filter(|(kind, ..)| *kind == FileKind::Asset);
-    let mut paths = BTreeMap::new();
-    for (n, (_, name, content)) in assets.enumerate() {
-        // Names come from the recording, and are no paths to write to.
-        let path = folder.join(format!("asset-{n}"));
-        fs::write(&path, content).with_context(|| format!("cannot write {}", path.display()))?;
-        paths.insert(name.to_owned(), path);
-    }
-    Ok(paths)
 }

@@ -1,24 +1,24 @@
 //! `cosplat ctl`: orders to a running simulation.
 
+mod look;
+
 use std::{path::PathBuf, time::Duration};
 
 use anyhow::{Context, bail};
 use clap::Subcommand;
 use cosplat_controller::{
     Answer, Controller,
-    order::{MaterialRef, MaterialValue, ObjectRef, Order},
+    order::{Level, MaterialRef, MaterialValue, ObjectRef, Order},
     script::Script,
 };
-use cosplat_ipc::{
-    Domain,
-    client::Client,
-    list_sessions,
-    schema::{MaterialSpec, SERVER_PAUSED, SERVER_STOPPING, SERVER_WAITING, Status},
-};
-use cosplat_sim_core::materials::Material;
+use cosplat_ipc::{Domain, schema::MaterialSpec};
+use cosplat_scene::materials::stated;
 use serde_json::json;
 
-use crate::{say, seconds};
+use crate::{say, seconds, viewpoint::Viewpoint};
+
+/// Client number of all that `grab`, `drag` and `let-go` send: each is a process of its own.
+const HAND: u64 = 0;
 
 /// Give orders to a running simulation.
 #[derive(clap::Args)]
@@ -37,6 +37,17 @@ pub struct Args {
     json: bool,
     #[command(subcommand)]
     order: Ctl,
+}
+
+/// Where an object is put.
+#[derive(clap::Args)]
+struct Place {
+    /// Centre of mass X Y Z [m]; where it is without.
+    #[arg(long, num_args = 3, allow_negative_numbers = true)]
+    at: Option<Vec<f64>>,
+    /// Rotation since rest, about x, then y, then z [degrees]; as it is without.
+    #[arg(long, num_args = 3, allow_negative_numbers = true)]
+    rotation_deg: Option<Vec<f64>>,
 }
 
 #[derive(Subcommand)]
@@ -116,6 +127,66 @@ enum Ctl {
         /// Object name or id.
         object: ObjectRef,
     },
+    /// Hold a part of an object by a spring; it is let go after a while without `drag`.
+    Grab {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Point X Y Z [m] to take hold of.
+        #[arg(num_args = 3, allow_negative_numbers = true, required = true)]
+        point: Vec<f64>,
+        /// Point X Y Z [m] that the spring pulls it to; where it is without.
+        #[arg(long, num_args = 3, allow_negative_numbers = true)]
+        to: Option<Vec<f64>>,
+        /// Radius of the part that is held [m].
+        #[arg(long)]
+        radius: Option<f64>,
+        /// Steps that the hold lasts without `drag`.
+        #[arg(long, default_value_t = 600)]
+        steps: u32,
+    },
+    /// Pull what `grab` holds of an object elsewhere.
+    Drag {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Point X Y Z [m] to pull it to.
+        #[arg(num_args = 3, allow_negative_numbers = true, required = true)]
+        to: Vec<f64>,
+    },
+    /// Let go what `grab` holds of an object.
+    LetGo {
+        /// Object name or id.
+        object: ObjectRef,
+    },
+    /// Put an object elsewhere, at rest; refused where there is no room for it.
+    SetPose {
+        /// Object name or id.
+        object: ObjectRef,
+        #[command(flatten)]
+        place: Place,
+    },
+    /// Model an object as matter (mpm), as one body (rigid), as one body that stands (static), or as simply as allowed (auto).
+    SetFidelity {
+        /// Object name or id.
+        object: ObjectRef,
+        /// static, mpm, auto or rigid.
+        fidelity: Level,
+    },
+    /// Take an object out of the world; it keeps its number.
+    Remove {
+        /// Object name or id.
+        object: ObjectRef,
+    },
+    /// Bring an object in that was removed, or that the scene declares as absent.
+    BringIn {
+        /// Object name or id.
+        object: ObjectRef,
+        #[command(flatten)]
+        place: Place,
+    },
+    /// Go back to the state right before the newest edit: of pose, fidelity, material, gravity, pins, of what is there.
+    Undo,
+    /// Go back to the state that the newest undo left.
+    Redo,
     /// Let a force act on an object during one step, as a whole or at a point.
     Force {
         /// Object name or id.
@@ -186,6 +257,14 @@ enum Ctl {
         /// TOML file of `[[order]]` tables.
         file: PathBuf,
     },
+    /// Say which object is seen at a pixel of the picture that `cosplat view` draws from the same viewpoint, and where.
+    Pick {
+        /// Column and line of the pixel, from 0 at the upper left.
+        #[arg(num_args = 2, required = true, value_names = ["X", "Y"])]
+        pixel: Vec<u32>,
+        #[command(flatten)]
+        viewpoint: Viewpoint,
+    },
     /// Show what the server is doing.
     Status,
     /// List running sessions.
@@ -197,8 +276,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let timeout = args.timeout;
     let domain = Domain::from_env().context("cannot use the session folder")?;
     match &args.order {
-        Ctl::List => list(&domain, args.json),
-        Ctl::Status => status(&domain, args, timeout),
+        Ctl::List => look::list(&domain, args.json),
+        Ctl::Status => look::status(&domain, args, timeout),
+        Ctl::Pick { pixel, viewpoint } => look::pick(&domain, args, pixel, viewpoint),
         Ctl::Script { file } => {
             let text = std::fs::read_to_string(file)
                 .with_context(|| format!("cannot read {}", file.display()))?;
@@ -208,7 +288,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
         _ => {
             let order = order(&args.order)?;
-            let mut controller = Controller::connect(&domain, &args.session, timeout)?;
+            let mut controller = match args.order {
+                Ctl::Grab { .. } | Ctl::Drag { .. } | Ctl::LetGo { .. } => {
+                    Controller::connect_as(&domain, &args.session, timeout, HAND)?
+                }
+                _ => Controller::connect(&domain, &args.session, timeout)?,
+            };
             let step = match args.order {
                 Ctl::Seek { step } => step,
                 _ => args.at_step,
@@ -256,18 +341,6 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
                 numbers: numbers.iter().cloned().collect(),
             }),
         },
-        Ctl::Gravity { gravity } => Order::Gravity {
-            gravity: vector(gravity)?,
-        },
-        Ctl::MoveCollider {
-            collider,
-            translation,
-            rotation_deg,
-        } => Order::MoveCollider {
-            collider: collider.clone(),
-            translation: vector(translation)?,
-            rotation_deg: vector_or_zero(rotation_deg)?,
-        },
         Ctl::Pin {
             object,
             point,
@@ -278,6 +351,26 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
             radius: *radius,
         },
         Ctl::Release { object } => Order::Release {
+            object: object.clone(),
+        },
+        Ctl::Grab {
+            object,
+            point,
+            to,
+            radius,
+            steps,
+        } => Order::Grab {
+            object: object.clone(),
+            point: vector(point)?,
+            to: to.as_deref().map(vector).transpose()?,
+            radius: *radius,
+            steps: *steps,
+        },
+        Ctl::Drag { object, to } => Order::Drag {
+            object: object.clone(),
+            to: vector(to)?,
+        },
+        Ctl::LetGo { object } => Order::LetGo {
             object: object.clone(),
         },
         Ctl::Force {
@@ -292,6 +385,59 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
             torque: vector_or_zero(torque)?,
             point: point.as_deref().map(vector).transpose()?,
             radius: *radius,
+        },
+        other => return edit(other),
+    })
+}
+
+/// The order of a subcommand that edits an object.
+fn edit(ctl: &Ctl) -> anyhow::Result<Order> {
+    let vectors = |place: &Place| {
+        let vector = |numbers: &Option<Vec<f64>>| numbers.as_deref().map(vector).transpose();
+        anyhow::Ok((vector(&place.at)?, vector(&place.rotation_deg)?))
+    };
+    Ok(match ctl {
+        Ctl::SetPose { object, place } => {
+            let (position, rotation_deg) = vectors(place)?;
+            Order::SetPose {
+                object: object.clone(),
+                position,
+                rotation_deg,
+            }
+        }
+        Ctl::BringIn { object, place } => {
+            let (position, rotation_deg) = vectors(place)?;
+            Order::BringIn {
+                object: object.clone(),
+                position,
+                rotation_deg,
+            }
+        }
+        Ctl::SetFidelity { object, fidelity } => Order::SetFidelity {
+            object: object.clone(),
+            fidelity: *fidelity,
+        },
+        Ctl::Remove { object } => Order::Remove {
+            object: object.clone(),
+        },
+        other => return order_to_server(other),
+    })
+}
+
+/// The order of a subcommand that concerns no object.
+fn order_to_server(ctl: &Ctl) -> anyhow::Result<Order> {
+    Ok(match ctl {
+        Ctl::Gravity { gravity } => Order::Gravity {
+            gravity: vector(gravity)?,
+        },
+        Ctl::MoveCollider {
+            collider,
+            translation,
+            rotation_deg,
+        } => Order::MoveCollider {
+            collider: collider.clone(),
+            translation: vector(translation)?,
+            rotation_deg: vector_or_zero(rotation_deg)?,
         },
         Ctl::ColliderVelocity {
             collider,
@@ -308,6 +454,8 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
         Ctl::Restore { snapshot } => Order::Restore {
             snapshot: *snapshot,
         },
+        Ctl::Undo => Order::Undo,
+        Ctl::Redo => Order::Redo,
         Ctl::Step { count } => Order::Step { count: *count },
         Ctl::Checkpoint => Order::Checkpoint,
         Ctl::Pause => Order::Pause,
@@ -315,7 +463,7 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
         Ctl::Seek { .. } => Order::Seek,
         Ctl::Reset => Order::Reset,
         Ctl::Stop => Order::Stop,
-        Ctl::Script { .. } | Ctl::Status | Ctl::List => bail!("not an order"),
+        _ => bail!("not an order"),
     })
 }
 
@@ -342,12 +490,12 @@ fn key_and_number(text: &str) -> Result<(String, f64), String> {
 }
 
 /// The wire form of a material.
-fn material(value: &MaterialValue) -> Result<MaterialSpec, String> {
+pub fn material(value: &MaterialValue) -> Result<MaterialSpec, String> {
     let numbers = value
         .numbers
         .iter()
         .map(|(key, number)| (key.as_str(), *number));
-    let material = Material::stated(value.preset.as_deref(), value.law.as_deref(), numbers)
+    let material = stated::material(value.preset.as_deref(), value.law.as_deref(), numbers)
         .map_err(|error| error.to_string())?;
     Ok(MaterialSpec {
         law: material.law.id(),
@@ -388,90 +536,4 @@ fn report(args: &Args, answers: &[Answer]) -> anyhow::Result<()> {
         None => Ok(()),
         Some(reason) => bail!("refused: {reason}"),
     }
-}
-
-fn list(domain: &Domain, json: bool) -> anyhow::Result<()> {
-    let sessions = list_sessions(domain);
-    if json {
-        let rows: Vec<_> = sessions
-            .iter()
-            .map(|s| json!({ "session": s.name, "pid": s.pid }))
-            .collect();
-        say!("{}", json!({ "sessions": rows }))?;
-    } else if sessions.is_empty() {
-        say!("no session is running; start one with: cosplat serve SCENE.toml")?;
-    } else {
-        for session in &sessions {
-            say!("{}  (process {})", session.name, session.pid)?;
-        }
-    }
-    Ok(())
-}
-
-fn status(domain: &Domain, args: &Args, timeout: Duration) -> anyhow::Result<()> {
-    let client = Client::connect(domain, &args.session, "controller", timeout)?;
-    let mut reader = client.status()?;
-    let status = reader
-        .next(timeout)?
-        .with_context(|| format!("session \"{}\" sent no status", args.session))?;
-    if args.json {
-        say!("{}", status_json(&status))?;
-    } else {
-        say!(
-            "{} at step {}, {:.3} s simulated: {:.1} steps/s, {:.2} x real time, dt {:.3e} s\n\
-             energy {:.4} J kinetic, {:.4} J elastic, {:.4} J potential\n\
-             {} frames published, {} skipped; {} commands accepted, {} refused; {} particles left, {} quarantined",
-            state_name(&status),
-            status.step,
-            status.sim_time,
-            status.steps_per_second,
-            status.real_time_factor,
-            status.dt,
-            status.kinetic_energy,
-            status.elastic_energy,
-            status.potential_energy,
-            status.frames_published,
-            status.frames_skipped,
-            status.commands_accepted,
-            status.commands_refused,
-            status.particles_left,
-            status.particles_quarantined,
-        )?;
-    }
-    Ok(())
-}
-
-fn state_name(status: &Status) -> &'static str {
-    match status.server_state {
-        SERVER_PAUSED => "paused",
-        SERVER_STOPPING => "stopping",
-        SERVER_WAITING => "waiting",
-        _ => "running",
-    }
-}
-
-fn status_json(status: &Status) -> serde_json::Value {
-    json!({
-        "state": state_name(status),
-        "step": status.step,
-        "sim_time": status.sim_time,
-        "steps_per_second": status.steps_per_second,
-        "real_time_factor": status.real_time_factor,
-        "modelled_fraction": status.modelled_fraction,
-        "dt": status.dt,
-        "kinetic_energy": status.kinetic_energy,
-        "elastic_energy": status.elastic_energy,
-        "potential_energy": status.potential_energy,
-        "linear_momentum": status.linear_momentum,
-        "angular_momentum": status.angular_momentum,
-        "frames_published": status.frames_published,
-        "frames_skipped": status.frames_skipped,
-        "rollbacks": status.rollbacks,
-        "particles_left": status.particles_left,
-        "particles_quarantined": status.particles_quarantined,
-        "commands_accepted": status.commands_accepted,
-        "commands_refused": status.commands_refused,
-        "state_hash": format!("{:016x}", status.state_hash),
-        "pid": status.pid,
-    })
 }

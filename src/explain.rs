@@ -1,7 +1,5 @@
 //! `cosplat explain`: what a scene file means, in scene units, and a picture of what cannot be seen.
 
-mod precision;
-
 use std::{
     fmt::{self, Write},
     fs,
@@ -14,13 +12,10 @@ use cosplat_scene::{
     diagram::diagram,
     load::{LoadedScene, load_scene_with},
     scene_file::{AssetReport, AssetSource},
-    summary::{Extent, ObjectSummary, SceneSummary},
+    summary::{Extent, ObjectSummary, SceneSummary, turned, vector},
 };
-use cosplat_sim_core::{
-    World,
-    scene::{ColliderShape, ProbeKind, Scene, Surface},
-};
-use precision::PrecisionHint;
+use cosplat_semantics::show;
+use cosplat_sim_core::World;
 use serde::Serialize;
 
 use crate::say;
@@ -37,6 +32,9 @@ pub struct Args {
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
+    /// Draw the scene's objects in colours, with their names.
+    #[arg(long, value_name = "OUT.png")]
+    picture: Option<PathBuf>,
     /// Write the scene's Gaussians with boxes, pinned regions, domain and colliders drawn in.
     #[arg(long, value_name = "OUT.ply")]
     ply: Option<PathBuf>,
@@ -53,6 +51,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let bytes = ply::write(&diagram(&loaded.scene));
         fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
     }
+    if let Some(path) = &args.picture {
+        show::scene(&loaded).write(path)?;
+    }
     if args.json {
         say!("{}", serde_json::to_string(&explanation)?)?;
     } else {
@@ -65,11 +66,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 struct Explanation {
     #[serde(flatten)]
     summary: SceneSummary,
-    precision: Option<PrecisionHint>,
     assets: Vec<Asset>,
-    colliders: Vec<Collider>,
-    pinned_regions: Vec<Pinned>,
-    probes: Vec<String>,
     warnings: Vec<String>,
 }
 
@@ -83,30 +80,6 @@ struct Asset {
     placed_box: Extent,
 }
 
-#[derive(Serialize)]
-struct Pinned {
-    /// Before it is turned.
-    #[serde(flatten)]
-    extent: Extent,
-    /// About its middle.
-    rotation: [f64; 4],
-}
-
-#[derive(Serialize)]
-struct Collider {
-    name: String,
-    shape: &'static str,
-    /// Where its origin is; a point of the surface of a half-space.
-    point: [f64; 3],
-    /// Of a half-space.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    normal: Option<[f64; 3]>,
-    surface: &'static str,
-    /// That of what meets it when absent.
-    friction: Option<f64>,
-    restitution: f64,
-}
-
 impl Explanation {
     fn new(loaded: &LoadedScene) -> Self {
         let LoadedScene { scene, report, .. } = loaded;
@@ -114,19 +87,8 @@ impl Explanation {
         let refusal = World::check_scene(scene).err();
         let refusal = refusal.map(|error| format!("this scene cannot be simulated: {error}"));
         Self {
-            precision: PrecisionHint::new(&summary),
             summary,
             assets: report.assets.iter().map(asset).collect(),
-            colliders: colliders(scene),
-            pinned_regions: scene
-                .pinned_regions
-                .iter()
-                .map(|r| Pinned {
-                    extent: r.bounds.bounds.into(),
-                    rotation: r.bounds.rotation,
-                })
-                .collect(),
-            probes: probes(scene),
             warnings: (report.warnings.iter().map(ToString::to_string))
                 .chain(refusal)
                 .collect(),
@@ -146,86 +108,6 @@ fn asset(report: &AssetReport) -> Asset {
         raw_box: report.raw_bounds.into(),
         placed_box: report.placed_bounds.into(),
     }
-}
-
-fn colliders(scene: &Scene) -> Vec<Collider> {
-    let collider = |c: &cosplat_sim_core::scene::Collider| {
-        let normal = match c.shape {
-            ColliderShape::HalfSpace { normal } => Some(normal),
-            _ => None,
-        };
-        Collider {
-            name: c.name.clone(),
-            shape: match c.shape {
-                ColliderShape::HalfSpace { .. } => "half-space",
-                ColliderShape::Box { .. } => "box",
-                ColliderShape::Sphere { .. } => "sphere",
-                ColliderShape::Cylinder { .. } => "cylinder",
-                ColliderShape::Capsule { .. } => "capsule",
-                ColliderShape::Mesh(_) => "mesh",
-            },
-            point: c.pose.translation,
-            normal,
-            surface: match c.surface {
-                Surface::Sticky => "sticky",
-                Surface::Slip => "slip",
-                Surface::Separate => "separate",
-            },
-            friction: c.friction,
-            restitution: c.restitution,
-        }
-    };
-    scene.colliders.iter().map(collider).collect()
-}
-
-fn probes(scene: &Scene) -> Vec<String> {
-    let name = |object: usize| scene.objects.get(object).map_or("?", |o| o.name.as_str());
-    let probe = |p: &cosplat_sim_core::scene::Probe| {
-        let what = match p.kind {
-            ProbeKind::Extent { object, share } if share < 1.0 => {
-                format!("extent of {share} of {}", name(object))
-            }
-            ProbeKind::Extent { object, .. } => format!("extent of {}", name(object)),
-            ProbeKind::Point { position } => format!("point {}", vector(position)),
-            ProbeKind::Deviation { object, bounds, .. } => match bounds {
-                Some(b) => format!(
-                    "deviation of {} between {} and {}{}",
-                    name(object),
-                    vector(b.bounds.min),
-                    vector(b.bounds.max),
-                    turned(b.rotation)
-                ),
-                None => format!("deviation of {}", name(object)),
-            },
-            ProbeKind::MaterialPoint { object, position } => {
-                format!("material point of {} at {}", name(object), vector(position))
-            }
-        };
-        format!("{}: {what}", p.name)
-    };
-    scene.probes.iter().map(probe).collect()
-}
-
-/// A vector with five significant digits or so, without the dust of rounding.
-fn vector(v: [f64; 3]) -> String {
-    let number = |x: f64| {
-        let rounded = (x * 1e5).round() / 1e5;
-        // Also turns -0 to 0.
-        format!("{}", rounded + 0.0)
-    };
-    format!("({})", v.map(number).join(", "))
-}
-
-/// How a box is turned about its middle; nothing where it is not.
-fn turned(rotation: [f64; 4]) -> String {
-    let [x, y, z, w] = rotation;
-    let sine = (x * x + y * y + z * z).sqrt();
-    if sine == 0.0 {
-        return String::new();
-    }
-    let angle = 2.0 * sine.atan2(w).to_degrees();
-    let axis = [x, y, z].map(|n| n / sine);
-    format!(", turned by {angle:.1} degrees about {}", vector(axis))
 }
 
 fn extent(e: &Extent) -> String {
@@ -257,7 +139,7 @@ impl fmt::Display for Explanation {
                 s.memory_bytes as f64 / 1e6
             )?;
         }
-        if let Some(hint) = &self.precision {
+        if let Some(hint) = &s.precision {
             write!(f, "{hint}")?;
         }
         writeln!(f, "domain     {}", extent(&s.domain))?;
@@ -283,7 +165,7 @@ impl fmt::Display for Explanation {
         for object in &s.objects {
             f.write_str(&object_text(object))?;
         }
-        for c in &self.colliders {
+        for c in &s.colliders {
             let normal = c.normal.map(|n| format!(", normal {}", vector(n)));
             let friction = c.friction.map(|friction| friction.to_string());
             writeln!(
@@ -298,11 +180,11 @@ impl fmt::Display for Explanation {
                 c.restitution
             )?;
         }
-        for region in &self.pinned_regions {
+        for region in &s.pinned_regions {
             let (place, turn) = (extent(&region.extent), turned(region.rotation));
             writeln!(f, "pinned     {place}{turn}")?;
         }
-        for probe in &self.probes {
+        for probe in &s.probes {
             writeln!(f, "probe      {probe}")?;
         }
         for warning in &self.warnings {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use cosplat_recorder::survey::{RunSurvey, Survey};
+use cosplat_replay::survey::{RunSurvey, Survey};
 
 use crate::say;
 
@@ -80,6 +80,13 @@ fn print(n: usize, run: &RunSurvey) -> anyhow::Result<()> {
     }
     if run.has_checkpoint {
         say!("  began with a checkpoint, which is in the file")?;
+    }
+    if let (Some(first), Some(last)) = (run.checkpoints.first(), run.checkpoints.last()) {
+        let count = run.checkpoints.len() as u64;
+        say!(
+            "  {count} {} of it, the first after step {first}, the last after step {last}",
+            plural(count, "checkpoint")
+        )?;
     }
     for gap in &run.gaps {
         let reason = serde_json::to_value(gap.reason)?;

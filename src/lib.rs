@@ -3,23 +3,29 @@
 mod bench;
 mod branch;
 pub mod child;
+mod compact;
 pub mod ctl;
 mod demo;
 mod explain;
+mod export;
 mod import;
 mod inspect;
+mod lift;
+mod objects;
 pub mod output;
 pub mod progress;
 pub mod record;
 mod recover;
+mod refine;
 mod replay;
-pub mod resimulate;
-mod seconds;
+pub mod seconds;
 pub mod serve;
 pub mod signals;
 pub mod simulate;
-pub mod verify;
-mod view;
+mod verify;
+pub mod view;
+pub mod viewpoint;
+mod web;
 
 use std::process::ExitCode;
 
@@ -41,18 +47,24 @@ struct Cli {
 enum Command {
     Bench(bench::Args),
     Branch(branch::Args),
+    Compact(compact::Args),
     Ctl(ctl::Args),
     Demo(demo::Args),
     Explain(explain::Args),
+    Export(export::Args),
     Import(import::Args),
     Inspect(inspect::Args),
+    Lift(lift::LiftArgs),
+    Objects(objects::Args),
     Record(record::Args),
     Recover(recover::Args),
+    Refine(refine::Args),
     Replay(replay::Args),
     Serve(serve::Args),
     Simulate(simulate::Args),
     Verify(verify::Args),
     View(view::Args),
+    Views(lift::ViewsArgs),
 }
 
 /// The program `cosplat`: reads its command line and does what it says.
@@ -64,18 +76,24 @@ pub fn main() -> ExitCode {
     exit_code(prepared.and_then(|()| match cli.command {
         Command::Bench(args) => bench::run(&args),
         Command::Branch(args) => branch::run(&args),
+        Command::Compact(args) => compact::run(&args),
         Command::Ctl(args) => ctl::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Explain(args) => explain::run(&args),
+        Command::Export(args) => export::run(&args),
         Command::Import(args) => import::run(&args),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Lift(args) => lift::run(&args),
+        Command::Objects(args) => objects::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Recover(args) => recover::run(&args),
+        Command::Refine(args) => refine::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Serve(args) => serve::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Verify(args) => verify::run(&args),
         Command::View(args) => view::run(&args),
+        Command::Views(args) => lift::run_views(&args),
     }))
 }
 

@@ -1,6 +1,8 @@
 //! Progress bars on standard error, silent when that is not a terminal.
 
-use indicatif::{ProgressBar, ProgressStyle};
+use std::cell::RefCell;
+
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 
 /// A bar over `length` units with a free message at its end.
 pub fn bar(label: &str, length: u64) -> ProgressBar {
@@ -21,4 +23,25 @@ pub fn spinner(label: &str) -> ProgressBar {
     bar.set_style(style);
     bar.set_prefix(label.to_owned());
     bar
+}
+
+/// Bars of a work of several parts, which are named one after the other; the bar of a part goes when the next begins. What is
+/// returned takes the part, what of it is done, of how much (0 where nobody knows), and a message.
+pub fn parts() -> impl Fn(&'static str, u64, u64, &str) {
+    let shown = RefCell::new(None::<(&str, ProgressBar)>);
+    move |part, done, of, message| {
+        let mut shown = shown.borrow_mut();
+        if shown.as_ref().is_none_or(|(former, _)| *former != part) {
+            *shown = None;
+            let made = match of {
+                0 => spinner(part),
+                _ => bar(part, of),
+            };
+            *shown = Some((part, made.with_finish(ProgressFinish::AndClear)));
+        }
+        if let Some((_, bar)) = &*shown {
+            bar.set_position(done);
+            bar.set_message(message.to_owned());
+        }
+    }
 }

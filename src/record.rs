@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use cosplat_ipc::Domain;
 use cosplat_recorder::client::{RecordOptions, Summary, record};
+use cosplat_recorder::parts::Split;
 use cosplat_recorder::writer::{Compression, WriterOptions};
 
 use crate::{progress, say, seconds, signals};
@@ -21,6 +22,18 @@ pub struct Args {
     /// Compression of chunks. Moving splats shrink by 0 % (lz4) to 10 % (zstd), at a third of the speed.
     #[arg(long, value_enum, default_value_t = CompressionName::None)]
     compression: CompressionName,
+    /// Go on in another file after the step that brings one to this size: bytes, or with K, M or G behind the number.
+    /// RUN.mcap becomes RUN-0001.mcap, RUN-0002.mcap and so on, each of which can be read by itself.
+    #[arg(long, value_parser = size)]
+    split_size: Option<u64>,
+    /// Go on in another file after this much simulated time [s].
+    #[arg(long, value_parser = seconds::number)]
+    split_duration: Option<f64>,
+    /// Keep a checkpoint of the simulation in the recording at once, and then one each this much simulated time [s]. The server
+    /// writes them to its folder, and the recorder takes them from there. Parts of the recording then begin with one, and can
+    /// be verified and branched by themselves.
+    #[arg(long, value_parser = seconds::positive)]
+    checkpoint_every: Option<f64>,
     /// Stop after this time [s, wall clock]; without it, at the end of the session or on Ctrl-C.
     #[arg(long, value_parser = seconds::duration)]
     duration: Option<Duration>,
@@ -42,6 +55,22 @@ enum CompressionName {
     Zstd,
 }
 
+/// Reads a size of at least a byte.
+fn size(text: &str) -> Result<u64, String> {
+    let (digits, unit) = match text.trim().char_indices().next_back() {
+        Some((at, 'K')) => (&text[..at], 1 << 10),
+        Some((at, 'M')) => (&text[..at], 1 << 20),
+        Some((at, 'G')) => (&text[..at], 1 << 30),
+        _ => (text.trim(), 1),
+    };
+    let bytes = digits.parse().ok().and_then(|n: u64| n.checked_mul(unit));
+    bytes.filter(|bytes| *bytes > 0).ok_or_else(|| {
+        format!(
+            "expected a number of bytes, 1 or more, with K, M or G behind it or not, not {text:?}"
+        )
+    })
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -61,6 +90,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             overwrite: args.force,
             ..Default::default()
         },
+        split: Split {
+            bytes: args.split_size,
+            seconds: args.split_duration,
+        },
+        checkpoint_every: args.checkpoint_every,
         wait: args.wait,
         duration: args.duration,
     };
@@ -98,4 +132,20 @@ fn print(args: &Args, summary: &Summary) -> anyhow::Result<()> {
         say!("latency {p50:.0} us (median), {p99:.0} us (99 %)")?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read_or_refused_in_a_sentence() {
+        assert_eq!(size("1"), Ok(1));
+        assert_eq!(size("64M"), Ok(64 << 20));
+        assert_eq!(size("3G"), Ok(3 << 30));
+        for bad in ["0", "-1", "", "M", "1T", "1e9", "99999999999G"] {
+            let error = size(bad).expect_err(bad);
+            assert!(error.contains(&format!("{bad:?}")), "{error}");
+        }
+    }
 }

@@ -5,12 +5,12 @@ use std::{path::PathBuf, sync::atomic::AtomicBool, time::Duration};
 use anyhow::{Context, anyhow, bail};
 use clap::ValueEnum;
 use cosplat_ipc::Domain;
-use cosplat_scene::load::{LoadedScene, load_scene};
-use cosplat_server::{
-    lockstep::{LockstepOptions, Policy, Terms},
+use cosplat_pacing::{
+    lockstep::{LockstepOptions, Policy, Terms, check_name},
     pace::Pace,
-    serve::{ServeOptions, ServeSummary, serve},
 };
+use cosplat_scene::load::{LoadedScene, load_scene};
+use cosplat_server::serve::{ServeOptions, ServeSummary, serve};
 use serde_json::json;
 
 use crate::{note, say, seconds, signals};
@@ -129,12 +129,7 @@ fn participant(text: &str, terms: Terms) -> anyhow::Result<(String, Option<Terms
         None => (text, None),
         Some((name, own)) => (name, Some(own)),
     };
-    let plain = |b: u8| b.is_ascii_alphanumeric() || b"-_.".contains(&b);
-    if name.is_empty() || name.len() > 48 || !name.bytes().all(plain) {
-        bail!(
-            "{name:?} is no participant's name: expected 1 to 48 of the characters a-z A-Z 0-9 - _ ."
-        );
-    }
+    check_name(name).map_err(|error| anyhow!(error))?;
     let Some(own) = own else {
         return Ok((name.into(), None));
     };

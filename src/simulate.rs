@@ -10,18 +10,19 @@ use std::{
 };
 
 use anyhow::{Context, bail};
+use cosplat_reference::ReferenceWorld;
 use cosplat_scene::load::load_scene_with;
 use cosplat_sim_core::{
-    ContactEpisode, DtLimit, Isa, ObjectState, ReferenceWorld, Scene, StepReport, Work,
+    ContactEpisode, DtLimit, Isa, ObjectState, Scene, StepReport, Work,
     moments::{Matter, matter},
     notices::Notices,
     probe::{Measured, Probes},
     report::{Timings, Torn},
-    scene::Part,
+    scene::{Object, Part, Solver},
 };
 use serde::Serialize;
 
-use crate::{note, progress, say, signals};
+use crate::{note, progress, say, seconds, signals};
 
 /// Run a scene without shared memory and report every frame as a JSON line.
 #[derive(clap::Args)]
@@ -33,7 +34,7 @@ pub struct Args {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
     /// Simulated seconds to run; rounded up to whole frames.
-    #[arg(long, value_parser = positive)]
+    #[arg(long, value_parser = seconds::positive)]
     duration: f64,
     /// Where the lines go [default: standard output, as with '-'].
     #[arg(long)]
@@ -50,13 +51,6 @@ pub struct Args {
     /// Print the summary as one JSON object (with --report FILE).
     #[arg(long)]
     json: bool,
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if (1e-9..=1e6).contains(&value) => Ok(value),
-        _ => Err("expected a number of seconds, 1e-9 to 1e6".into()),
-    }
 }
 
 fn isa(text: &str) -> Result<Isa, String> {
@@ -381,6 +375,13 @@ impl World {
         if args.f64 {
             if scene.conditions.settle > 0.0 {
                 bail!("--f64 cannot let a scene come to rest: add --set settle=0");
+            }
+            let solid = |o: &&Object| o.solver == Solver::Lagrangian;
+            if let Some(object) = scene.objects.iter().find(solid) {
+                let name = &object.name;
+                bail!(
+                    "--f64 has no solver = \"lagrangian\", which object `{name}` has: set it to \"spatial\""
+                );
             }
             return Ok(Self::Reference(Box::new(ReferenceWorld::new(scene))));
         }

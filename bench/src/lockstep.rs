@@ -4,12 +4,13 @@
 //! One participant asks the two in turn, so that both meet the same load.
 
 use std::{
-    path::PathBuf,
+    path::{Path, PathBuf},
     process::{Command, Stdio},
     time::{Duration, Instant},
 };
 
 use anyhow::{Context, ensure};
+use cosplat::say;
 use cosplat_ipc::{
     Client, Domain,
     client::{ConnectError, Participant},
@@ -56,6 +57,9 @@ pub struct Args {
     /// Steps, and bare requests.
     #[arg(long, default_value_t = 2000, value_parser = clap::value_parser!(u32).range(10..))]
     rounds: u32,
+    /// Measure with this scene; without it, with one small block that floats.
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
@@ -79,13 +83,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         page::check(path, &[PART])?;
     }
     let domain = Domain::named(&format!("step{}", std::process::id() % 100_000))?;
-    let measured = measure(&domain, args.rounds);
+    let measured = measure(&domain, args.scene.as_deref(), args.rounds);
     domain.discard();
     let report = measured?;
     if args.json {
-        println!("{}", serde_json::to_string(&report)?);
+        say!("{}", serde_json::to_string(&report)?)?;
     } else {
-        println!("{}", report.table());
+        say!("{}", report.table())?;
     }
     if let Some(path) = &args.table {
         let caption = Run::here().caption("three processes");
@@ -94,10 +98,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn measure(domain: &Domain, rounds: u32) -> anyhow::Result<Report> {
+fn measure(domain: &Domain, scene: Option<&Path>, rounds: u32) -> anyhow::Result<Report> {
     let folder = tempfile::tempdir()?;
-    let scene = folder.path().join("scene.toml");
-    std::fs::write(&scene, SCENE)?;
+    let scene = match scene {
+        Some(path) => path.to_owned(),
+        None => {
+            let path = folder.path().join("scene.toml");
+            std::fs::write(&path, SCENE)?;
+            path
+        }
+    };
     let start = |arguments: &[&str]| -> anyhow::Result<Owned> {
         let mut command = Command::new(std::env::current_exe()?);
         command
@@ -110,7 +120,7 @@ fn measure(domain: &Domain, rounds: u32) -> anyhow::Result<Report> {
     };
     let scene = scene
         .to_str()
-        .context("the temporary folder has no plain name")?;
+        .context("the path of the scene is not plain text")?;
     let _server = start(&[
         "serve",
         scene,

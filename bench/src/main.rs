@@ -8,11 +8,13 @@
 )]
 
 mod chart;
+mod faults;
 mod kernel;
 mod lockstep;
 mod machine;
 mod page;
 mod precision;
+mod recording;
 mod scenes;
 mod stability;
 mod table1;
@@ -40,9 +42,11 @@ struct Cli {
 #[derive(Subcommand)]
 enum What {
     Documents(Documents),
+    Faults(faults::Args),
     Kernel(kernel::Args),
     Lockstep(lockstep::Args),
     Precision(precision::Args),
+    Recording(recording::Args),
     Scenes(scenes::Args),
     Stability(stability::Args),
     Table1(table1::Args),
@@ -57,6 +61,8 @@ enum What {
     Serve(cosplat::serve::Args),
     #[command(hide = true)]
     Simulate(cosplat::simulate::Args),
+    #[command(hide = true)]
+    View(cosplat::view::Args),
 }
 
 /// Validate, map stability and chart precision at full size, and write all their pages.
@@ -94,11 +100,15 @@ fn documents(folder: &Path) -> anyhow::Result<()> {
 
 fn main() -> ExitCode {
     cosplat::start_logging();
-    cosplat::exit_code(match Cli::parse().what {
+    // What records here is to say that its disk is full.
+    let prepared = signals::outlive_full_files();
+    cosplat::exit_code(prepared.and_then(|()| match Cli::parse().what {
         What::Documents(args) => documents(&args.folder),
+        What::Faults(args) => faults::run(&args),
         What::Kernel(args) => kernel::run(&args),
         What::Lockstep(args) => lockstep::run(&args),
         What::Precision(args) => precision::run(&args),
+        What::Recording(args) => recording::run(&args),
         What::Scenes(args) => scenes::run(&args),
         What::Stability(args) => stability::run(&args),
         What::Table1(args) => table1::run(&args),
@@ -108,5 +118,6 @@ fn main() -> ExitCode {
         What::Record(args) => cosplat::record::run(&args),
         What::Serve(args) => cosplat::serve::run(&args),
         What::Simulate(args) => cosplat::simulate::run(&args),
-    })
+        What::View(args) => cosplat::view::run(&args),
+    }))
 }

@@ -10,7 +10,9 @@ use std::{
 };
 
 use anyhow::{Context, ensure};
-use cosplat_scene::load::{LoadedScene, load_scene, load_text};
+use cosplat::{note, say, seconds};
+use cosplat_scene::load::{LoadedScene, load_text};
+use cosplat_sim_core::{Scene, World, scene::Solver};
 
 use crate::{machine::Run, page, progress};
 use kernel_rate::KernelRates;
@@ -27,11 +29,14 @@ pub struct Args {
     #[arg(long, value_name = "DIR", env = "COSPLAT_TEST_DATA")]
     data: Option<PathBuf>,
     /// Simulated seconds of every scene.
-    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = seconds)]
+    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = seconds::positive)]
     duration: f64,
     /// Threads.
     #[arg(long, value_delimiter = ',', default_values = ["1", "2"], value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Vec<u16>,
+    /// Run every scene also with all objects on grids of their own that may be, each right after its run as it is.
+    #[arg(long)]
+    lagrangian: bool,
     /// Print one JSON object per scene and number of threads.
     #[arg(long)]
     json: bool,
@@ -40,27 +45,24 @@ pub struct Args {
     table: Option<PathBuf>,
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if (1e-6..=1e4).contains(&value) => Ok(value),
-        _ => Err("expected a number of seconds, 1e-6 to 1e4".into()),
-    }
-}
-
-/// Scene files that the arguments name, in the order of their names.
-fn files(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+/// Scene files that the arguments name with their texts, in the order of their names.
+fn files(paths: &[PathBuf]) -> anyhow::Result<Vec<(PathBuf, String)>> {
     let mut found = Vec::new();
     for path in paths {
         if !path.is_dir() {
-            found.push(path.clone());
+            found.push((path.clone(), read(path)?));
             continue;
         }
         let unreadable = || format!("cannot read the folder {}", path.display());
         let mut inside = Vec::new();
         for entry in fs::read_dir(path).with_context(unreadable)? {
             let file = entry.with_context(unreadable)?.path();
-            if file.extension().is_some_and(|end| end == "toml") && is_scene(&file)? {
-                inside.push(file);
+            if file.extension().is_none_or(|end| end != "toml") {
+                continue;
+            }
+            let text = read(&file)?;
+            if is_scene(&file, &text)? {
+                inside.push((file, text));
             }
         }
         inside.sort();
@@ -74,25 +76,37 @@ fn files(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
+fn read(path: &Path) -> anyhow::Result<String> {
+    fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
 /// Whether a file has objects: scripts of commands lie beside the scenes that they are for.
-fn is_scene(path: &Path) -> anyhow::Result<bool> {
-    let text =
-        fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+fn is_scene(path: &Path, text: &str) -> anyhow::Result<bool> {
     let table: toml::Table = text
         .parse()
         .with_context(|| format!("{} is not TOML", path.display()))?;
     Ok(table.contains_key("objects"))
 }
 
-/// The scene of a file, whose captures lie beside it or in `data`.
-fn load(path: &Path, data: Option<&Path>) -> anyhow::Result<LoadedScene> {
-    let beside = load_scene(path);
+/// The scene of a file with this text, whose captures lie beside it or in `data`.
+fn load(path: &Path, text: &str, data: Option<&Path>) -> anyhow::Result<LoadedScene> {
+    let beside = load_text(text.to_owned(), path);
     let (Err(_), Some(data), Some(name)) = (&beside, data, path.file_name()) else {
         return Ok(beside?);
     };
-    let text =
-        fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    Ok(load_text(text, &data.join(name))?)
+    Ok(load_text(text.to_owned(), &data.join(name))?)
+}
+
+/// The scene with all objects on grids of their own that may be.
+fn on_grids_of_their_own(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    for object in 0..scene.objects.len() {
+        let before = std::mem::replace(&mut scene.objects[object].solver, Solver::Lagrangian);
+        if World::check_scene(&scene).is_err() {
+            scene.objects[object].solver = before;
+        }
+    }
+    scene
 }
 
 /// Runs the measurement.
@@ -109,31 +123,34 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let bar = progress::bar("bench scenes", (files.len() * args.threads.len()) as u64);
     let mut kernel = KernelRates::default();
     let mut rows: Vec<Row> = Vec::new();
-    for file in &files {
+    for (file, text) in &files {
         bar.set_message(file.display().to_string());
-        let scene = load(file, args.data.as_deref())?.scene;
+        let scene = load(file, text, args.data.as_deref())?.scene;
+        let own = args.lagrangian.then(|| on_grids_of_their_own(&scene));
         for &threads in &args.threads {
-            let measured = run_scene(&scene, args.duration, threads)?;
-            let row = Row {
-                scene: file.display().to_string(),
-                threads,
-                kernel: kernel.of_scene(&scene, threads)?,
-                measured,
-            };
-            let text = if args.json {
-                line(&row, &here).to_string()
-            } else {
-                sentence(&row)
-            };
-            bar.suspend(|| println!("{text}"));
-            rows.push(row);
+            for (scene, suffix) in [(Some(&scene), ""), (own.as_ref(), ", lagrangian")] {
+                let Some(scene) = scene else { continue };
+                let row = Row {
+                    scene: format!("{}{suffix}", file.display()),
+                    threads,
+                    kernel: kernel.of_scene(scene, threads)?,
+                    measured: run_scene(scene, args.duration, threads)?,
+                };
+                let text = if args.json {
+                    line(&row, &here).to_string()
+                } else {
+                    sentence(&row)
+                };
+                bar.suspend(|| say!("{text}"))?;
+                rows.push(row);
+            }
             bar.inc(1);
         }
     }
     bar.finish_and_clear();
     if let Some(path) = &args.table {
         page::put(path, &[(report::PART, table(&rows, args.duration, &here))])?;
-        eprintln!("wrote {}", path.display());
+        note!("wrote {}", path.display());
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! `cosplat bench table1`: the paper's Table I, counted instead of claimed.
 
 use anyhow::Context;
+use cosplat::say;
 use cosplat_scene::load::load_text;
 use cosplat_sim_core::{Work, World, scene::ContactMethod};
 use serde::Serialize;
@@ -160,8 +161,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     bar.finish_and_clear();
     match args.json {
-        true => println!("{}", serde_json::to_string(&table)?),
-        false => print!("{}", table.text()),
+        true => say!("{}", serde_json::to_string(&table)?)?,
+        false => say!("{}", table.text().trim_end())?,
     }
     Ok(())
 }

@@ -3,6 +3,8 @@
 //! Two processes take turns on every path in every round, so that all paths meet the same load. Times run from
 //! just before the send (for copies: before the copy) until the other process has the whole message.
 
+mod publish;
+
 use std::{
     hint::black_box,
     io::{BufRead, BufReader, Read, Write},
@@ -12,6 +14,7 @@ use std::{
 };
 
 use anyhow::{Context, ensure};
+use cosplat::say;
 use cosplat_ipc::{
     Client, Domain, ServerPorts,
     client::FrameReader,
@@ -25,6 +28,7 @@ use iceoryx2::{
 };
 
 use crate::child::Owned;
+use publish::PublishReport;
 
 const SESSION: &str = "bench";
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -94,11 +98,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let domain = Domain::named(&format!("bench{}", std::process::id()))?;
     let outcome = send(&domain, args.rounds, rounds);
     domain.discard();
-    let report = outcome?;
+    let mut report = outcome?;
+    report.publish = Some(publish::measure(args.rounds as usize)?);
     if args.json {
-        println!("{}", serde_json::to_string(&report)?);
+        say!("{}", serde_json::to_string(&report)?)?;
     } else {
-        report.print();
+        report.print()?;
     }
     Ok(())
 }
@@ -192,7 +197,7 @@ fn bandwidth(ports: &ServerPorts) -> anyhow::Result<(f64, f64)> {
 }
 
 /// Writes every byte of a frame.
-fn fill(gaussians: &mut [GaussianState], step: u64) {
+pub fn fill(gaussians: &mut [GaussianState], step: u64) {
     for (i, gaussian) in gaussians.iter_mut().enumerate() {
         let x = (i as u64 + step) as f32;
         *gaussian = GaussianState {
@@ -351,6 +356,7 @@ struct Report {
     largest_over_smallest_in_place: f64,
     write_in_place_gb_per_s: f64,
     copy_into_loan_gb_per_s: f64,
+    publish: Option<PublishReport>,
 }
 
 impl Report {
@@ -378,21 +384,25 @@ impl Report {
             sizes,
             write_in_place_gb_per_s: write,
             copy_into_loan_gb_per_s: copy,
+            publish: None,
         }
     }
 
-    fn print(&self) {
-        println!(
+    fn print(&self) -> anyhow::Result<()> {
+        say!(
             "one way to another process, median / 99 % of {} [us]",
             self.rounds
-        );
-        println!(
+        )?;
+        say!(
             "{:>10} {:>18} {:>25} {:>25}",
-            "bytes", "in place", "memcpy (ratio)", "Unix socket (ratio)"
-        );
+            "bytes",
+            "in place",
+            "memcpy (ratio)",
+            "Unix socket (ratio)"
+        )?;
         let pair = |l: Latency| format!("{:.1} / {:.1}", l.p50, l.p99);
         for size in &self.sizes {
-            println!(
+            say!(
                 "{:>10} {:>18} {:>25} {:>25}",
                 size.bytes,
                 pair(size.in_place_us),
@@ -406,19 +416,24 @@ impl Report {
                     pair(size.unix_socket_us),
                     size.unix_socket_over_in_place
                 ),
-            );
+            )?;
         }
-        println!(
+        say!(
             "ping of 64 bytes over bare iceoryx2: {}",
             pair(self.ping_64_bytes_us)
-        );
-        println!(
+        )?;
+        say!(
             "in place, largest over smallest: {:.2}x",
             self.largest_over_smallest_in_place
-        );
-        println!(
+        )?;
+        say!(
             "one core writes {:.1} GB/s of Gaussians in place, and copies {:.1} GB/s",
-            self.write_in_place_gb_per_s, self.copy_into_loan_gb_per_s
-        );
+            self.write_in_place_gb_per_s,
+            self.copy_into_loan_gb_per_s
+        )?;
+        match &self.publish {
+            Some(publish) => publish.print(),
+            None => Ok(()),
+        }
     }
 }

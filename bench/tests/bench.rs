@@ -62,6 +62,25 @@ fn the_lockstep_bench_measures_beside_a_bare_request() {
     }
 }
 
+/// Ten faults in each pace; the longer campaigns are in `docs/faults.md`.
+#[test]
+fn a_short_campaign_of_faults_leaves_every_counter_at_zero() {
+    let lines = bench(&["faults", "--events", "40", "--seed", "20", "--json"]);
+    let [report] = lines.as_slice() else {
+        panic!("expected one JSON object, found {}", lines.len());
+    };
+    let counters = report["counters"].as_object().expect("counters");
+    assert!(
+        counters.len() == 8 && counters.values().all(|n| n == 0),
+        "{report}"
+    );
+    assert_eq!(report["acts"], 4, "{report}");
+    let injected = report["injected"].as_object().expect("faults by name");
+    let faults: u64 = injected.values().filter_map(Value::as_u64).sum();
+    assert_eq!(faults, 40, "{report}");
+    assert!(report["steps"].as_u64() > Some(40), "{report}");
+}
+
 #[test]
 fn the_kernel_bench_compares_solver_yardstick_and_reference() {
     let lines = bench(&[

@@ -25,6 +25,11 @@ fn holds(case: &str) {
     }
 }
 
+#[test]
+fn soft_matter_keeps_its_energy_beside_a_stiff_object() {
+    holds("multirate");
+}
+
 /// And not above.
 #[test]
 fn few_particles_are_stable_up_to_the_closed_form_limit() {

@@ -20,7 +20,13 @@
 #endif
 
 /** Hash of the layout of all types: a server with another one in its hello must not be read. */
-#define COSPLAT_SCHEMA_HASH UINT64_C(0x8f6b0ae549f08c6a)
+#define COSPLAT_SCHEMA_HASH UINT64_C(0xdeae37dfe890812e)
+/** All of the object is as its own frame had it last, at another place. */
+#define COSPLAT_CHANGE_PLACED UINT32_C(1)
+/** The object's Gaussians follow, in the world frame. */
+#define COSPLAT_CHANGE_GAUSSIANS UINT32_C(2)
+/** The object's Gaussians follow, in its own frame, and its place: what `CHANGE_PLACED` refers to from now on. */
+#define COSPLAT_CHANGE_FORM UINT32_C(3)
 /** `Command::kind`: add `vector` [N s] to the momentum of `object`. */
 #define COSPLAT_COMMAND_IMPULSE UINT32_C(1)
 /** Impulse `vector` [N s] on the particles of `object` within `radius` of `point`. */
@@ -61,6 +67,28 @@
 #define COSPLAT_COMMAND_STEP UINT32_C(19)
 /** Have a replay go to `apply_at_step`, or to the first recorded step behind it; servers that simulate refuse it. */
 #define COSPLAT_COMMAND_SEEK UINT32_C(20)
+/** Hold the particles of `object` that are within `radius` of `point` by a spring that pulls the point to `vector` [m], for `material.region` steps without `COMMAND_DRAG`, 0 for 60. */
+#define COSPLAT_COMMAND_GRAB UINT32_C(21)
+/** Pull what the sender holds of `object` to `vector` [m], where the spring's end is when the step ends. */
+#define COSPLAT_COMMAND_DRAG UINT32_C(22)
+/** Let go what the sender holds of `object`. */
+#define COSPLAT_COMMAND_LET_GO UINT32_C(23)
+/** Put `object` at rest with its centre of mass at `vector` [m], turned since rest by the rotation vector `point` [rad]; `material.region` is 0 or `POSE_*` flags. */
+#define COSPLAT_COMMAND_SET_POSE UINT32_C(24)
+/** Model `object` as `material.region` says: 1 as one body that stands, 2 as matter, 3 with as little as allowed, 4 as one body. */
+#define COSPLAT_COMMAND_SET_FIDELITY UINT32_C(25)
+/** Take `object` out of the world; it keeps its number. */
+#define COSPLAT_COMMAND_REMOVE UINT32_C(26)
+/** Bring `object` in that was removed or is absent from the beginning, at a pose as of `COMMAND_SET_POSE`. */
+#define COSPLAT_COMMAND_BRING_IN UINT32_C(27)
+/** Back to the state right before the newest edit; the step count goes on. */
+#define COSPLAT_COMMAND_UNDO UINT32_C(28)
+/** Back to the state that the newest `COMMAND_UNDO` left; the step count goes on. */
+#define COSPLAT_COMMAND_REDO UINT32_C(29)
+/** Flag of a pose: the object keeps its place, and `vector` is not read. */
+#define COSPLAT_POSE_KEEP_PLACE UINT32_C(1)
+/** Flag of a pose: the object keeps its rotation, and `point` is not read. */
+#define COSPLAT_POSE_KEEP_ROTATION UINT32_C(2)
 /** The command takes effect at `applied_at_step`. */
 #define COSPLAT_ACK_ACCEPTED UINT32_C(1)
 /** The command is refused and changes nothing; see `reason`. */
@@ -136,8 +164,10 @@ struct cosplat_hello {
     uint64_t epoch;
     /** Release of the server, UTF-8, zero-padded. */
     char server_version[24];
-    /** Zero. */
-    uint64_t reserved[2];
+    /** First step of the recording that the server replays; 0 where it simulates. */
+    uint64_t recorded_first;
+    /** Last step of that recording; 0 where it simulates. */
+    uint64_t recorded_last;
 };
 #define COSPLAT_HELLO_TYPE_NAME "cosplat.Hello"
 COSPLAT_ASSERT(sizeof(struct cosplat_hello) == 64, "cosplat_hello");
@@ -147,7 +177,8 @@ COSPLAT_ASSERT(offsetof(struct cosplat_hello, pid) == 4, "cosplat_hello");
 COSPLAT_ASSERT(offsetof(struct cosplat_hello, schema_hash) == 8, "cosplat_hello");
 COSPLAT_ASSERT(offsetof(struct cosplat_hello, epoch) == 16, "cosplat_hello");
 COSPLAT_ASSERT(offsetof(struct cosplat_hello, server_version) == 24, "cosplat_hello");
-COSPLAT_ASSERT(offsetof(struct cosplat_hello, reserved) == 48, "cosplat_hello");
+COSPLAT_ASSERT(offsetof(struct cosplat_hello, recorded_first) == 48, "cosplat_hello");
+COSPLAT_ASSERT(offsetof(struct cosplat_hello, recorded_last) == 56, "cosplat_hello");
 
 /** One Gaussian: one cache line. */
 struct cosplat_gaussian_state {
@@ -211,11 +242,98 @@ COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, substeps) == 52, "cosplat_f
 COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, flags) == 56, "cosplat_frame_header");
 COSPLAT_ASSERT(offsetof(struct cosplat_frame_header, reserved) == 60, "cosplat_frame_header");
 
+/** 64 bytes of a `changes` message: rows first, then Gaussians. */
+struct cosplat_change_slot {
+    /** As many whole slots as the `ObjectChange` rows take, one after the other; then one `GaussianState` each. */
+    COSPLAT_ALIGNAS(64) uint64_t words[8];
+};
+#define COSPLAT_CHANGE_SLOT_TYPE_NAME "cosplat.v1.ChangeSlot"
+COSPLAT_ASSERT(sizeof(struct cosplat_change_slot) == 64, "cosplat_change_slot");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_change_slot) == 64, "cosplat_change_slot");
+COSPLAT_ASSERT(offsetof(struct cosplat_change_slot, words) == 0, "cosplat_change_slot");
+
+/** How one object has changed. */
+struct cosplat_object_change {
+    /** Object id. */
+    uint32_t object;
+    /** `CHANGE_*`. */
+    uint32_t kind;
+    /** Its first Gaussian in the frame. */
+    uint32_t first;
+    /** Its Gaussians. */
+    uint32_t count;
+    /** The slot of its first Gaussian in this message; 0 for `CHANGE_PLACED`. */
+    uint32_t slot;
+    /** Zero. */
+    uint32_t reserved;
+    /** Where its own frame has its origin [m]; zeros for `CHANGE_GAUSSIANS`. */
+    double position[3];
+    /** World-from-own rotation, unit quaternion xyzw; zeros for `CHANGE_GAUSSIANS`. */
+    double rotation[4];
+};
+#define COSPLAT_OBJECT_CHANGE_TYPE_NAME "cosplat.v1.ObjectChange"
+COSPLAT_ASSERT(sizeof(struct cosplat_object_change) == 80, "cosplat_object_change");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_object_change) == 8, "cosplat_object_change");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_change, object) == 0, "cosplat_object_change");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_change, kind) == 4, "cosplat_object_change");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_change, first) == 8, "cosplat_object_change");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_change, count) == 12, "cosplat_object_change");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_change, slot) == 16, "cosplat_object_change");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_change, reserved) == 20, "cosplat_object_change");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_change, position) == 24, "cosplat_object_change");
+COSPLAT_ASSERT(offsetof(struct cosplat_object_change, rotation) == 48, "cosplat_object_change");
+
+/** User header of `changes`. */
+struct cosplat_changes_header {
+    /** Step count, as in `frame`. */
+    uint64_t step;
+    /** Simulated time at the end of the step [s]. */
+    double sim_time;
+    /** Size of the last substep [s]. */
+    double dt;
+    /** As in `frame`. */
+    uint64_t epoch;
+    /** Hash of the complete simulation state, as in `frame`. */
+    uint64_t state_hash;
+    /** `CLOCK_MONOTONIC` when the message was sent [ns]. */
+    uint64_t publish_ns;
+    /** The step of the message that this one builds on; its own step where it is complete by itself. */
+    uint64_t since;
+    /** Slots in this message. */
+    uint32_t count;
+    /** `ObjectChange` rows in it. */
+    uint32_t objects;
+    /** Gaussians of the whole frame. */
+    uint32_t gaussians;
+    /** Substeps in this step. */
+    uint32_t substeps;
+    /** `FRAME_FLAG_*`. */
+    uint32_t flags;
+    /** Zero. */
+    uint32_t reserved;
+};
+#define COSPLAT_CHANGES_HEADER_TYPE_NAME "cosplat.v1.ChangesHeader"
+COSPLAT_ASSERT(sizeof(struct cosplat_changes_header) == 80, "cosplat_changes_header");
+COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_changes_header) == 8, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, step) == 0, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, sim_time) == 8, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, dt) == 16, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, epoch) == 24, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, state_hash) == 32, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, publish_ns) == 40, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, since) == 48, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, count) == 56, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, objects) == 60, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, gaussians) == 64, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, substeps) == 68, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, flags) == 72, "cosplat_changes_header");
+COSPLAT_ASSERT(offsetof(struct cosplat_changes_header, reserved) == 76, "cosplat_changes_header");
+
 /** One object. */
 struct cosplat_object_state {
     /** Object id. */
     uint32_t id;
-    /** How it is modelled at present: 1 static, 2 MPM, 3 asleep, 4 rigid, 6 nothing is left of it. */
+    /** How it is modelled at present: 1 static, 2 MPM, 3 asleep, 4 rigid, 6 nothing is left of it, 7 removed. */
     uint32_t fidelity;
     /** Mass [kg]. */
     double mass;
@@ -466,7 +584,7 @@ COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, reserved) == 100, "cosplat_
 struct cosplat_material_spec {
     /** Constitutive law, 1 to 9. */
     uint32_t law;
-    /** 0 for the whole object, `n` for its region `n`, counted from 1. */
+    /** 0 for the whole object, `n` for its region `n`, counted from 1. Of `COMMAND_GRAB` a number of steps, of `COMMAND_SET_POSE` and `COMMAND_BRING_IN` flags, of `COMMAND_SET_FIDELITY` a level. */
     uint32_t region;
     /** Young's modulus [Pa]; not read for fluid and rigid matter. */
     double youngs_modulus;
@@ -500,7 +618,7 @@ struct cosplat_command {
     double point[3];
     /** Radius [m]. */
     double radius;
-    /** For `COMMAND_SET_MATERIAL`. */
+    /** For `COMMAND_SET_MATERIAL`; of other kinds `region` alone, where they say so. */
     struct cosplat_material_spec material;
 };
 #define COSPLAT_COMMAND_TYPE_NAME "cosplat.v1.Command"
@@ -720,10 +838,10 @@ struct cosplat_status {
     uint32_t server_state;
     /** Server's process id. */
     uint32_t pid;
-    /** Readers of `frame`. */
+    /** Readers of `frame` and of `changes`. */
     uint32_t frame_readers;
-    /** Zero. */
-    uint32_t reserved;
+    /** Whether the server sends `changes` to those who read it: 1, else 0. */
+    uint32_t has_changes;
 };
 #define COSPLAT_STATUS_TYPE_NAME "cosplat.v1.Status"
 COSPLAT_ASSERT(sizeof(struct cosplat_status) == 224, "cosplat_status");
@@ -754,6 +872,6 @@ COSPLAT_ASSERT(offsetof(struct cosplat_status, dt_object) == 204, "cosplat_statu
 COSPLAT_ASSERT(offsetof(struct cosplat_status, server_state) == 208, "cosplat_status");
 COSPLAT_ASSERT(offsetof(struct cosplat_status, pid) == 212, "cosplat_status");
 COSPLAT_ASSERT(offsetof(struct cosplat_status, frame_readers) == 216, "cosplat_status");
-COSPLAT_ASSERT(offsetof(struct cosplat_status, reserved) == 220, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, has_changes) == 220, "cosplat_status");
 
 #endif

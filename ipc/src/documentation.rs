@@ -62,6 +62,7 @@ fn stream_table() -> String {
     );
     for (stream, payload, header) in [
         (session::FRAME, "[GaussianState]", "FrameHeader"),
+        (session::CHANGES, "[ChangeSlot]", "ChangesHeader"),
         (session::OBJECTS, "[ObjectState]", "ObjectsHeader"),
         (session::CONTACTS, "[Contact]", "ContactsHeader"),
         (session::JOURNAL, "[AppliedCommand]", "JournalHeader"),

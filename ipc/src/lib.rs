@@ -8,6 +8,7 @@
     reason = "loans are filled in place, and services of dead nodes removed by name"
 )]
 
+pub mod assembly;
 #[cfg(test)]
 mod bindings;
 pub mod client;

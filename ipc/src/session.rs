@@ -55,6 +55,12 @@ pub(crate) const FRAME: Stream = Stream {
     max_depth: 64,
     max_held: 8,
 };
+/// Who joins gets a complete message, so that no old one has to be kept.
+pub(crate) const CHANGES: Stream = Stream {
+    name: "changes",
+    history: 0,
+    ..FRAME
+};
 pub(crate) const OBJECTS: Stream = Stream {
     name: "objects",
     ..FRAME

@@ -1,14 +1,20 @@
-//! Shared memory that a process was just making when it was killed.
+//! What a process was just making when it was killed: shared memory, and sockets.
 //!
 //! iceoryx2 makes a segment in three moves: an empty file that its owner may only write, its size, its content
 //! and the right to read. Who opens one waits for the third. Waiting ends after `creation_timeout`, with an
 //! error, but for an empty file it has no end (0.10.0), and nothing ever removes either. So one `kill -9` at the
 //! wrong moment would hold up every process that meets the file: a server that starts, a monitor, a reader.
+//!
+//! A listener's socket is bound before its port is registered, so that of a process killed in between is nobody's.
 
 use std::{
     collections::BTreeMap,
     fs,
-    os::unix::fs::{MetadataExt, PermissionsExt},
+    io::ErrorKind,
+    os::unix::{
+        fs::{FileTypeExt, MetadataExt, PermissionsExt},
+        net::UnixDatagram,
+    },
     path::{Path, PathBuf},
     sync::{Mutex, Once, PoisonError},
     time::{Duration, Instant},
@@ -20,22 +26,24 @@ use crate::{Domain, shm::SHM_DIR};
 const PERIOD: Duration = Duration::from_millis(50);
 /// Looks that see a segment unfinished before it goes. Making one takes well under a millisecond.
 const LOOKS: u32 = 5;
+/// Looks that find nobody behind a socket before it goes: iceoryx2 is to remove those that it knows first.
+const SOCKET_LOOKS: u32 = 60;
 /// Only a crowd of processes that start and die all the time keeps one from joining as long as this.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Mode of a file that is not finished: iceoryx2 lets its owner read it last.
 const UNFINISHED_MODE: u32 = 0o200;
 
-/// Prefixes of the domains that this process uses.
-static WATCHED: Mutex<Vec<String>> = Mutex::new(Vec::new());
+/// Domains that this process uses: prefixes and root folders.
+static WATCHED: Mutex<Vec<(String, PathBuf)>> = Mutex::new(Vec::new());
 
-/// Removes segments of `domain` that stay unfinished, from now on and for as long as this process lives, and
+/// Removes segments of `domain` that stay unfinished, and sockets that stay without an owner, from now on and for as long as this process lives, and
 /// waits until there is none.
 pub(crate) fn watch(domain: &Domain) {
     static THREAD: Once = Once::new();
     {
         let mut watched = WATCHED.lock().unwrap_or_else(PoisonError::into_inner);
-        if !watched.iter().any(|prefix| prefix == domain.prefix()) {
-            watched.push(domain.prefix().into());
+        if !watched.iter().any(|(prefix, _)| prefix == domain.prefix()) {
+            watched.push((domain.prefix().into(), domain.root().into()));
         }
     }
     THREAD.call_once(|| {
@@ -55,7 +63,7 @@ pub(crate) fn watch(domain: &Domain) {
 /// Forgets `domain`.
 pub(crate) fn forget(domain: &Domain) {
     let mut watched = WATCHED.lock().unwrap_or_else(PoisonError::into_inner);
-    watched.retain(|prefix| prefix != domain.prefix());
+    watched.retain(|(prefix, _)| prefix != domain.prefix());
 }
 
 fn run() {
@@ -67,12 +75,17 @@ fn run() {
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .clone();
-        let found = unfinished(|name| watched.iter().any(|prefix| name.starts_with(prefix)));
-        looks.retain(|key, _| found.contains(key));
-        for key in found {
+        let segments =
+            unfinished(|name| watched.iter().any(|(prefix, _)| name.starts_with(prefix)));
+        let sockets = watched.iter().flat_map(|(_, root)| orphans(root));
+        let found: Vec<_> = (segments.into_iter().map(|key| (key, LOOKS)))
+            .chain(sockets.map(|key| (key, SOCKET_LOOKS)))
+            .collect();
+        looks.retain(|key, _| found.iter().any(|(other, _)| other == key));
+        for (key, enough) in found {
             let seen = looks.entry(key.clone()).or_default();
             *seen += 1;
-            if *seen >= LOOKS && inode(&key.0) == Some(key.1) {
+            if *seen >= enough && still(&key) {
                 tracing::info!(file = %key.0.display(), "removing what a killed process left unfinished");
                 // Another process's sweeper may have been faster.
                 let _ = fs::remove_file(&key.0);
@@ -89,6 +102,30 @@ fn unfinished(ours: impl Fn(&str) -> bool) -> Vec<(PathBuf, u64)> {
         .filter(|file| file.file_name().to_str().is_some_and(&ours))
         .filter_map(|file| Some((file.path(), inode(&file.path())?)))
         .collect()
+}
+
+/// Paths and inodes of the sockets in `root` that nobody listens to.
+fn orphans(root: &Path) -> Vec<(PathBuf, u64)> {
+    let files = fs::read_dir(root).into_iter().flatten().flatten();
+    files
+        .filter_map(|file| Some((file.path(), orphan(&file.path())?)))
+        .collect()
+}
+
+/// Inode of the socket if nobody listens to it. One whose owner is stopped takes connections; one of another user is out of
+/// reach. Files of other kinds refuse as well, hence the look at the kind.
+fn orphan(path: &Path) -> Option<u64> {
+    let found = fs::symlink_metadata(path).ok()?;
+    if !found.file_type().is_socket() {
+        return None;
+    }
+    let refused = UnixDatagram::unbound().ok()?.connect(path).err()?;
+    (refused.kind() == ErrorKind::ConnectionRefused).then_some(found.ino())
+}
+
+/// Whether it is as it was found.
+fn still((path, found): &(PathBuf, u64)) -> bool {
+    inode(path).or_else(|| orphan(path)) == Some(*found)
 }
 
 /// Inode of the file if it is not finished. What another user puts there is none of ours, and holds nobody up.

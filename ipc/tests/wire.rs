@@ -2,6 +2,7 @@
 
 mod wire {
     mod attach;
+    mod changes;
     mod child;
     mod commands;
     mod crash;

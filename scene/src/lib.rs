@@ -9,6 +9,7 @@ pub mod binding;
 pub mod diagram;
 pub mod fill;
 pub mod load;
+pub mod materials;
 pub mod scene_file;
 pub mod settings;
 pub mod sources;

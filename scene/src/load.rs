@@ -11,8 +11,11 @@ use std::{
 use cosplat_sim_core::{Scene, scene::TriangleMesh};
 
 use crate::{
-    assets::{self, Gaussians, ReadReport},
-    scene_file::{BuildReport, SceneErrors, SceneFile, build_with_meshes},
+    assets::{
+        self, Gaussians, ReadReport,
+        objects::{Objects, ObjectsError},
+    },
+    scene_file::{BuildReport, SceneErrors, SceneFile, build_with_files},
     settings::{self, SettingError},
     sources::{HeldFile, SourceFile, SourceKind},
 };
@@ -148,11 +151,19 @@ fn build(
         }
         Ok((path, content))
     };
-    let (scene, report) =
-        build_with_meshes(&file, &mut |name| read_asset(read(name)), &mut |name| {
-            read_mesh(read(name))
-        })
-        .map_err(wrong)?;
+    let (scene, report) = build_with_files(
+        &file,
+        &mut |name| read_asset(read(name)),
+        &mut |name| read_mesh(read(name)),
+        &mut |name, asset, rows| {
+            let sources = sources.borrow();
+            let asset = sources.iter().find(|known| known.name == asset);
+            let hash = asset.map_or(0, |asset| asset.hash);
+            drop(sources);
+            read_objects(read(name), hash, rows)
+        },
+    )
+    .map_err(wrong)?;
     Ok(LoadedScene {
         scene,
         file,
@@ -173,6 +184,16 @@ fn read_mesh(found: Found) -> Result<TriangleMesh, Box<dyn Error + Send + Sync>>
 fn read_asset(found: Found) -> Result<(Gaussians, ReadReport), Box<dyn Error + Send + Sync>> {
     let (path, bytes) = found.map_err(|(path, cause)| AssetFile { path, cause })?;
     Ok(assets::read(&path.display().to_string(), &bytes)?)
+}
+
+fn read_objects(
+    found: Found,
+    asset_hash: u64,
+    rows: usize,
+) -> Result<Objects, Box<dyn Error + Send + Sync>> {
+    let (path, bytes) = found.map_err(|(path, cause)| ObjectsError::Read { path, cause })?;
+    let file = path.display().to_string();
+    Ok(Objects::parse(&file, &bytes, asset_hash, rows)?)
 }
 
 #[cfg(test)]

@@ -8,6 +8,12 @@ use serde::Serialize;
 
 use crate::scene_file::bounds_of;
 
+mod precision;
+mod surroundings;
+
+pub use precision::PrecisionHint;
+pub use surroundings::{ColliderSummary, PinnedSummary, turned, vector};
+
 /// Bytes that the solver keeps per particle: state, sorted copy, backup and published arrays.
 const BYTES_PER_PARTICLE: usize = 464;
 /// Bytes per visible Gaussian besides its spherical harmonics and features: rest, binding and one published
@@ -66,6 +72,14 @@ pub struct SceneSummary {
     pub domain: Extent,
     /// Objects.
     pub objects: Vec<ObjectSummary>,
+    /// Colliders.
+    pub colliders: Vec<ColliderSummary>,
+    /// Regions whose matter is held.
+    pub pinned_regions: Vec<PinnedSummary>,
+    /// Probes, in a sentence each.
+    pub probes: Vec<String>,
+    /// How far results are off where the answer is known; none without simulated objects.
+    pub precision: Option<PrecisionHint>,
 }
 
 /// One object.
@@ -134,7 +148,7 @@ impl SceneSummary {
         let particles = scene.particles.position.len();
         let g = &scene.gaussians;
         let per_gaussian = BYTES_PER_GAUSSIAN + 4 * (g.sh_stride() + g.feature_dim as usize);
-        Self {
+        let mut summary = Self {
             name: scene.name.clone(),
             gravity: scene.gravity,
             dx: scene.dx,
@@ -152,7 +166,13 @@ impl SceneSummary {
             memory_bytes: particles * BYTES_PER_PARTICLE + g.len() * per_gaussian,
             domain: scene.domain.into(),
             objects,
-        }
+            colliders: surroundings::colliders(scene),
+            pinned_regions: surroundings::pinned_regions(scene),
+            probes: surroundings::probes(scene),
+            precision: None,
+        };
+        summary.precision = PrecisionHint::new(&summary);
+        summary
     }
 }
 

@@ -1,24 +1,35 @@
 //! Between wire types and solver types: written by hand, so that neither side's layout leaks into the other.
 
 use cosplat_ipc::schema::{self as wire, padded};
+use cosplat_pacing::steering::Control;
 use cosplat_scene::sources::{SourceFile, SourceKind};
 use cosplat_sim_core::{
-    Action, Contact, ContactPartner, ObjectState, Scene,
+    Action, Contact, ContactPartner, HoldChange, ObjectState, Place, Scene,
     materials::{Law, Material, laws::LAWS},
     pose::GaussianPose,
-    scene::{Object, Pose},
+    scene::{Fidelity, Object, Pose},
 };
-
-use crate::steering::Control;
 
 /// Why a wire command cannot become an action, whatever the state of the world.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WireError {
     /// `kind` is none of the known ones.
-    #[error("command kind {kind} is unknown: expected 1 to 20")]
+    #[error("command kind {kind} is unknown: expected 1 to {}", wire::COMMAND_REDO)]
     UnknownKind {
         /// The value sent.
         kind: u32,
+    },
+    /// `material.region` says no model level.
+    #[error("fidelity {fidelity} is unknown: expected 1 static, 2 mpm, 3 auto or 4 rigid")]
+    UnknownFidelity {
+        /// The value sent.
+        fidelity: u32,
+    },
+    /// `material.region` has flags that no pose has.
+    #[error("the flags {flags} of the pose are unknown: expected 0 to 3")]
+    UnknownFlags {
+        /// The value sent.
+        flags: u32,
     },
     /// Only a replay can go to a step.
     #[error("this session simulates and cannot go to a step: only a replay can")]
@@ -50,11 +61,11 @@ pub enum Order {
     Server(Control),
 }
 
-/// Reads a wire command. Numbers are not judged here: [`World::check`](cosplat_sim_core::World::check) does.
+/// Reads a wire command of a client. Numbers are not judged here: [`World::check`](cosplat_sim_core::World::check) does.
 ///
 /// # Errors
 /// When an enumeration value is unknown.
-pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
+pub fn order_from_wire(client: u64, command: &wire::Command) -> Result<Order, WireError> {
     let object = command.object as usize;
     let action = match command.kind {
         wire::COMMAND_IMPULSE => Action::Impulse {
@@ -116,6 +127,17 @@ pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
         wire::COMMAND_RESTORE => Action::Restore {
             snapshot: command.object,
         },
+        wire::COMMAND_GRAB | wire::COMMAND_DRAG | wire::COMMAND_LET_GO => Action::Hold {
+            holder: client,
+            object,
+            change: hold_from_wire(command),
+        },
+        wire::COMMAND_SET_POSE
+        | wire::COMMAND_SET_FIDELITY
+        | wire::COMMAND_REMOVE
+        | wire::COMMAND_BRING_IN
+        | wire::COMMAND_UNDO
+        | wire::COMMAND_REDO => edit_from_wire(command)?,
         wire::COMMAND_CHECKPOINT => return Ok(Order::Checkpoint),
         wire::COMMAND_SEEK => return Err(WireError::Seek),
         wire::COMMAND_STEP => {
@@ -131,6 +153,63 @@ pub fn order_from_wire(command: &wire::Command) -> Result<Order, WireError> {
         kind => return Err(WireError::UnknownKind { kind }),
     };
     Ok(Order::World(action))
+}
+
+/// An edit of an object, or what takes edits back.
+fn edit_from_wire(command: &wire::Command) -> Result<Action, WireError> {
+    let object = command.object as usize;
+    Ok(match command.kind {
+        wire::COMMAND_SET_POSE => Action::SetPose {
+            object,
+            place: place_from_wire(command)?,
+        },
+        wire::COMMAND_BRING_IN => Action::BringIn {
+            object,
+            place: place_from_wire(command)?,
+        },
+        wire::COMMAND_SET_FIDELITY => {
+            let fidelity = command.material.region;
+            let mut known = Fidelity::NAMES.iter().map(|(_, known)| *known);
+            Action::SetFidelity {
+                object,
+                fidelity: known
+                    .find(|known| *known as u32 == fidelity)
+                    .ok_or(WireError::UnknownFidelity { fidelity })?,
+            }
+        }
+        wire::COMMAND_REMOVE => Action::Remove { object },
+        wire::COMMAND_UNDO => Action::Undo,
+        _ => Action::Redo,
+    })
+}
+
+fn place_from_wire(command: &wire::Command) -> Result<Place, WireError> {
+    let flags = command.material.region;
+    if flags > wire::POSE_KEEP_PLACE | wire::POSE_KEEP_ROTATION {
+        return Err(WireError::UnknownFlags { flags });
+    }
+    let is_set = |flag: u32| flags & flag == 0;
+    let turned = Pose::turned(command.vector, command.point);
+    Ok(Place {
+        position: is_set(wire::POSE_KEEP_PLACE).then_some(turned.translation),
+        rotation: is_set(wire::POSE_KEEP_ROTATION).then_some(turned.rotation),
+    })
+}
+
+/// What becomes of a patch that the sender holds.
+fn hold_from_wire(command: &wire::Command) -> HoldChange {
+    match command.kind {
+        wire::COMMAND_GRAB => HoldChange::Grab {
+            point: command.point,
+            target: command.vector,
+            radius: command.radius,
+            steps: command.material.region,
+        },
+        wire::COMMAND_DRAG => HoldChange::Drag {
+            target: command.vector,
+        },
+        _ => HoldChange::LetGo,
+    }
 }
 
 fn material_from_wire(spec: &wire::MaterialSpec) -> Result<Material, WireError> {
@@ -262,7 +341,7 @@ mod tests {
             kind: 77,
             ..Default::default()
         };
-        let error = order_from_wire(&command).expect_err("77 is no kind");
+        let error = order_from_wire(1, &command).expect_err("77 is no kind");
         assert_eq!(error, WireError::UnknownKind { kind: 77 });
         let command = wire::Command {
             kind: wire::COMMAND_SET_MATERIAL,
@@ -272,7 +351,7 @@ mod tests {
             },
             ..Default::default()
         };
-        let error = order_from_wire(&command).expect_err("77 is no law");
+        let error = order_from_wire(1, &command).expect_err("77 is no law");
         assert_eq!(
             error.to_string(),
             "material law 77 is unknown: expected 1 to 9"
@@ -299,7 +378,7 @@ mod tests {
                 object,
                 region,
                 material,
-            })) = order_from_wire(&command)
+            })) = order_from_wire(1, &command)
             else {
                 panic!("a material is an order to the world");
             };

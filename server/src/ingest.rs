@@ -4,16 +4,14 @@ use cosplat_ipc::{
     schema as wire,
     server::{Asked, Reply},
 };
-use cosplat_sim_core::{Action, Command, CommandError};
-
-use crate::{
-    convert::{Order, order_from_wire},
-    late::{Awaited, CheckpointFolder, LateAnswers},
+use cosplat_pacing::{
+    late::{Awaited, CheckpointFolder, LateAnswers, MAX_PENDING},
     steering::{Scheduled, Steering},
 };
+use cosplat_sim_core::{Action, Command, CommandError};
 
-/// Commands that may wait at once; more are refused, so that a runaway client cannot eat the memory.
-pub const MAX_PENDING: usize = 4096;
+use crate::convert::{Order, order_from_wire};
+
 /// How far ahead a command may be scheduled [steps].
 pub const MAX_STEPS_AHEAD: u64 = 10_000_000;
 
@@ -134,7 +132,7 @@ impl Ingest {
                 next_step + MAX_STEPS_AHEAD
             ));
         }
-        match order_from_wire(command).map_err(|error| error.to_string())? {
+        match order_from_wire(client, command).map_err(|error| error.to_string())? {
             Order::Checkpoint => self.late.check_file(step)?,
             Order::Steps(count) => {
                 self.late.has_room()?;
@@ -151,7 +149,20 @@ impl Ingest {
                 self.steering.order(order, next_step)?;
             }
             Order::World(action) => {
-                check(&action).map_err(|error| error.to_string())?;
+                match check(&action) {
+                    // It will be held when that takes effect which was ordered before.
+                    Err(CommandError::NotHeld { object, .. }) if self.will_hold(client, object) => {
+                    }
+                    // It will be there, or away, when that takes effect which was ordered before.
+                    Err(CommandError::Removed { .. } | CommandError::Present { .. })
+                        if self.will(|action| comes_or_goes(action, command.object as usize)) => {}
+                    // There will be a state to go back to, or forth.
+                    Err(CommandError::NothingToUndo)
+                        if self.will(|action| action.is_edit() || *action == Action::Redo) => {}
+                    Err(CommandError::NothingToRedo)
+                        if self.will(|action| *action == Action::Undo) => {}
+                    judged => judged.map_err(|error| error.to_string())?,
+                }
                 self.has_room(false)?;
                 self.pending.push(Pending {
                     command: Command {
@@ -169,6 +180,22 @@ impl Ingest {
             }
         }
         Ok(step)
+    }
+
+    /// Whether a client has ordered to hold an object, and that has yet to take effect.
+    fn will_hold(&self, client: u64, object: usize) -> bool {
+        let mut pending = self.pending.iter().map(|pending| &pending.applied);
+        pending.any(|applied| {
+            let command = &applied.command;
+            command.kind == wire::COMMAND_GRAB
+                && (applied.client, command.object as usize) == (client, object)
+        })
+    }
+
+    /// Whether something was ordered that has yet to take effect.
+    fn will(&self, what: impl Fn(&Action) -> bool) -> bool {
+        let mut pending = self.pending.iter();
+        pending.any(|pending| what(&pending.command.action))
     }
 
     /// Whether one more command may wait; what takes effect `at_once` need not.
@@ -193,6 +220,15 @@ impl Ingest {
             (command.apply_at_step, command.client, command.sequence)
         });
         due
+    }
+}
+
+/// Whether an action may bring an object in or take it away.
+fn comes_or_goes(action: &Action, id: usize) -> bool {
+    match action {
+        Action::Remove { object } | Action::BringIn { object, .. } => *object == id,
+        Action::Undo | Action::Redo | Action::Reset | Action::Restore { .. } => true,
+        _ => false,
     }
 }
 
@@ -283,6 +319,26 @@ mod tests {
     }
 
     #[test]
+    fn an_edit_that_waits_can_be_undone_already() {
+        let mut ingest = Ingest::default();
+        let judge = |action: &Action| match action {
+            Action::Undo => Err(CommandError::NothingToUndo),
+            Action::Redo => Err(CommandError::NothingToRedo),
+            _ => Ok(()),
+        };
+        let of = |kind| wire::Command {
+            kind,
+            ..Default::default()
+        };
+        let (undo, redo) = (of(wire::COMMAND_UNDO), of(wire::COMMAND_REDO));
+        let early = accept(&mut ingest, 1, &[undo, redo], 1, &judge);
+        assert!(early.iter().all(|ack| !ack.is_accepted()));
+        let orders = [of(wire::COMMAND_REMOVE), undo, redo];
+        let acks = accept(&mut ingest, 1, &orders, 1, &judge);
+        assert!(acks.iter().all(wire::Ack::is_accepted), "{acks:?}");
+    }
+
+    #[test]
     fn a_flood_is_refused_and_not_stored() {
         let mut ingest = Ingest::default();
         let flood = vec![impulse(1, 0); MAX_PENDING + 10];
@@ -337,7 +393,7 @@ mod tests {
         assert_eq!(acks[1].status, wire::ACK_ACCEPTED);
         assert_eq!(
             ingest.steering.permission(),
-            crate::steering::Permission::Wait
+            cosplat_pacing::steering::Permission::Wait
         );
     }
 

@@ -11,16 +11,13 @@ use cosplat_ipc::{
 use cosplat_scene::load::LoadedScene;
 use cosplat_sim_core::{
     Scene, StepReport, World,
-    pose::Poses,
     scene::{ColliderShape, Fidelity, Object},
 };
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{
-    convert::{
-        base_colors, gaussian_objects, gaussians_as_poses, object_info, object_to_wire,
-        source_to_wire,
-    },
+    convert::{gaussian_objects, object_info, object_to_wire, source_to_wire},
+    gaussians::GaussianWriter,
     serve::ServeSummary,
 };
 
@@ -29,7 +26,8 @@ const RATE_WINDOW: usize = 60;
 
 /// Turns the world's state into messages.
 pub struct Output {
-    poses: Poses,
+    /// Writes Gaussians.
+    pub gaussians: GaussianWriter,
     /// `SERVER_*`.
     pub state: u32,
     recent: VecDeque<(Instant, f64)>,
@@ -49,26 +47,17 @@ struct Totals {
 impl Output {
     /// Prepares what does not change from step to step.
     pub fn new(scene: &Scene) -> Output {
-        let (colors, owners) = (base_colors(scene), gaussian_objects(scene));
         Output {
-            poses: Poses::new(scene, |index| {
-                [
-                    u32::from_ne_bytes(colors[index]),
-                    owners[index],
-                    index as u32,
-                ]
-            }),
+            gaussians: GaussianWriter::new(scene),
             state: wire::SERVER_RUNNING,
             recent: VecDeque::new(),
             totals: Totals::default(),
         }
     }
 
-    /// Writes every Gaussian into its slot of the loaned frame: the only write of this state anywhere.
+    /// Writes every Gaussian of the frame.
     pub fn write_frame(&self, world: &World, slots: &mut [GaussianState]) {
-        let slots = gaussians_as_poses(slots);
-        self.poses
-            .write(world.positions(), world.deformations(), slots);
+        self.gaussians.write_all(world, slots);
     }
 
     /// All objects of the last step.

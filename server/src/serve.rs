@@ -1,6 +1,7 @@
 //! The simulation process from first to last: publish the scene, step, write frames, answer, stop cleanly.
 
 mod participants;
+mod publishing;
 
 use std::{
     fs,
@@ -10,25 +11,26 @@ use std::{
 };
 
 use cosplat_ipc::{
-    Domain,
-    schema::{self as wire, FrameHeader},
-    server::{CreateError, FrameLoan, LoanRefused, PoolPlan, PublishError, Reply, ServerPorts},
+    Domain, schema as wire,
+    server::{CreateError, LoanRefused, PoolPlan, PublishError, Reply, ServerPorts},
+};
+use cosplat_pacing::{
+    allowance::Allowance,
+    late::{Answers, CheckpointFolder},
+    lockstep::{Lockstep, LockstepOptions},
+    pace::{Pace, Pacer},
+    steering::Permission,
 };
 use cosplat_scene::{
     load::LoadedScene,
     sources::{SourceFile, SourceKind},
 };
-use cosplat_sim_core::{Action, CheckpointError, StepReport, World, WorldError, notices::Notices};
+use cosplat_sim_core::{Action, CheckpointError, World, WorldError, notices::Notices};
 
 use crate::{
-    allowance::Allowance,
-    convert::contact_to_wire,
+    changes::Told,
     ingest::Ingest,
-    late::{Answers, CheckpointFolder},
-    lockstep::{Lockstep, LockstepOptions},
-    pace::{Pace, Pacer},
     publish::{Output, SceneBuffers},
-    steering::Permission,
 };
 
 /// How a scene is served.
@@ -134,17 +136,11 @@ pub struct ServeSummary {
 
 /// How long a paused server sleeps between looks at its clients; a request wakes it at once.
 const IDLE: Duration = Duration::from_millis(20);
-/// How often a lossless server that waits for memory looks for it, and at its clients and signals.
-const LOSSLESS_WAIT: Duration = Duration::from_millis(1);
-/// How long it still waits when it is told to stop.
-const LAST_WAIT: Duration = Duration::from_secs(2);
-/// How long a server in lock-step waits for memory, so that a participant finds the frame of its step, before it
-/// skips the frame: a reader that stands still must not hold up the others for ever.
-const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(1);
-
 /// Serves `scene` until its duration is over, a client or `stop` ends it.
 ///
 /// `started` is called once when clients can attach.
+///
+/// The calling thread becomes one of the solver's for as long as it lives: a thread serves once.
 ///
 /// # Errors
 /// See [`ServeError`]. Whatever clients do is no error.
@@ -157,6 +153,8 @@ pub fn serve(
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)
         .thread_name(|i| format!("solver-{i}"))
+        // A step would otherwise be handed to another thread and back several times, by a wake-up each.
+        .use_current_thread()
         .build()
         .map_err(|error| ServeError::Threads {
             threads: options.threads,
@@ -195,6 +193,8 @@ pub fn serve(
         names: (objects.collect(), colliders.collect()),
         contacts: vec![],
         output,
+        told: Told::default(),
+        flags: 0,
         frame_dt,
         allowance: Allowance::new(frame_dt),
         pacer: Pacer::new(options.pace, scene.scene.frame_rate, Instant::now()),
@@ -237,6 +237,10 @@ struct Server<'a> {
     world: World,
     ports: ServerPorts,
     output: Output,
+    /// What readers of `changes` know.
+    told: Told,
+    /// `FRAME_FLAG_*` of the last frame.
+    flags: u32,
     ingest: Ingest,
     lockstep: Option<Lockstep>,
     /// Names of objects and colliders.
@@ -335,11 +339,12 @@ impl Server<'_> {
         let before = ingest.waiting();
         let mut asked = 0;
         self.ports.poll_commands(|request| {
-            asked += 1;
             let seconds = begin.elapsed().as_secs_f64();
             if !allowance.covers(seconds, ingest.waiting() - before) {
+                // Charged for being put off, requests would never get their turn.
                 return Reply::NotYet;
             }
+            asked += 1;
             ingest.accept(&request, next_step, &|action| world.check(action))
         });
         if asked > 0 {
@@ -363,6 +368,7 @@ impl Server<'_> {
 
     /// One turn of a server that is paused or waits for participants; `news` says whether the status has changed.
     fn idle(&mut self, news: bool) -> Result<(), ServeError> {
+        self.greet_readers()?;
         if self.held_up() == Permission::Step {
             // Mostly they ask at once: who then waits for a status to be sent waits for nothing.
             let woken = self.ports.wait(IDLE);
@@ -425,7 +431,9 @@ impl Server<'_> {
         });
         let flags = commands.iter().fold(0, |flags, c| match c.action {
             Action::Reset => flags | wire::FRAME_FLAG_RESET,
-            Action::Restore { .. } => flags | wire::FRAME_FLAG_RESTORED,
+            Action::Restore { .. } | Action::Undo | Action::Redo => {
+                flags | wire::FRAME_FLAG_RESTORED
+            }
             _ => flags,
         });
         self.publish(flags)?;
@@ -449,90 +457,6 @@ impl Server<'_> {
         lockstep.is_some_and(Lockstep::awaits_contact)
     }
 
-    /// Sends the current state: objects, contacts, frame, status.
-    fn publish(&mut self, flags: u32) -> Result<(), ServeError> {
-        let loan = self.loan();
-        // What came while it waited for memory counts as well.
-        let flags = flags
-            | match self.held_up() {
-                Permission::Step => 0,
-                Permission::Wait => wire::FRAME_FLAG_PAUSED,
-                Permission::End => wire::FRAME_FLAG_LAST,
-            };
-        self.last_sent = flags & wire::FRAME_FLAG_LAST != 0;
-        let report = self.world.report();
-        let objects = self.output.objects(&self.world);
-        self.ports.publish_objects(
-            &wire::ObjectsHeader {
-                step: report.step,
-                sim_time: report.sim_time,
-                state_hash: report.state_hash,
-                ..Default::default()
-            },
-            &objects,
-        )?;
-        let are_read = self.ports.contacts_are_read();
-        self.contacts = match are_read || self.awaits_contact() {
-            true => self.world.contacts().iter().map(contact_to_wire).collect(),
-            false => vec![],
-        };
-        if are_read {
-            let header = wire::ContactsHeader {
-                step: report.step,
-                sim_time: report.sim_time,
-                ..Default::default()
-            };
-            self.ports.publish_contacts(&header, &self.contacts)?;
-        }
-        match loan {
-            Ok(mut loan) => {
-                let (world, output) = (&self.world, &self.output);
-                self.pool
-                    .install(|| output.write_frame(world, loan.gaussians_mut()));
-                loan.send(&frame_header(report, flags))?;
-                self.summary.frames_published += 1;
-            }
-            Err(LoanRefused::PoolInUse { .. }) => self.summary.frames_skipped += 1,
-            Err(other) => return Err(other.into()),
-        }
-        self.summary.sim_seconds = report.sim_time;
-        self.summary.state_hash = report.state_hash;
-        self.output.count(report);
-        self.update_status()?;
-        self.ports.maintain();
-        Ok(())
-    }
-
-    /// Memory for the next frame: at once, or as soon as readers give some back when nothing may be lost. Clients are
-    /// answered meanwhile.
-    fn loan(&mut self) -> Result<FrameLoan, LoanRefused> {
-        let mut told = None;
-        let begin = Instant::now();
-        loop {
-            let loan = self.ports.loan_frame(self.summary.gaussians);
-            let waits =
-                self.options.lossless || self.is_locked() && begin.elapsed() < LOCKSTEP_PATIENCE;
-            if !waits || !matches!(loan, Err(LoanRefused::PoolInUse { .. })) {
-                return loan;
-            }
-            if self.told_to_stop() {
-                let since: &mut Instant = told.get_or_insert_with(Instant::now);
-                if since.elapsed() >= LAST_WAIT {
-                    return loan;
-                }
-            }
-            self.allowance.grant(LOSSLESS_WAIT.as_secs_f64());
-            self.ports.wait(LOSSLESS_WAIT);
-            self.answer();
-            self.ports.maintain();
-        }
-    }
-
-    fn update_status(&mut self) -> Result<(), ServeError> {
-        let status = self.output.status(self.world.report(), &self.summary);
-        Ok(self.ports.update_status(&status)?)
-    }
-
     /// Sleeps until the next frame is due; requests are answered meanwhile, as far as there is time for them.
     fn wait_until_due(&mut self) {
         loop {
@@ -540,10 +464,14 @@ impl Server<'_> {
             if left.is_zero() || self.is_locked() || self.held_up() != Permission::Step {
                 return;
             }
-            if !self.allowance.covers(0.0, 0) && self.lockstep.is_none() {
+            if self.allowance.covers(0.0, 0) {
+                if self.ports.wait(left) {
+                    self.answer();
+                }
+            } else if self.lockstep.is_none() {
                 std::thread::sleep(left.min(IDLE));
-            } else if self.ports.wait(left) {
-                self.answer();
+            } else if self.ports.wait_for_participants(left) {
+                self.hear_participants();
             }
         }
     }
@@ -558,16 +486,4 @@ fn write_checkpoint(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
         let _ = fs::remove_file(&unfinished);
     }
     written
-}
-
-fn frame_header(report: &StepReport, flags: u32) -> FrameHeader {
-    FrameHeader {
-        step: report.step,
-        sim_time: report.sim_time,
-        dt: report.dt,
-        state_hash: report.state_hash,
-        substeps: report.substeps,
-        flags,
-        ..FrameHeader::default()
-    }
 }

@@ -31,19 +31,33 @@ pub(crate) struct Sums {
     second: [[f64; 3]; 3],
     /// `m (v r^T + D_p C)`.
     moment: [[f64; 3]; 3],
+    /// `m D_p`: nothing of nodes, which have no affine part.
+    affine: f64,
 }
 
 impl Sums {
     /// Adds a particle.
     #[inline(always)]
     pub fn add(&mut self, mass: f64, r: [f64; 3], v: [f64; 3], c: [[f64; 3]; 3]) {
+        self.add_node(mass, r, v);
+        self.affine += mass * D_P;
+        for a in 0..3 {
+            for b in 0..3 {
+                self.moment[a][b] += mass * D_P * c[a][b];
+            }
+        }
+    }
+
+    /// Adds a node of a solid.
+    #[inline(always)]
+    pub fn add_node(&mut self, mass: f64, r: [f64; 3], v: [f64; 3]) {
         self.mass += mass;
         for a in 0..3 {
             self.first[a] += mass * r[a];
             self.momentum[a] += mass * v[a];
             for b in 0..3 {
                 self.second[a][b] += mass * r[a] * r[b];
-                self.moment[a][b] += mass * (v[a] * r[b] + D_P * c[a][b]);
+                self.moment[a][b] += mass * v[a] * r[b];
             }
         }
     }
@@ -52,6 +66,7 @@ impl Sums {
 impl AddAssign<&Self> for Sums {
     fn add_assign(&mut self, other: &Self) {
         self.mass += other.mass;
+        self.affine += other.affine;
         for a in 0..3 {
             self.first[a] += other.first[a];
             self.momentum[a] += other.momentum[a];
@@ -98,12 +113,12 @@ impl Mode {
                     moment[0][2] - moment[2][0],
                     moment[1][0] - moment[0][1],
                 ];
-                spin(&second, angular, mass)
+                spin(&second, angular, sums.affine)
             }
             CoherentMode::Affine => {
                 let mut inertia = Mat3(second);
                 for a in 0..3 {
-                    inertia.0[a][a] += D_P * mass;
+                    inertia.0[a][a] += sums.affine;
                 }
                 // Symmetric and positive: the cofactor matrix over the determinant is the inverse.
                 let inverse = inertia.cofactor();
@@ -133,11 +148,11 @@ impl Mode {
 }
 
 /// Gradient of the spin with this angular momentum.
-fn spin(second: &[[f64; 3]; 3], angular: [f64; 3], mass: f64) -> Mat3<f64> {
+fn spin(second: &[[f64; 3]; 3], angular: [f64; 3], affine: f64) -> Mat3<f64> {
     let trace = second[0][0] + second[1][1] + second[2][2];
     let mut inertia = Mat3(second.map(|row| row.map(|s| -s)));
     for a in 0..3 {
-        inertia.0[a][a] += trace + 2.0 * D_P * mass;
+        inertia.0[a][a] += trace + 2.0 * affine;
     }
     let det = inertia.det();
     let [x, y, z] = inertia.cofactor().mul_vec(angular).map(|w| w / det);

@@ -29,7 +29,7 @@ const DEPTH: usize = 32;
 
 /// Step of the differences behind the gradient of an initial velocity [cells]: their error is this squared, and a few
 /// digits more than single precision has.
-pub(crate) const GRADIENT_STEP: f64 = 1e-4;
+pub const GRADIENT_STEP: f64 = 1e-4;
 
 /// A formula in X, Y, Z and t.
 #[derive(Clone)]

@@ -41,7 +41,7 @@ pub fn volume_growth<R: Real>(a: &Mat3<R>) -> R {
 /// Where the substep falls suddenly, because matter stiffened, that could be unstable: a kick of `k` and a drift of `d` are
 /// stable for `k d <= t^2` under elasticity and for `k <= t` under viscosity, `t` the largest stable substep. As `d` is at
 /// most `cfl t`, both hold up to `d / cfl`; the rest is made up for in the next substeps.
-pub(crate) fn kick(lag: f64, dt: f64, cfl: f64) -> [f64; 2] {
+pub fn kick(lag: f64, dt: f64, cfl: f64) -> [f64; 2] {
     let kick = (lag + 0.5 * dt).min(dt * cfl.recip().max(1.0));
     [kick, lag + dt - kick]
 }

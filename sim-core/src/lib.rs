@@ -18,10 +18,11 @@
 
 mod bodies;
 mod coherence;
-mod colliders;
+pub mod colliders;
 pub mod command;
 mod contact;
 mod contact_com;
+mod coupling;
 pub mod distance;
 pub mod expression;
 mod grid;
@@ -35,20 +36,20 @@ pub mod num;
 mod particles;
 pub mod pose;
 pub mod probe;
-pub mod reference;
 pub mod report;
+pub mod rotation;
 pub mod scene;
 pub mod simd;
+mod solid;
 mod state;
 mod step;
 mod substep;
-#[cfg(test)]
-mod test_scenes;
+pub mod test_scenes;
 mod world;
 
-pub use command::{Action, Command, CommandError};
-pub use reference::ReferenceWorld;
+pub use command::{Action, Command, CommandError, HoldChange, Place};
 pub use report::{Contact, ContactEpisode, ContactPartner, DtLimit, ObjectState, StepReport, Work};
 pub use scene::Scene;
 pub use simd::Isa;
-pub use world::{CheckpointError, World, WorldError};
+pub use solid::vibrating::VibratingBlock;
+pub use world::{CheckpointError, Form, Placed, Visible, World, WorldError};

@@ -3,7 +3,7 @@
 //! Only [`Model::constants`] ever change: where a command changes a material, at the start of a frame.
 
 use crate::{
-    bodies::shape::Grain,
+    bodies::grain::Grain,
     colliders::{Boundaries, approach::half_spacing, edge::reconstructs_surface, rules::Rules},
     materials::{
         Coefficients, Law, Material,
@@ -11,6 +11,7 @@ use crate::{
     },
     scene::{ContactMethod, DomainPolicy, Fidelity, Part, Scene},
     simd::Isa,
+    solid::object::SolidObject,
     step::{constitutive::PartLaw, volume::NEARLY_INCOMPRESSIBLE},
 };
 
@@ -36,6 +37,8 @@ pub(crate) struct Model {
     pub boundaries: Boundaries,
     /// Colliders [m]: what rigid bodies meet.
     pub solids: Boundaries,
+    /// Per object its grid, where it is a solid on one of its own.
+    pub lagrangian: Vec<Option<SolidObject>>,
     /// Prescribed motion, impulses, releases.
     pub rules: Rules,
     /// Radius of every particle of the scene, as colliders see it [cells].
@@ -46,6 +49,8 @@ pub(crate) struct Model {
     pub cells_per_mass: Vec<f64>,
     /// Per object the rest volume per mass, up to a common factor.
     pub specific_volumes: Vec<f64>,
+    /// Rate at which velocities decay [1/s]: that of the scene, and more while it comes to rest.
+    pub damping: f64,
     /// What is made of materials when they change.
     pub constants: Constants,
 }
@@ -64,6 +69,11 @@ pub(crate) struct Constants {
 }
 
 impl Model {
+    /// What a kick of `dt` [s] leaves of a velocity; exactly 1 without damping.
+    pub fn velocity_kept(&self, dt: f64) -> f64 {
+        (-self.damping * dt).exp()
+    }
+
     /// The model of a valid scene.
     pub fn new(scene: Scene, isa: Isa) -> Self {
         let parts = scene.parts();
@@ -72,9 +82,13 @@ impl Model {
         let objects = scene.objects.iter();
         let mut model = Self {
             isa,
+            damping: scene.conditions.damping,
             mass_unit,
             boundaries: Boundaries::new(&scene, scene.dx),
             solids: Boundaries::new(&scene, 1.0),
+            lagrangian: (0..scene.objects.len())
+                .map(|id| SolidObject::new(&scene, id))
+                .collect(),
             rules: Rules::new(&scene, scene.dx),
             half_spacings: half_spacings(&scene),
             tearing_stretch: tearing_stretch(&scene, &parts),
@@ -88,12 +102,13 @@ impl Model {
             scene,
         };
         let at_rest: Vec<Material> = model.parts.iter().map(|p| p.material.clone()).collect();
-        model.set_materials(&at_rest);
+        let wanted = vec![None; model.scene.objects.len()];
+        model.set_materials(&at_rest, &wanted);
         model
     }
 
-    /// Makes the constants of these materials, one per part.
-    pub fn set_materials(&mut self, materials: &[Material]) {
+    /// Makes the constants of what commands may change.
+    pub fn set_materials(&mut self, materials: &[Material], fidelity: &[Option<Fidelity>]) {
         let parts = 0..self.parts.len();
         let rest = &DeformationBounds::REST;
         self.constants = Constants {
@@ -108,7 +123,7 @@ impl Model {
             rest_dt: parts
                 .map(|part| self.critical_dt(part, &materials[part], rest))
                 .collect(),
-            reconstructs_surface: self.reconstructs_surface(materials),
+            reconstructs_surface: self.reconstructs_surface(materials, fidelity),
         };
     }
 
@@ -146,11 +161,16 @@ impl Model {
     }
 
     /// Per grid field, whether its surface is reconstructed from nodal masses.
-    fn reconstructs_surface(&self, materials: &[Material]) -> Vec<bool> {
+    fn reconstructs_surface(
+        &self,
+        materials: &[Material],
+        wanted: &[Option<Fidelity>],
+    ) -> Vec<bool> {
         let scene = &self.scene;
         let parts = self.parts.iter().zip(materials).enumerate();
         let on_grid = parts.filter(|(_, (part, _))| {
             let fidelity = scene.objects[part.object].fidelity;
+            let fidelity = wanted[part.object].unwrap_or(fidelity);
             !matches!(fidelity, Fidelity::Static | Fidelity::Rigid)
         });
         let densities = on_grid.map(|(id, (part, material))| {
@@ -206,12 +226,6 @@ impl Model {
             object, particles, ..
         } = &self.parts[part];
         self.scene.objects[*object].fidelity != Fidelity::Static && !particles.is_empty()
-    }
-
-    /// Whether an object may be modelled with less than all of its particles.
-    pub fn is_automatic(&self, object: usize) -> bool {
-        self.scene.contact.method.tells_apart()
-            && self.scene.objects[object].fidelity == Fidelity::Auto
     }
 
     /// Mass and volume of a particle at a place.

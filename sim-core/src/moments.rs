@@ -170,6 +170,7 @@ struct Sums {
 }
 
 impl AddAssign<&Self> for Sums {
+    #[inline(always)]
     fn add_assign(&mut self, other: &Self) {
         self.mass += other.mass;
         add(&mut self.first, other.first);

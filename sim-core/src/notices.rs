@@ -10,6 +10,8 @@ use crate::{
 #[derive(Clone, Debug)]
 pub struct Notices {
     objects: Vec<Said>,
+    /// Whether the search for impacts was said to end early.
+    says_late: bool,
     /// Simulated time of the latest report [s].
     time: f64,
 }
@@ -25,17 +27,19 @@ impl Notices {
     pub fn new(scene: &Scene) -> Self {
         Self {
             objects: vec![Said::default(); scene.objects.len()],
+            says_late: false,
             time: 0.0,
         }
     }
 
-    /// Sentences about what a report of the scene's run says first: an object of which nothing is left, or one that fell
-    /// apart. After a reset they may be said again.
+    /// Sentences about what a report of the scene's run says first: an object of which nothing is left, one that fell apart,
+    /// impacts that were not searched for. After a reset they may be said again.
     pub fn of(&mut self, scene: &Scene, report: &StepReport) -> Vec<String> {
         let mut sentences = Vec::new();
         let time = report.sim_time;
         if time < self.time {
             self.objects.fill(Said::default());
+            self.says_late = false;
         }
         self.time = time;
         let objects = self.objects.iter_mut().zip(&report.objects);
@@ -69,6 +73,13 @@ impl Notices {
                 torn.pieces,
                 100.0 * torn.apart,
                 bridged_stretch(per_cell)
+            ));
+        }
+        if report.unfinished_searches > 0 && !std::mem::replace(&mut self.says_late, true) {
+            sentences.push(format!(
+                "impacts of rigid bodies are late at {time:.3} s: the search for their moments ended after {} steps of turns, as \
+                 many as a frame may take; such bodies touch where they are at the start of a step",
+                report.work.body_turns
             ));
         }
         sentences

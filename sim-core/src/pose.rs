@@ -2,6 +2,8 @@
 
 mod lanes;
 
+use std::ops::Range;
+
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
@@ -146,28 +148,59 @@ impl Poses {
     /// Centre `sum w (x_p + F_p (X - X_p))`, `F = sum w F_p`, covariance `F Sigma0 F^T` with the stretches of `F`
     /// limited to [`MAX_ASPECT`], rotation `polar(F) world_from_asset`.
     pub fn write(&self, position: &[[f32; 3]], deformation: &[[f32; 9]], out: &mut [GaussianPose]) {
-        let carriers: Vec<F32x16> = self
-            .particle_offset
+        let count = out.len().min(self.rest.len());
+        self.write_part(0..count, 0, position, deformation, &mut out[..count]);
+    }
+
+    /// Like [`write`](Self::write), for `gaussians` alone, which are bound to no particles but those given: `position` and
+    /// `deformation` begin with the particle `first` of the scene. The same Gaussians get the same bits.
+    ///
+    /// # Panics
+    /// When `out` is not as long as `gaussians`, or a range is beyond the scene.
+    pub fn write_part(
+        &self,
+        gaussians: Range<usize>,
+        first: usize,
+        position: &[[f32; 3]],
+        deformation: &[[f32; 9]],
+        out: &mut [GaussianPose],
+    ) {
+        assert_eq!(gaussians.len(), out.len(), "Gaussians and their places");
+        let carriers: Vec<F32x16> = self.particle_offset[first..]
             .par_iter()
             .zip(position)
             .zip(deformation)
             .with_min_len(CHUNK)
             .map(|((offset, x), f)| carrier(offset, x, f))
             .collect();
-        let count = out.len().min(self.rest.len());
-        let streamed = size_of_val(out) >= STREAMED;
-        out[..count]
-            .par_chunks_mut(TASK * LANES)
-            .zip(self.rest.par_chunks(TASK * LANES))
-            .zip(self.groups.par_chunks(TASK))
-            .for_each(|((out, rest), groups)| {
-                let shared = Shared {
-                    carriers: &carriers,
-                    placements: &self.placements,
-                    streamed,
-                };
-                follow(self.isa, &shared, groups, rest, out);
-            });
+        let shared = Shared {
+            carriers: &carriers,
+            first: first as u32,
+            placements: &self.placements,
+            streamed: size_of_val(&self.rest[..]) >= STREAMED,
+        };
+        // A group that begins before the range is made whole, and what belongs to others left out.
+        let head = (gaussians.start.next_multiple_of(LANES) - gaussians.start).min(out.len());
+        let (begin, rest) = out.split_at_mut(head);
+        if head > 0 {
+            let group = gaussians.start / LANES;
+            let mut whole = [GaussianPose::default(); LANES];
+            let at_rest = &self.rest[group * LANES..self.rest.len().min((group + 1) * LANES)];
+            let shared = Shared {
+                streamed: false,
+                ..shared
+            };
+            let groups = &self.groups[group..=group];
+            follow(self.isa, &shared, groups, at_rest, &mut whole);
+            let lane = gaussians.start % LANES;
+            begin.copy_from_slice(&whole[lane..lane + head]);
+        }
+        let aligned = gaussians.start + head..gaussians.end;
+        let groups = aligned.start / LANES..aligned.end.div_ceil(LANES);
+        rest.par_chunks_mut(TASK * LANES)
+            .zip(self.rest[aligned].par_chunks(TASK * LANES))
+            .zip(self.groups[groups].par_chunks(TASK))
+            .for_each(|((out, rest), groups)| follow(self.isa, &shared, groups, rest, out));
     }
 }
 

@@ -25,6 +25,12 @@ pub struct StepReport {
     pub particle_updates_full: u64,
     /// Kinetic energy that objects lost in this frame because they are modelled with less [J].
     pub fidelity_loss: f64,
+    /// Work that springs did on the patches that they hold [J].
+    pub spring_work: f64,
+    /// Energy that edits brought into the world: what objects have after them less what they had [J].
+    pub edit_energy: f64,
+    /// Mass that edits brought into the world [kg].
+    pub edit_mass: f64,
     /// Particles that left the domain in this frame (indices into the scene's particles).
     pub left_domain: Vec<u32>,
     /// Whether the frame was undone because those particles would have left the domain: time did not advance.
@@ -47,6 +53,9 @@ pub struct StepReport {
     pub contacts: Vec<ContactEpisode>,
     /// Elastic objects that are in more pieces than at rest, in the order of their numbers.
     pub torn: Vec<Torn>,
+    /// Searches for impacts of rigid bodies that ended before they were done, because they took as much as a frame may: such
+    /// an impact happens at the end of a step in place of its moment.
+    pub unfinished_searches: u32,
     /// Operations by kind.
     pub work: Work,
     /// Wall time per phase.
@@ -74,6 +83,8 @@ pub struct Work {
     pub object_pairs: u64,
     /// Particles held together by the coherence constraint.
     pub constrained_particles: u64,
+    /// Steps of turns of rigid bodies that were made in the search for impacts.
+    pub body_turns: u64,
 }
 
 impl std::ops::AddAssign for Work {
@@ -86,6 +97,7 @@ impl std::ops::AddAssign for Work {
         self.object_particles += other.object_particles;
         self.object_pairs += other.object_pairs;
         self.constrained_particles += other.constrained_particles;
+        self.body_turns += other.body_turns;
     }
 }
 
@@ -155,6 +167,8 @@ pub enum Level {
     Rigid = 4,
     /// Nothing is left of it: its particles left the domain or were frozen.
     Gone = 6,
+    /// A command removed it, or has yet to bring it in.
+    Removed = 7,
 }
 
 /// An object that fell apart although its law is elastic: stretched by more than its particles bridge.

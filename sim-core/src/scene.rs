@@ -8,6 +8,8 @@ mod turned;
 
 use std::ops::Range;
 
+use serde::{Deserialize, Serialize};
+
 pub use boundaries::*;
 pub use coherence::*;
 pub use contact::*;
@@ -115,8 +117,12 @@ pub struct Object {
     pub surface: ContactSurface,
     /// What holds it together besides its matter.
     pub coherence: Option<Coherence>,
+    /// Whether it is there at time 0; otherwise it is away until a command brings it in.
+    pub present: bool,
     /// Whether it is simulated.
     pub fidelity: Fidelity,
+    /// Which grid its matter is on.
+    pub solver: Solver,
     /// Its particles in [`Scene::particles`]; empty for static objects.
     pub particles: Range<usize>,
     /// Its Gaussians in [`Scene::gaussians`]; may be empty.
@@ -165,7 +171,9 @@ impl Object {
             regions: vec![],
             surface: ContactSurface::default(),
             coherence: None,
+            present: true,
             fidelity: Fidelity::Mpm,
+            solver: Solver::Spatial,
             particles,
             gaussians: 0..0,
             world_from_asset: [0.0, 0.0, 0.0, 1.0],
@@ -230,7 +238,7 @@ impl Scene {
 }
 
 /// How an object is modelled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[repr(u32)]
 pub enum Fidelity {
     /// Visible only: has Gaussians, no particles, costs nothing per step.
@@ -259,6 +267,28 @@ impl Fidelity {
     }
 }
 
+/// Which grid matter is on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Solver {
+    /// The grid in space that all objects share: matter moves through it, and may flow, mix and break.
+    #[default]
+    Spatial,
+    /// A grid of the object's own in its rest frame: for elastic matter, which keeps its neighbours.
+    Lagrangian,
+}
+
+impl Solver {
+    /// Names in scene files.
+    pub const NAMES: [(&'static str, Self); 2] =
+        [("spatial", Self::Spatial), ("lagrangian", Self::Lagrangian)];
+
+    /// Name in scene files.
+    pub fn name(self) -> &'static str {
+        let entry = Self::NAMES.iter().find(|(_, solver)| *solver == self);
+        entry.map_or("", |(name, _)| name)
+    }
+}
+
 /// Particles at rest, structure of arrays.
 #[derive(Clone, Debug, Default)]
 pub struct RestParticles {
@@ -271,7 +301,7 @@ pub struct RestParticles {
 /// Each Gaussian takes `x` and `F` from the particles it is bound to.
 #[derive(Clone, Debug, Default)]
 pub struct Binding {
-    /// Particle indices into [`Scene::particles`]; unused slots repeat an index with weight 0.
+    /// Particle indices into [`Scene::particles`], of the same object; unused slots repeat an index with weight 0.
     pub particle: Vec<[u32; BINDING_NEIGHBORS]>,
     /// Weights, >= 0, sum 1; all 0 for Gaussians of static objects.
     pub weight: Vec<[f32; BINDING_NEIGHBORS]>,

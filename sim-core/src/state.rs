@@ -2,6 +2,7 @@
 //!
 //! A step borrows the groups one by one: what a phase does not get it cannot change. All groups are saved in checkpoints.
 
+pub(crate) mod away;
 pub(crate) mod rigid;
 pub(crate) mod sleep;
 
@@ -15,8 +16,10 @@ use crate::{
     materials::{Material, limits::DeformationBounds},
     model::Model,
     particles::{Backup, Block, Extremes, Motion, Particles},
-    scene::Fidelity,
+    scene::{Fidelity, Pose},
+    solid::{advance::Scratch, state::SolidState},
 };
+use away::Away;
 use rigid::RigidBody;
 use sleep::SleepState;
 
@@ -37,6 +40,8 @@ pub(crate) struct State {
     pub episodes: Episodes,
     /// Written by the rigid bodies.
     pub bodies: RigidBodies,
+    /// Per object, where it is a solid on a grid of its own. Written by their substeps.
+    pub solids: Vec<Option<SolidState>>,
 }
 
 /// What frames leave behind.
@@ -61,6 +66,32 @@ pub(crate) struct Commanded {
     pub paths: Paths,
     /// Particles that are held in place, per object.
     pub pins: Pins,
+    /// Patches that are held by springs, in the order they were taken hold of.
+    pub grabs: Vec<Grab>,
+    /// Per object how it is to be modelled, where that is not what the scene says.
+    pub fidelity: Vec<Option<Fidelity>>,
+    /// Objects that are not there at present, per object.
+    pub away: Vec<Option<Away>>,
+    /// Per object that is only shown the rigid motion from where it is in the scene, where there is one.
+    pub shown: Vec<Option<Pose>>,
+}
+
+/// A patch of an object that somebody holds by a spring.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Grab {
+    pub object: usize,
+    /// Number of whoever holds it.
+    pub holder: u64,
+    /// Its particles, ascending.
+    pub particles: Vec<u32>,
+    /// From the point that was taken hold of to the centre of the patch [m].
+    pub offset: [f64; 3],
+    /// Where the spring pulls the point to when the frame begins, and when it ends [m].
+    pub from: [f64; 3],
+    pub target: [f64; 3],
+    /// Steps that it lasts without a drag, and how many of them are left.
+    pub steps: u32,
+    pub steps_left: u32,
 }
 
 /// Deformable matter.
@@ -101,6 +132,7 @@ pub(crate) struct Moving<'a> {
     pub motion: &'a mut GridMotion,
     pub episodes: &'a mut Episodes,
     pub bodies: &'a mut RigidBodies,
+    pub solids: &'a mut [Option<SolidState>],
 }
 
 impl State {
@@ -117,6 +149,7 @@ impl State {
             motion: &mut self.motion,
             episodes: &mut self.episodes,
             bodies: &mut self.bodies,
+            solids: &mut self.solids,
         };
         (given, moving)
     }
@@ -199,14 +232,34 @@ impl<'a> Given<'a> {
     pub fn is_joined(&self, part: usize) -> bool {
         let object = self.model.parts[part].object;
         self.commanded.materials[part].law.is_rigid()
-            || self.model.scene.objects[object].fidelity == Fidelity::Rigid
+            || matches!(self.fidelity_of(object), Fidelity::Rigid | Fidelity::Static)
             || self.levels[object].proxy.is_some()
+    }
+
+    /// How an object is to be modelled.
+    pub fn fidelity_of(&self, object: usize) -> Fidelity {
+        self.commanded.fidelity[object].unwrap_or(self.model.scene.objects[object].fidelity)
+    }
+
+    /// Whether an object may be modelled with less than all of its particles.
+    pub fn is_automatic(&self, object: usize) -> bool {
+        self.model.scene.contact.method.tells_apart() && self.fidelity_of(object) == Fidelity::Auto
     }
 
     /// Whether a part has particles that move.
     pub fn is_simulated(&self, part: usize) -> bool {
         let object = self.model.parts[part].object;
-        self.model.has_particles(part) && !self.is_joined(part) && !self.levels[object].is_asleep()
+        let is_solid = self.model.lagrangian[object].is_some();
+        self.model.has_particles(part)
+            && !is_solid
+            && !self.is_joined(part)
+            && !self.levels[object].is_asleep()
+    }
+
+    /// Whether an object's nodes move, where it is a solid: it neither sleeps nor moves as a body.
+    pub fn is_moving_solid(&self, object: usize) -> bool {
+        let level = &self.levels[object];
+        self.model.lagrangian[object].is_some() && !level.is_asleep() && level.proxy.is_none()
     }
 
     /// Whether a command or a rule of the scene, now or later, has a say in how an object moves.
@@ -214,6 +267,11 @@ impl<'a> Given<'a> {
         let mut particles = self.model.scene.objects[object].particles.clone();
         let rules = &self.model.rules;
         self.commanded.pins[object].is_some()
+            || self
+                .commanded
+                .grabs
+                .iter()
+                .any(|grab| grab.object == object)
             || particles.any(|p| rules.concern_after(self.time, p as u32))
     }
 
@@ -225,7 +283,7 @@ impl<'a> Given<'a> {
 
     /// Frame velocity after a transfer in which forces act for `kick` [s]: gravity and damping are its own [cells/s].
     pub fn frame_velocity_after(&self, before: [f64; 3], kick: f64) -> [f64; 3] {
-        let keep = self.model.scene.conditions.damping_factor(kick) as f32;
+        let keep = self.model.velocity_kept(kick) as f32;
         std::array::from_fn(|a| {
             let pulled = kick * self.commanded.gravity[a] / self.model.scene.dx;
             (before[a] + pulled) * f64::from(keep)
@@ -251,12 +309,15 @@ pub(crate) struct Workspace {
     pub strained: Vec<bool>,
     /// Velocities at the end of the segment, until it is accepted.
     pub motion: Vec<Motion>,
-    /// Pairs of bodies, and colliders behind the last of them, in contact after the latest substep.
-    pub body_pairs: Vec<[u32; 2]>,
     /// The coarse substep at hand.
     pub coarse: CoarseSubstep,
+    /// Boxes around solids when the frame began, per object [m].
+    pub solid_boxes: Vec<Option<[[f64; 3]; 2]>>,
+    /// Energy [J] and mass [kg] that edits of the coming frame brought into the world.
+    pub edited: [f64; 2],
+    /// Of solids, per object; made when they first move.
+    pub solids: Vec<Option<Scratch>>,
     /// Substeps of the latest frame [s], for comparison with the reference solver.
-    #[cfg(test)]
     pub substeps: Vec<f64>,
 }
 

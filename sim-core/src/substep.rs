@@ -5,21 +5,27 @@
 
 mod bodies;
 mod contact;
+mod coupling;
 mod grid;
 mod guard;
 mod limit;
 mod multirate;
 mod particles;
 mod rates;
+mod rigid;
 mod schedule;
+mod solids;
+mod springs;
 mod tally;
 
 pub(crate) use bodies::move_bodies;
+pub(crate) use coupling::OffGrid;
 pub(crate) use guard::Failure;
 pub(crate) use limit::{Limit, smallest_dt};
 pub(crate) use multirate::choose_rates;
 pub(crate) use rates::Rates;
 pub(crate) use schedule::{Schedule, Segment};
+pub(crate) use solids::laws_of;
 pub(crate) use tally::{Tally, timed};
 
 use crate::{
@@ -31,6 +37,7 @@ use grid::{NodeInput, field_passes, grid_pass};
 use guard::{check_travel, collect_extremes, larger, offset_velocities, travel};
 use particles::{gather, scatter};
 use schedule::Context;
+use springs::book_springs;
 
 /// Takes one substep of a segment; returns the next one, if the segment goes on.
 ///
@@ -58,10 +65,13 @@ pub(crate) fn substep(
     let on_nodes = grid_pass(at, input, grid, tally);
     // Contact: between the fields of objects.
     let in_contact = contact(at, input, matter, motion, grid, moving.episodes, tally);
-    // Rigid bodies: at nodes, at each other and at colliders.
-    let bodies = moving.bodies;
+    // Rigid bodies and solids: at nodes, at each other and at colliders.
+    let off_grid = OffGrid {
+        bodies: moving.bodies,
+        solids: moving.solids,
+    };
     let at_bodies = move_bodies(
-        &given, &at.now, passes, matter, motion, bodies, workspace, tally,
+        &given, &at.now, passes, matter, motion, off_grid, workspace, tally,
     );
     // Guard: nothing may travel farther than the tiles reach.
     let speeds = [on_nodes, larger(in_contact, at_bodies)];
@@ -74,6 +84,7 @@ pub(crate) fn substep(
     let next = segment.next(at, matter, motion);
     let ends = segment.ends(schedule, matter.drift, travel);
     let deformation = gather(at, &next, ends, matter, motion, workspace, tally);
+    book_springs(&given, &mut moving.episodes.ledger);
     // Guard: nothing may be inside out, or nowhere.
     bounds.and(deformation)?;
     offset_velocities(at, motion);

@@ -1,8 +1,12 @@
-//! Small scenes built in code, for tests of this crate.
+//! Small scenes built in code, for tests of this crate and of those that compare it with another solver.
 
 use crate::{
+    Action,
     materials::{Law, Material},
-    scene::{Collider, ColliderShape, Object, Pose, Scene, Surface, TriangleMesh},
+    scene::{
+        Aabb, Collider, ColliderMotion, ColliderShape, DomainPolicy, ImpulseAmount, Object, Pose,
+        PrescribedMotion, Region, RegionImpulse, Scene, Selection, Surface, TimeSpan, TriangleMesh,
+    },
 };
 
 /// Numbers between -1 and 1 by a fixed linear congruence.
@@ -142,4 +146,129 @@ pub fn box_mesh(half: [f64; 3]) -> TriangleMesh {
             .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]])
             .collect(),
     }
+}
+
+/// A block of particles that falls and spins onto a floor with friction.
+pub fn falling_block(law: Law) -> Scene {
+    let mut scene = empty(0.1);
+    scene.gravity = [0.0, 0.0, -9.81];
+    add_box(
+        &mut scene,
+        elastic(law, 1e5, 0.3),
+        [-0.2, -0.17, 0.06],
+        0.05,
+        [8, 7, 6],
+    );
+    scene.objects[0].linear_velocity = [0.7, 0.3, -1.0];
+    scene.objects[0].velocity_gradient = spin([2.0, -3.0, 1.0]);
+    add_plane(
+        &mut scene,
+        [0.0; 3],
+        [0.0, 0.0, 1.0],
+        Surface::Separate,
+        0.3,
+    );
+    scene
+}
+
+/// A jelly cube of 0.4 m in the air.
+pub fn cube() -> Scene {
+    let mut scene = empty(0.1);
+    scene.gravity = [0.0, 0.0, -9.81];
+    let jelly = elastic(Law::FixedCorotated, 1e5, 0.3);
+    add_box(&mut scene, jelly, [-0.2, -0.2, 0.0], 0.05, [8; 3]);
+    scene
+}
+
+/// The upper quarter of the [`cube`].
+pub fn upper_quarter() -> Selection {
+    Selection {
+        object: Some(0),
+        region: Some(Region::Box(
+            Aabb {
+                min: [-1.0, -1.0, 0.3],
+                max: [1.0; 3],
+            }
+            .into(),
+        )),
+    }
+}
+
+/// A velocity that the upper quarter of the [`cube`] has for some time.
+pub fn held(linear: [f64; 3], span: TimeSpan) -> PrescribedMotion {
+    PrescribedMotion {
+        selection: upper_quarter(),
+        linear,
+        angular: [0.0; 3],
+        center: [0.0; 3],
+        span,
+    }
+}
+
+/// Everything at once: thin and moving colliders, a commanded one, held and pushed particles, walls; and what is ordered
+/// before which frame.
+pub fn busy() -> (Scene, Vec<(usize, Action)>) {
+    let mut scene = cube();
+    scene.objects[0].velocity_gradient = spin([1.0, 2.0, -1.0]);
+    scene.conditions.domain_policy = DomainPolicy::Bounce;
+    scene.domain = Aabb {
+        min: [-0.5, -0.5, -0.6],
+        max: [0.5, 0.5, 1.0],
+    };
+    let plate = ColliderShape::Box {
+        half_extents: [0.3, 0.3, 0.004],
+    };
+    scene.colliders.push(Collider {
+        friction: Some(0.2),
+        restitution: 0.3,
+        motion: ColliderMotion::Velocity {
+            linear: [0.0, 0.1, 0.2],
+            angular: [0.3, 0.0, 2.0],
+            span: TimeSpan {
+                start: 0.05,
+                end: 0.3,
+            },
+        },
+        ..Collider::fixed(
+            "plate",
+            plate,
+            Pose::at([0.05, 0.0, -0.1]),
+            Surface::Separate,
+        )
+    });
+    let ball = ColliderShape::Sphere { radius: 0.25 };
+    scene.colliders.push(Collider {
+        friction: Some(0.4),
+        ..Collider::fixed("ball", ball, Pose::at([0.3, 0.1, -0.4]), Surface::Slip)
+    });
+    scene.conditions.impulses = vec![RegionImpulse {
+        selection: upper_quarter(),
+        amount: ImpulseAmount::Total([20.0, 10.0, 0.0]),
+        start: 0.1,
+        duration: 0.05,
+    }];
+    let span = TimeSpan {
+        start: 0.0,
+        end: 0.08,
+    };
+    scene.conditions.prescribed = vec![held([0.0, 0.1, 0.0], span)];
+    let actions = vec![
+        (
+            9,
+            Action::MoveCollider {
+                collider: 1,
+                pose: Pose::at([0.25, 0.05, -0.3]),
+            },
+        ),
+        (
+            12,
+            Action::Pin {
+                object: 0,
+                point: [0.0, 0.0, 0.2],
+                radius: 0.1,
+            },
+        ),
+        (20, Action::Release { object: 0 }),
+    ];
+    (scene, actions)
 }

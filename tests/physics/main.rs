@@ -6,6 +6,7 @@ mod determinism;
 mod free_fall;
 mod incline;
 mod physgaussian;
+mod pushed;
 mod samples;
 mod sayable;
 

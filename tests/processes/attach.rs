@@ -111,13 +111,18 @@ fn a_stopped_reader_of_a_lossless_server_locks_nobody_out() {
     assert_eq!(server.result()["frames_skipped"], 1, "it was waiting");
 }
 
-/// What a process gives up of its priority.
-fn niceness(pid: u32) -> i32 {
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).expect("the process runs");
-    // The 19th field; the second, the name in brackets, may hold blanks.
-    let after_name = stat.rsplit(") ").next().expect("a name in brackets");
-    let nice = after_name.split(' ').nth(16).and_then(|n| n.parse().ok());
-    nice.expect("a number")
+/// What each thread of a process gives up of its priority, by the thread's name.
+fn niceness(pid: u32) -> Vec<(String, i32)> {
+    let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).expect("the process runs");
+    let of_task = |task: std::io::Result<std::fs::DirEntry>| {
+        // A thread that ends meanwhile has no line any more.
+        let stat = std::fs::read_to_string(task.ok()?.path().join("stat")).ok()?;
+        let (name, fields) = stat.split_once(" (")?.1.rsplit_once(") ")?;
+        // The 19th field, of which two are before.
+        let nice = fields.split(' ').nth(16)?.parse().ok()?;
+        Some((name.to_owned(), nice))
+    };
+    tasks.filter_map(of_task).collect()
 }
 
 #[test]
@@ -139,16 +144,26 @@ fn a_viewer_stands_aside_once_it_has_something_to_draw() {
         assert!(viewer.is_running(), "{}", viewer.words());
         pause();
     }
-    // It looks for a server, and must not be kept from that.
-    assert_eq!(niceness(viewer.id()), niceness(std::process::id()));
+    // It looks for a server, and takes frames, and must not be kept from either.
+    let own = rustix::process::nice(0).expect("a priority");
+    let lowest = (own + 19).min(19);
+    let id = viewer.id();
+    let of = |name: &str| {
+        let threads = niceness(id);
+        threads
+            .into_iter()
+            .find(|(n, _)| n == name)
+            .map(|(_, nice)| nice)
+    };
+    assert_eq!(of("cosplat"), Some(own));
     let _server = stage.serve(&["--paused"]);
     let has_picture = || std::fs::read_dir(stage.path("pictures")).is_ok_and(|d| d.count() > 0);
     while !has_picture() {
         assert!(viewer.is_running(), "{}", viewer.words());
         pause();
     }
-    let own = niceness(std::process::id());
-    assert_eq!(niceness(viewer.id()), (own + 19).min(19));
+    assert_eq!(of("cosplat"), Some(own), "frames are taken");
+    assert_eq!(of("painter"), Some(lowest), "pictures are drawn");
 }
 
 #[test]

@@ -122,6 +122,30 @@ fn the_server_freewheels_until_the_first_attaches() {
 }
 
 #[test]
+fn a_flood_is_answered_while_the_server_freewheels() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let mut server = serve(&stage, &[]);
+    let mut senders = [stage.sender(), stage.sender()];
+    let sent = senders.each_mut().map(|sender| {
+        let requests = (1..=16).map(|n| {
+            let commands = [push(n, n); 32];
+            sender.submit(&commands, PATIENCE).expect("a place")
+        });
+        requests.collect::<Vec<_>>()
+    });
+    for (sender, requests) in senders.iter().zip(sent) {
+        for request in requests {
+            let acks = sender.answers(request, PATIENCE).expect("answers");
+            assert!(acks.iter().all(|ack| ack.is_accepted()));
+        }
+    }
+    step(&mut join(&stage, "arm"), 1, &[]);
+    assert!(stage.ctl(&["stop"]).status.success());
+    server.result();
+}
+
+#[test]
 fn three_participants_step_together() {
     let _watchdog = watchdog();
     let stage = Stage::new();

@@ -1,13 +1,20 @@
 //! Stories across processes: real servers and clients, killed, restarted, starved and misled.
 
 mod attach;
+mod browser;
 mod checkpoint;
 mod commands;
 mod crashes;
 mod demo;
 mod doctor;
+mod edits;
+mod export;
+mod hand;
+mod lift;
 mod lockstep;
+mod objects;
 mod output;
+mod page_edits;
 mod python;
 mod recording;
 mod replay;
@@ -15,3 +22,4 @@ mod restart;
 mod shutdown;
 mod stage;
 mod verify;
+mod web;

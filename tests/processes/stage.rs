@@ -280,8 +280,8 @@ impl Process {
         serde_json::from_str(line).unwrap_or_else(|e| panic!("{line:?}: {e}"))
     }
 
-    /// Reads standard output until a line contains `text`.
-    pub fn wait_for_output(&mut self, text: &str) {
+    /// Reads standard output until a line contains `text`, and gives back all of it.
+    pub fn wait_for_output(&mut self, text: &str) -> String {
         let pipe = self.child.stdout.as_mut().expect("output is captured");
         let (mut seen, mut byte) = (String::new(), [0]);
         while !seen.contains(text) {
@@ -291,6 +291,7 @@ impl Process {
             );
             seen.push(byte[0] as char);
         }
+        seen
     }
 }
 

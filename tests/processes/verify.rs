@@ -154,6 +154,17 @@ fn random_script(seed: u64) -> String {
 
 /// Records a scene served on two threads while three processes order something by chance.
 fn record(stage: &Stage, scene: &str, seed: u64, arguments: &[&str]) -> Value {
+    record_as(stage, scene, seed, arguments, &[])
+}
+
+/// The same with options of the recorder.
+fn record_as(
+    stage: &Stage,
+    scene: &str,
+    seed: u64,
+    arguments: &[&str],
+    recording: &[&str],
+) -> Value {
     let mut all = vec![
         "--paused",
         "--pace",
@@ -167,8 +178,8 @@ fn record(stage: &Stage, scene: &str, seed: u64, arguments: &[&str]) -> Value {
     all.extend(arguments);
     let mut server = stage.serve_scene(scene, &all);
     let client = stage.client();
-    let mut recorder =
-        Process::start(stage.cosplat(&["record", "-o", "run.mcap", "--json", "--force"]));
+    let words = ["record", "-o", "run.mcap", "--json", "--force"];
+    let mut recorder = Process::start(stage.cosplat(&[&words, recording].concat()));
     wait_for_status(&client, |s: &Status| s.frame_readers >= 1);
     let mut clients: Vec<_> = (0..3)
         .map(|n| {
@@ -285,6 +296,124 @@ fn a_moved_recording_verifies_when_its_files_are_gone() {
     ] {
         assert!(words.contains(expected), "{expected:?} not in {words}");
     }
+}
+
+#[test]
+fn a_recording_that_ends_leaves_no_checkpoint_behind() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let folder = stage.path("states");
+    fs::create_dir(&folder).expect("a folder");
+    let to = ["--checkpoints", folder.to_str().expect("a plain path")];
+    let _server = stage.serve_scene(SMALL_SCENE, &to);
+    for _ in 0..4 {
+        // Each frame makes one due: an order is under way whenever the recording ends.
+        let arguments = ["record", "-o", "run.mcap", "--json", "--force"];
+        let often = ["--duration", "0.3", "--checkpoint-every", "1e-6"];
+        let summary = Process::start(stage.cosplat(&[&arguments[..], &often].concat())).result();
+        assert!(summary["checkpoints"].as_u64() > Some(0), "{summary}");
+        let left = fs::read_dir(&folder).expect("a folder").count();
+        assert_eq!(left, 0, "{summary}");
+    }
+}
+
+#[test]
+fn parts_verify_from_checkpoints_and_can_be_branched() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let options = ["--split-duration", "0.2", "--checkpoint-every", "0.1"];
+    let folder = stage.path("states");
+    fs::create_dir(&folder).expect("a folder");
+    let to = ["--checkpoints", folder.to_str().expect("a plain path")];
+    let summary = record_as(&stage, SMALL_SCENE, 12, &to, &options);
+    let checkpoints = summary["checkpoints"].as_u64().expect("a number");
+    let (mut steps, mut compared, mut parts) = (0, 0, Vec::new());
+    for part in 1.. {
+        let name = format!("run-{part:04}.mcap");
+        if !stage.path(&name).exists() {
+            break;
+        }
+        let (success, outcome) = verify(&stage, &stage.path(&name), "2");
+        assert!(success, "{name}: {outcome}");
+        let run = &outcome["runs"][0];
+        assert_eq!(run["steps_before"], 0, "{name}: {outcome}");
+        assert_eq!(
+            run["from_checkpoint"].is_null(),
+            part == 1,
+            "{name}: {outcome}"
+        );
+        steps += run["frames_compared"].as_u64().expect("a number");
+        compared += run["checkpoints_compared"].as_u64().expect("a number");
+        parts.push((name, run["steps"].clone()));
+    }
+    assert_eq!(steps, 41, "each step is in one part: {parts:?}");
+    assert!(parts.len() > 2, "{parts:?}");
+    // Those that a part is taken up from are not compared.
+    assert!(
+        compared > 0 && compared < checkpoints,
+        "{compared} of {checkpoints}"
+    );
+    let left = fs::read_dir(folder).expect("a folder").count();
+    assert_eq!(left, 0, "what is in the recording stays not in the folder");
+
+    let (name, steps) = &parts[1];
+    let last = steps[1].to_string();
+    let branch = |at: &str| {
+        let words = [
+            "branch",
+            name,
+            "--at",
+            at,
+            "--session",
+            "other",
+            "--duration",
+            "0.04",
+        ];
+        let paced = ["--pace", "free"];
+        stage
+            .cosplat(&[&words[..], &paced].concat())
+            .output()
+            .expect("it runs")
+    };
+    let output = branch(&last);
+    assert!(output.status.success(), "{output:?}");
+    let output = branch("1");
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        !output.status.success() && words.contains("step 1"),
+        "{words}"
+    );
+}
+
+#[test]
+fn a_run_joined_late_verifies_from_its_checkpoint() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let summary = record_as(&stage, SMALL_SCENE, 13, &[], &["--checkpoint-every", "0.2"]);
+    assert!(summary["checkpoints"].as_u64() > Some(1), "{summary}");
+    // As if the recorder had come after the first commands, and the server kept them no longer.
+    let mut commands = 0;
+    rewrite(
+        &stage.path("run.mcap"),
+        &stage.path("late.mcap"),
+        |_| {},
+        |message| {
+            commands += u32::from(message.topic == "/journal");
+            message.topic != "/journal" || commands > 1
+        },
+    );
+    let (success, outcome) = verify(&stage, &stage.path("late.mcap"), "2");
+    let run = &outcome["runs"][0];
+    assert!(success && run["from_checkpoint"].is_u64(), "{outcome}");
+    let from = run["from_checkpoint"].as_u64().expect("a step");
+    assert!((1..40).contains(&from), "{outcome}");
+    assert_eq!(run["steps_before"], from + 1, "{outcome}");
+    assert_eq!(run["steps"], serde_json::json!([from + 1, 40]), "{outcome}");
+
+    let inspect = ["inspect", "run.mcap", "--json"];
+    let output = stage.cosplat(&inspect).output().expect("it runs");
+    let survey: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert!(survey["runs"][0]["checkpoints"][1].is_u64(), "{survey}");
 }
 
 /// The first difference that `cosplat verify` finds: step and words.
@@ -422,24 +551,25 @@ fn a_recording_that_lacks_something_is_told_what() {
     let words = reason("old.mcap");
     assert!(words.contains("an older recorder"), "{words}");
 
-    // A gap that is told is crossed: the commands in it are there.
-    let gap = serde_json::json!({ "epoch": "0000000000000001", "from_step": 12, "to_step": 14, "reason": "missed" });
+    // A gap that is told is crossed: the commands in it are there. A whole frame follows, as a recorder writes one then:
+    // here it comes after sixteen in which everything moved.
+    let gap = serde_json::json!({ "epoch": "0000000000000001", "from_step": 12, "to_step": 16, "reason": "missed" });
     rewrite(
         &run,
         &stage.path("gap.mcap"),
         |_| {},
         |message| {
-            if message.topic == "/objects/tf" && message.step == 14 {
+            if message.topic == "/objects/tf" && message.step == 16 {
                 message.topic = "/gaps".into();
                 message.data = gap.to_string().into_bytes();
             }
-            !(12..=14).contains(&message.step)
+            !(12..=16).contains(&message.step)
                 || ["/journal", "/gaps"].contains(&message.topic.as_str())
         },
     );
     let (success, outcome) = verify(&stage, &stage.path("gap.mcap"), "2");
     assert!(success, "{outcome}");
-    assert_eq!(outcome["runs"][0]["frames_compared"], 38, "{outcome}");
+    assert_eq!(outcome["runs"][0]["frames_compared"], 36, "{outcome}");
 
     let output = stage
         .cosplat(&["verify", "nothing.mcap"])

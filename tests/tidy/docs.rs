@@ -21,7 +21,12 @@ fn names_a_path(token: &str) -> bool {
         "server",
         "clients",
         "bench",
+        "fuzz",
         "importers",
+        "pacing",
+        "raster",
+        "reference",
+        "replay",
         "tests",
         "docs",
         "scenes",
@@ -143,16 +148,10 @@ fn wide_lines(text: &str) -> Vec<usize> {
     findings
 }
 
-/// The wire contract, whose lines are broken when its words are next revised.
-const NOT_YET: [&str; 1] = ["docs/wire-format.md"];
-
 #[test]
 fn lines_of_the_documents_have_at_most_160_columns() {
     let mut findings = Vec::new();
     for (file, text) in documents() {
-        if NOT_YET.contains(&shown(&file).as_str()) {
-            continue;
-        }
         let lines = wide_lines(&text);
         findings.extend(lines.iter().map(|n| format!("{}:{n}", shown(&file))));
     }
@@ -165,6 +164,100 @@ fn the_rule_for_columns_spares_generated_tables_alone() {
     assert_eq!(wide_lines(&format!("{wide}\n| {wide} |\n")), [1, 2]);
     let generated = format!("<!-- begin: a -->\n| {wide} |\n{wide}\n<!-- end: a -->\n| {wide} |");
     assert_eq!(wide_lines(&generated), [3, 5]);
+}
+
+/// Most words of a sentence.
+const MAX_WORDS: usize = 25;
+
+/// Whether a line ends the paragraph or item before it, and is none itself.
+fn is_no_prose(line: &str) -> bool {
+    let line = line.trim_start();
+    line.is_empty()
+        || ["|", "#", "<!--", "---"]
+            .iter()
+            .any(|s| line.starts_with(s))
+}
+
+/// Whether an item of a list begins with a line.
+fn begins_item(line: &str) -> bool {
+    let line = line.trim_start();
+    let number = line.trim_start_matches(|c: char| c.is_ascii_digit());
+    line.starts_with("- ") || line.starts_with("* ") || number != line && number.starts_with(". ")
+}
+
+/// Sentences of a Markdown text with more than [`MAX_WORDS`] words: line of the paragraph or item, words.
+///
+/// A colon or semicolon ends a sentence as a full stop does. Names in code and targets of links are no words; headings,
+/// tables and blocks of code are no sentences.
+fn long_sentences(text: &str) -> Vec<(usize, usize)> {
+    let mut paragraphs: Vec<(usize, String)> = Vec::new();
+    let (mut is_fenced, mut goes_on) = (false, false);
+    for (number, line) in (1..).zip(text.lines()) {
+        let is_fence = line.trim_start().starts_with("```");
+        is_fenced ^= is_fence;
+        if is_fenced || is_fence || is_no_prose(line) {
+            goes_on = false;
+            continue;
+        }
+        match paragraphs.last_mut() {
+            Some((_, paragraph)) if goes_on && !begins_item(line) => {
+                *paragraph += &format!(" {}", line.trim());
+            }
+            _ => paragraphs.push((number, line.trim().to_owned())),
+        }
+        goes_on = true;
+    }
+    let mut findings = Vec::new();
+    for (number, paragraph) in paragraphs {
+        let outside = paragraph.split('`').step_by(2).collect::<String>();
+        let links = outside.split("](").enumerate();
+        let prose = links.map(|(n, part)| match part.split_once(')') {
+            Some((_, rest)) if n > 0 => rest,
+            _ => part,
+        });
+        let mut words = 0;
+        for token in prose.collect::<String>().split_whitespace() {
+            words += usize::from(token.contains(|c: char| c.is_ascii_alphanumeric()));
+            let end = token.trim_end_matches(|c: char| "\"')*".contains(c));
+            if end.ends_with(['.', '!', '?', ':', ';']) {
+                if words > MAX_WORDS {
+                    findings.push((number, words));
+                }
+                words = 0;
+            }
+        }
+        if words > MAX_WORDS {
+            findings.push((number, words));
+        }
+    }
+    findings
+}
+
+#[test]
+fn sentences_of_the_documents_have_at_most_25_words() {
+    let mut findings = Vec::new();
+    for (file, text) in documents() {
+        let name = shown(&file);
+        // A line of it is a thing that changed, however much there is to say of it.
+        if name == "CHANGELOG.md" {
+            continue;
+        }
+        let long = long_sentences(&text).into_iter();
+        findings.extend(long.map(|(line, words)| format!("{name}:{line}: {words} words")));
+    }
+    assert_clean("sentence too long", &findings);
+}
+
+#[test]
+fn words_are_counted_between_stops_and_without_code() {
+    let words = |n: usize| vec!["word"; n].join(" ");
+    let (most, more) = (words(MAX_WORDS), words(MAX_WORDS + 1));
+    assert_eq!(long_sentences(&format!("{most}. {most}: {most}")), []);
+    let text = format!("# {more}\n| {more} |\n\n{most}\n`a` [b](c)\n\n- {more}.");
+    assert_eq!(
+        long_sentences(&text),
+        [(4, MAX_WORDS + 1), (7, MAX_WORDS + 1)]
+    );
 }
 
 #[test]

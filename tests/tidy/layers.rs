@@ -1,16 +1,37 @@
 //! Order inside the solver: modules name those below them alone, and functions are short.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use crate::{assert_clean, files, root, shown};
 
 /// Modules of the solver, the lowest first: each may name those before it.
-const FLOORS: [&str; 11] = [
-    "materials",
+const FLOORS: [&str; 30] = [
+    "expression",
+    "num",
+    "report",
+    "mat3",
+    "simd",
+    "contact_com",
+    "kinematics",
     "particles",
+    "rotation",
+    "materials",
+    "scene",
+    "coherence",
     "colliders",
+    "command",
+    "moments",
+    "notices",
+    "pose",
+    "test_scenes",
+    "distance",
     "grid",
+    "probe",
     "contact",
-    "bodies",
     "step",
+    "bodies",
+    "solid",
+    "coupling",
     "model",
     "state",
     "substep",
@@ -44,12 +65,12 @@ fn solver() -> Vec<(String, usize, String)> {
     found
 }
 
-/// Modules of this crate that some code names, comments aside.
-fn named(code: &str) -> Vec<String> {
+/// What some code names at the first level after `start`, comments aside: of `crate::`, modules of its crate.
+fn named(code: &str, start: &str) -> Vec<String> {
     let lines = code.lines().filter(|l| !l.trim_start().starts_with("//"));
     let code = lines.collect::<Vec<_>>().join("\n");
     let mut found = Vec::new();
-    for (at, start) in code.match_indices("crate::") {
+    for (at, start) in code.match_indices(start) {
         let rest = &code[at + start.len()..];
         let word = |text: &str| {
             let letters = text.trim_start().chars();
@@ -85,7 +106,7 @@ fn named(code: &str) -> Vec<String> {
 fn solver_modules_name_only_those_below() {
     let mut findings = Vec::new();
     for (name, floor, code) in solver() {
-        for other in named(&code) {
+        for other in named(&code, "crate::") {
             if FLOORS[floor + 1..].contains(&other.as_str()) {
                 findings.push(format!("{name}: {} names {other}", FLOORS[floor]));
             }
@@ -98,7 +119,89 @@ fn solver_modules_name_only_those_below() {
 fn names_are_found_in_nested_lists() {
     let code =
         "use crate::{\n    a::{b, c::{d}},\n    e,\n};\nfn f() { crate::g::h(); }\n// crate::i";
-    assert_eq!(named(code), ["a", "e", "", "g"]);
+    assert_eq!(named(code, "crate::"), ["a", "e", "", "g"]);
+}
+
+/// Per file of a folder the files beside it that it names, by their names, those among them whose items the folder's own
+/// file hands on; without the folder's own file, which may name all of them as they may name it.
+fn beside(folder: &str, sources: &[(String, usize, String)]) -> BTreeMap<String, BTreeSet<String>> {
+    let inside = |name: &str| {
+        let stem = name.strip_prefix(folder)?.strip_suffix(".rs")?;
+        (!stem.contains('/') && stem != "mod").then(|| stem.to_owned())
+    };
+    let stems: Vec<_> = sources.iter().filter_map(|s| inside(&s.0)).collect();
+    let own = [
+        format!("{folder}mod.rs"),
+        format!("{}.rs", folder.trim_end_matches('/')),
+    ];
+    let own = sources.iter().find(|s| own.contains(&s.0));
+    let own = own.map_or("", |s| &*s.2);
+    let mut handed_on = BTreeMap::new();
+    for stem in &stems {
+        let names = named(own, &format!(" use {stem}::"));
+        handed_on.extend(names.into_iter().map(|name| (name, stem)));
+    }
+    let files = sources.iter().filter_map(|s| Some((inside(&s.0)?, &s.2)));
+    let of_file = |(stem, code): (String, &String)| {
+        let words = named(code, "super::").into_iter();
+        let others = words.filter_map(|word| match stems.contains(&word) {
+            true => Some(word),
+            false => handed_on.get(&word).map(|&stem| stem.clone()),
+        });
+        let others = others.filter(|other| *other != stem).collect();
+        (stem, others)
+    };
+    files.map(of_file).collect()
+}
+
+/// What is left of a graph when all that leads to nowhere is taken out of it.
+fn circle(mut graph: BTreeMap<String, BTreeSet<String>>) -> Vec<String> {
+    loop {
+        let ends: Vec<String> = graph
+            .iter()
+            .filter(|(_, others)| others.iter().all(|other| !graph.contains_key(other)))
+            .map(|(name, _)| name.clone())
+            .collect();
+        if ends.is_empty() {
+            return graph.into_keys().collect();
+        }
+        graph.retain(|name, _| !ends.contains(name));
+    }
+}
+
+#[test]
+fn solver_files_side_by_side_name_each_other_in_no_circle() {
+    let sources = solver();
+    let folders = sources
+        .iter()
+        .filter_map(|s| Some(&s.0[..=s.0.rfind('/')?]));
+    let folders: BTreeSet<&str> = folders.collect();
+    let mut findings = Vec::new();
+    for folder in folders {
+        let left = circle(beside(folder, &sources));
+        if !left.is_empty() {
+            findings.push(format!("{folder}: {}", left.join(", ")));
+        }
+    }
+    assert_clean("circle of files", &findings);
+}
+
+#[test]
+fn circles_are_found_through_what_is_handed_on() {
+    let source = |name: &str, code: &str| (name.to_owned(), 0, code.to_owned());
+    let straight = [
+        source("m/mod.rs", "pub use b::{B, C};"),
+        source("m/a.rs", "use super::{B, Own};"),
+        source("m/b.rs", "use super::Own;"),
+    ];
+    assert_eq!(circle(beside("m/", &straight)), [""; 0]);
+    let round = [
+        straight[0].clone(),
+        straight[1].clone(),
+        source("m/b.rs", "use super::a::A;"),
+        source("m/c.rs", "use super::a::A;"),
+    ];
+    assert_eq!(circle(beside("m/", &round)), ["a", "b", "c"]);
 }
 
 #[test]

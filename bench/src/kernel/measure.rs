@@ -2,7 +2,8 @@
 
 use std::time::Instant;
 
-use cosplat_sim_core::{Isa, ReferenceWorld, World, materials::Material};
+use cosplat_reference::ReferenceWorld;
+use cosplat_sim_core::{Isa, World, materials::Material};
 use indicatif::ProgressBar;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use rustix::time::{ClockId, clock_gettime};

@@ -6,6 +6,7 @@
 mod measure;
 mod report;
 mod scene;
+mod solids;
 mod yardstick;
 
 #[cfg(test)]
@@ -14,6 +15,7 @@ mod tests;
 use std::path::PathBuf;
 
 use anyhow::ensure;
+use cosplat::{note, say};
 use cosplat_sim_core::Isa;
 
 use crate::{machine::Run, page, progress};
@@ -42,6 +44,9 @@ pub struct Args {
     /// Hang a Gaussian on every particle: plastic laws then carry the visible shape as well.
     #[arg(long)]
     gaussians: bool,
+    /// Measure solids on grids of their own: full and cut cells, large and small blocks, two threads.
+    #[arg(long, conflicts_with_all = ["materials", "particles", "per_cell", "threads", "isas", "gaussians"])]
+    solids: bool,
     /// Rounds; in each of them every configuration runs for one frame.
     #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(3..=10_000))]
     rounds: u32,
@@ -158,6 +163,9 @@ fn full_set() -> Vec<(String, Vec<Case>)> {
 /// # Errors
 /// When no threads can be started, the processor lacks an instruction set, or the file cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    if args.solids {
+        return solids::run(args.rounds, args.json, args.table.as_deref());
+    }
     let plan = args.plan();
     for (_, cases) in &plan {
         for case in cases {
@@ -192,14 +200,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             } else {
                 sentence(&name, measured)
             };
-            bar.suspend(|| println!("{text}"));
+            bar.suspend(|| say!("{text}"))?;
         }
         results.push((name, measured));
     }
     bar.finish_and_clear();
     if let Some(path) = &args.table {
         page::put(path, &[(report::PART, report::tables(&results, &here))])?;
-        eprintln!("wrote {}", path.display());
+        note!("wrote {}", path.display());
     }
     Ok(())
 }

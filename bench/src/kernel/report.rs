@@ -99,7 +99,7 @@ pub fn sentence(name: &str, measured: &Measured) -> String {
 }
 
 /// `median (q1 to q3)`.
-fn spread(q: Quartiles, digits: usize) -> String {
+pub fn spread(q: Quartiles, digits: usize) -> String {
     format!(
         "{:.digits$} ({:.digits$} to {:.digits$})",
         q.median, q.q1, q.q3
@@ -107,7 +107,7 @@ fn spread(q: Quartiles, digits: usize) -> String {
 }
 
 /// A measured value against the least that is asked.
-fn verdict(found: Option<Quartiles>, asked: f64) -> String {
+pub fn verdict(found: Option<Quartiles>, asked: f64) -> String {
     match found {
         None => "not measured".into(),
         Some(q) if q.median >= asked => format!("{}, met", spread(q, 2)),

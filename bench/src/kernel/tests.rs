@@ -1,6 +1,6 @@
 //! The yardstick computes what the solvers compute.
 
-use cosplat_sim_core::ReferenceWorld;
+use cosplat_reference::ReferenceWorld;
 
 use super::scene::{Layout, MATERIALS, material, scene, yardstick_of};
 

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 
 use crate::{machine::Run, progress, signals};
+use cosplat::{note, say};
 
 /// Runs of each setting, unless one says otherwise.
 const ROUNDS: u64 = 7;
@@ -81,11 +82,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         match measure::measure(case, rounds, coarse, &bar, &stop) {
             Ok(result) => {
                 bar.finish_and_clear();
-                eprintln!("{}: {:.0} s", case.name, result.seconds);
+                note!("{}: {:.0} s", case.name, result.seconds);
                 if args.json {
                     report::print_lines(&result, &here)?;
                 } else {
-                    println!("{}", report::table(&result));
+                    say!("{}", report::table(&result))?;
                 }
                 if let Some(folder) = &args.write {
                     report::write_case(folder, &result, &here)?;
@@ -97,7 +98,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 if stop.load(std::sync::atomic::Ordering::Relaxed) {
                     return Err(error);
                 }
-                eprintln!("{} cannot be measured: {error:#}", case.name);
+                note!("{} cannot be measured: {error:#}", case.name);
                 failed.push(case.name);
             }
         }
@@ -108,15 +109,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             Ok(found) => {
                 if args.json {
                     for row in &found {
-                        println!("{}", serde_json::to_string(row)?);
+                        say!("{}", serde_json::to_string(row)?)?;
                     }
                 } else {
-                    println!("{}", steps::table(&found));
+                    say!("{}", steps::table(&found))?;
                 }
                 sweep = Some(found);
             }
             Err(error) => {
-                eprintln!("{} cannot be measured: {error:#}", steps::NAME);
+                note!("{} cannot be measured: {error:#}", steps::NAME);
                 failed.push(steps::NAME);
             }
         }

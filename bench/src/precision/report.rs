@@ -3,6 +3,7 @@
 use std::{fmt::Write as _, fs, path::Path};
 
 use anyhow::Context;
+use cosplat::say;
 use serde_json::json;
 
 use super::{
@@ -106,7 +107,7 @@ pub fn print_lines(result: &CaseResult, here: &Run) -> anyhow::Result<()> {
             }
             Err(why) => line["failed"] = json!(why),
         }
-        println!("{}", serde_json::to_string(&line)?);
+        say!("{}", serde_json::to_string(&line)?)?;
     }
     Ok(())
 }
@@ -395,7 +396,7 @@ fn charts(results: &[CaseResult]) -> String {
         let name = result.case.name;
         let _ = writeln!(
             text,
-            "### {name}\n\n{}. Error: {}, against {}. Scene: [`{}`](../{}); figures: \
+            "### {name}\n\n{}. Error: {}. Reference: {}. Scene: [`{}`](../{}); figures: \
              [`{name}.csv`](precision/{name}.csv).\n\n![Error against cost of {name}](precision/{name}.svg)\n",
             result.case.title,
             result.case.error,

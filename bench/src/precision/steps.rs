@@ -12,8 +12,9 @@ use std::{
 };
 
 use anyhow::{Context, bail};
+use cosplat_reference::ReferenceWorld;
 use cosplat_scene::load::load_text;
-use cosplat_sim_core::{ReferenceWorld, Scene, World};
+use cosplat_sim_core::{Scene, World};
 use serde::Serialize;
 
 use super::report::THREADS;

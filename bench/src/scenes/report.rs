@@ -28,6 +28,11 @@ impl Row {
         self.measured.updates as f64 / self.measured.seconds / 1e6
     }
 
+    /// Simulated seconds per second.
+    fn pace(&self) -> f64 {
+        self.measured.simulated / self.measured.seconds
+    }
+
     /// Share of the kernel's speed.
     fn ratio(&self) -> Option<f64> {
         self.kernel.map(|kernel| self.rate() / kernel)
@@ -48,6 +53,7 @@ pub fn line(row: &Row, run: &Run) -> Value {
         "updates": measured.updates,
         "substeps": measured.substeps,
         "seconds": measured.seconds,
+        "simulated_per_s": row.pace(),
         "updates_per_s": row.rate() * 1e6,
         "kernel_updates_per_s": row.kernel.map(|rate| rate * 1e6),
         "ratio_to_kernel": row.ratio(),
@@ -71,9 +77,10 @@ fn percents(shares: &[f64]) -> String {
 /// One line for people.
 pub fn sentence(row: &Row) -> String {
     format!(
-        "{}, {} threads: {:.2} million updates/s, {} of the kernel's {} million/s; {} %: {}; {} allocations per substep",
+        "{}, {} threads: {:.3} simulated s/s, {:.2} million updates/s, {} of the kernel's {} million/s; {} %: {}; {} allocations per substep",
         row.scene,
         row.threads,
+        row.pace(),
         row.rate(),
         number(row.ratio(), 2),
         number(row.kernel, 1),
@@ -86,16 +93,17 @@ pub fn sentence(row: &Row) -> String {
 /// The table, with a caption.
 pub fn table(rows: &[Row], duration: f64, run: &Run) -> String {
     let mut text = format!(
-        "First {duration} s of every scene. {}\n\n| scene | threads | updates [million] | speed [million/s] | ratio to the kernel | {} [%] | allocations per substep |\n| --- | --- | --- | --- | --- | --- | --- |\n",
+        "First {duration} s of every scene. {}\n\n| scene | threads | simulated s/s | updates [million] | speed [million/s] | ratio to the kernel | {} [%] | allocations per substep |\n| --- | --- | --- | --- | --- | --- | --- | --- |\n",
         run.caption("threads as listed"),
         PHASES.join(", ")
     );
     for row in rows {
         let _ = writeln!(
             text,
-            "| `{}` | {} | {:.1} | {:.2} | {} | {} | {} |",
+            "| `{}` | {} | {:.3} | {:.1} | {:.2} | {} | {} | {} |",
             row.scene,
             row.threads,
+            row.pace(),
             row.measured.updates as f64 / 1e6,
             row.rate(),
             number(row.ratio(), 2),

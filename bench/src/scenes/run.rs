@@ -15,6 +15,8 @@ pub struct Measured {
     pub updates: u64,
     /// Substeps, those taken back left out.
     pub substeps: u64,
+    /// Simulated time [s].
+    pub simulated: f64,
     /// Wall time of stepping and of writing frames; with one thread, the processor time of it [s].
     pub seconds: f64,
     /// Share of the wall time per phase, in the order of [`PHASES`].
@@ -54,6 +56,7 @@ pub fn run_scene(scene: &Scene, duration: f64, threads: u16) -> anyhow::Result<M
     let mut measured = Measured {
         updates: 0,
         substeps: 0,
+        simulated: frames as f64 * frame_dt,
         seconds: 0.0,
         shares: [0.0; PHASES.len()],
         allocations: None,

@@ -15,6 +15,7 @@ use std::{
 };
 
 use anyhow::Context;
+use cosplat::say;
 use rayon::prelude::*;
 use serde_json::json;
 
@@ -250,21 +251,21 @@ impl Results {
     }
 
     /// One JSON object per line.
-    fn print(&self) {
+    fn print(&self) -> anyhow::Result<()> {
         for found in &self.maps {
             for (panel, row, ratio, closed, fate) in found.fields() {
                 let line = json!({
                     "map": found.map.name, "panel": panel, "row": row,
                     "dt_over_dt_crit": ratio, "closed_form": closed, "outcome": fate.name(),
                 });
-                println!("{line}");
+                say!("{line}")?;
             }
         }
         for (transfer, nu, closed, measured) in &self.limits {
-            println!(
+            say!(
                 "{}",
                 json!({"limit": transfer, "nu": nu, "closed_form": closed, "measured": measured})
-            );
+            )?;
         }
         for field in &self.guarded {
             let found = field.found;
@@ -272,11 +273,12 @@ impl Results {
                 "guard": field.scene, "transfer": field.transfer, "cfl": field.cfl, "rollbacks": found.rollbacks,
                 "quarantined": found.quarantined, "energy": found.energy, "not_a_number": found.lost,
             });
-            println!("{line}");
+            say!("{line}")?;
         }
         for failure in &self.failures {
-            println!("{}", failure.json());
+            say!("{}", failure.json())?;
         }
+        Ok(())
     }
 }
 
@@ -298,10 +300,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         tables::catalogue(&results.failures),
     ];
     if args.json {
-        results.print();
+        results.print()?;
     } else {
         for table in &tables {
-            println!("{table}");
+            say!("{table}")?;
         }
     }
     if let Some(folder) = &args.write {

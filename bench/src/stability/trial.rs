@@ -1,7 +1,8 @@
 //! One run past, at or below the stability limit, and what became of it.
 
+use cosplat_reference::ReferenceWorld;
 use cosplat_sim_core::{
-    ReferenceWorld, Scene, World, WorldError,
+    Scene, World, WorldError,
     materials::limits::{DeformationBounds, critical_dt},
 };
 

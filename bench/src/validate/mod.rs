@@ -16,6 +16,7 @@ use anyhow::bail;
 use case::{Group, Runs, Size};
 
 use crate::{page, progress};
+use cosplat::say;
 
 /// Run cases with a known answer and hold the results against it.
 #[derive(clap::Args)]
@@ -59,11 +60,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if args.list {
         for group in &cases::ALL {
             if !args.json {
-                println!("{:>2} {:<18} {}", group.number, group.name, group.about);
+                say!("{:>2} {:<18} {}", group.number, group.name, group.about)?;
                 continue;
             }
             for case in (group.cases)(size) {
-                println!("{}", case.plan(group));
+                say!("{}", case.plan(group))?;
             }
         }
         return Ok(());
@@ -94,7 +95,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         if args.json {
             for row in &rows {
                 bar.suspend(|| -> anyhow::Result<()> {
-                    println!("{}", serde_json::to_string(&report::Line::new(group, row))?);
+                    say!("{}", serde_json::to_string(&report::Line::new(group, row))?)?;
                     Ok(())
                 })?;
             }
@@ -104,7 +105,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     bar.finish_and_clear();
     if !args.json {
-        println!("{}", report::table(&results));
+        say!("{}", report::table(&results))?;
     }
     if let Some(folder) = &args.write {
         page::put(

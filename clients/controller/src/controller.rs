@@ -68,6 +68,28 @@ impl Controller {
         session: &str,
         timeout: Duration,
     ) -> Result<Controller, ControlError> {
+        Self::attach(domain, session, timeout, None)
+    }
+
+    /// Attaches under a client number of the caller's choice: what it grabs, others of that number can drag and let go.
+    ///
+    /// # Errors
+    /// As for [`connect`](Self::connect).
+    pub fn connect_as(
+        domain: &Domain,
+        session: &str,
+        timeout: Duration,
+        number: u64,
+    ) -> Result<Controller, ControlError> {
+        Self::attach(domain, session, timeout, Some(number))
+    }
+
+    fn attach(
+        domain: &Domain,
+        session: &str,
+        timeout: Duration,
+        number: Option<u64>,
+    ) -> Result<Controller, ControlError> {
         let client = Client::connect(domain, session, "controller", timeout)?;
         let scene = client.scene(timeout)?;
         let objects = scene
@@ -76,7 +98,10 @@ impl Controller {
             .map(|info| str_from_padded(&info.name).unwrap_or_default().to_owned())
             .collect();
         Ok(Controller {
-            sender: client.commands()?,
+            sender: match number {
+                None => client.commands()?,
+                Some(number) => client.commands_as(number)?,
+            },
             header: *scene.header(),
             objects,
             colliders: collider_names(&scene.source()),

@@ -71,6 +71,66 @@ pub enum Order {
         /// Object name or id.
         object: ObjectRef,
     },
+    /// Hold the particles within `radius` [m] of `point` [m] by a spring.
+    Grab {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Where to take hold of it [m], world frame.
+        point: [f64; 3],
+        /// Where the spring pulls that point to [m]; without it nowhere.
+        to: Option<[f64; 3]>,
+        /// How far around `point` [m].
+        radius: Option<f64>,
+        /// Steps after which it is let go unless it is dragged; 60 without.
+        #[serde(default)]
+        steps: u32,
+    },
+    /// Pull what is held of an object elsewhere.
+    Drag {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Where to [m].
+        to: [f64; 3],
+    },
+    /// Let go what is held of an object.
+    LetGo {
+        /// Object name or id.
+        object: ObjectRef,
+    },
+    /// Put an object elsewhere, at rest.
+    SetPose {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Its centre of mass [m]; where it is without.
+        position: Option<[f64; 3]>,
+        /// Its rotation since rest, about x, then y, then z of the world [degrees]; as it is without.
+        rotation_deg: Option<[f64; 3]>,
+    },
+    /// Model an object otherwise.
+    SetFidelity {
+        /// Object name or id.
+        object: ObjectRef,
+        /// How.
+        fidelity: Level,
+    },
+    /// Take an object out of the world.
+    Remove {
+        /// Object name or id.
+        object: ObjectRef,
+    },
+    /// Bring an object in that was removed or is absent.
+    BringIn {
+        /// Object name or id.
+        object: ObjectRef,
+        /// Its centre of mass [m]; where it was without.
+        position: Option<[f64; 3]>,
+        /// Its rotation since rest, about x, then y, then z of the world [degrees]; as it was without.
+        rotation_deg: Option<[f64; 3]>,
+    },
+    /// Back to the state right before the newest edit.
+    Undo,
+    /// Back to the state that the newest undo left.
+    Redo,
     /// A force [N] and a torque [N m] about the centre of mass during the step, or a force on the particles within
     /// `radius` [m] of `point` [m].
     Force {
@@ -124,6 +184,36 @@ pub enum Order {
     Reset,
     /// Shut the server down.
     Stop,
+}
+
+/// How an object is modelled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Level {
+    /// As one body that stands where it is.
+    Static = 1,
+    /// As matter.
+    Mpm = 2,
+    /// With as little as the scene's tolerance allows.
+    Auto = 3,
+    /// As one body.
+    Rigid = 4,
+}
+
+impl std::str::FromStr for Level {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Level, String> {
+        match text {
+            "static" => Ok(Level::Static),
+            "mpm" => Ok(Level::Mpm),
+            "auto" => Ok(Level::Auto),
+            "rigid" => Ok(Level::Rigid),
+            _ => Err(format!(
+                "{text:?} is no fidelity: expected static, mpm, auto or rigid"
+            )),
+        }
+    }
 }
 
 /// An object by name or by id.
@@ -195,7 +285,7 @@ pub enum OrderError {
     Material(String),
 }
 
-/// Radius of a push or pin at a point when the order names none [m].
+/// Radius of a push, pin or grab at a point when the order names none [m].
 pub const DEFAULT_PUSH_RADIUS: f64 = 0.05;
 
 /// What an order needs to know of the running scene.
@@ -286,55 +376,56 @@ impl Order {
                 linear,
                 angular,
             } => wire::Command {
-                kind: wire::COMMAND_SET_VELOCITY,
                 object: lookup.object(object)?,
                 vector: *linear,
                 point: *angular,
-                ..empty
+                ..of_kind(wire::COMMAND_SET_VELOCITY)
             },
             Order::SetMaterial {
                 object,
                 region,
                 material,
             } => wire::Command {
-                kind: wire::COMMAND_SET_MATERIAL,
                 object: lookup.object(object)?,
                 material: lookup.material(material, *region)?,
-                ..empty
+                ..of_kind(wire::COMMAND_SET_MATERIAL)
             },
             Order::Gravity { gravity } => wire::Command {
-                kind: wire::COMMAND_SET_GRAVITY,
                 vector: *gravity,
-                ..empty
+                ..of_kind(wire::COMMAND_SET_GRAVITY)
             },
             Order::MoveCollider {
                 collider,
                 translation,
                 rotation_deg,
             } => wire::Command {
-                kind: wire::COMMAND_MOVE_COLLIDER,
                 object: lookup.collider(collider)?,
                 vector: *translation,
                 point: rotation_vector(*rotation_deg),
-                ..empty
+                ..of_kind(wire::COMMAND_MOVE_COLLIDER)
             },
             Order::Pin {
                 object,
                 point,
                 radius,
             } => wire::Command {
-                kind: wire::COMMAND_PIN,
                 object: lookup.object(object)?,
                 point: point.unwrap_or_default(),
                 radius: point.map_or(0.0, |_| radius.unwrap_or(DEFAULT_PUSH_RADIUS)),
-                ..empty
+                ..of_kind(wire::COMMAND_PIN)
             },
             Order::Release { object } => wire::Command {
-                kind: wire::COMMAND_RELEASE,
                 object: lookup.object(object)?,
-                ..empty
+                ..of_kind(wire::COMMAND_RELEASE)
             },
             Order::Force { .. } | Order::ColliderVelocity { .. } => self.held(lookup)?,
+            Order::Grab { .. } | Order::Drag { .. } | Order::LetGo { .. } => self.hold(lookup)?,
+            Order::SetPose { .. }
+            | Order::SetFidelity { .. }
+            | Order::Remove { .. }
+            | Order::BringIn { .. } => self.edit(lookup)?,
+            Order::Undo => of_kind(wire::COMMAND_UNDO),
+            Order::Redo => of_kind(wire::COMMAND_REDO),
             Order::Save { snapshot } => numbered(wire::COMMAND_SAVE, *snapshot),
             Order::Restore { snapshot } => numbered(wire::COMMAND_RESTORE, *snapshot),
             Order::Step { count } => numbered(wire::COMMAND_STEP, *count),
@@ -344,6 +435,71 @@ impl Order {
             Order::Seek => of_kind(wire::COMMAND_SEEK),
             Order::Reset => of_kind(wire::COMMAND_RESET),
             Order::Stop => of_kind(wire::COMMAND_STOP),
+        })
+    }
+
+    /// The wire command of an order about what a spring holds.
+    fn hold(&self, lookup: &Lookup<'_>) -> Result<wire::Command, OrderError> {
+        Ok(match self {
+            Order::Grab {
+                object,
+                point,
+                to,
+                radius,
+                steps,
+            } => wire::Command {
+                object: lookup.object(object)?,
+                vector: to.unwrap_or(*point),
+                point: *point,
+                radius: radius.unwrap_or(DEFAULT_PUSH_RADIUS),
+                material: wire::MaterialSpec {
+                    region: *steps,
+                    ..Default::default()
+                },
+                ..of_kind(wire::COMMAND_GRAB)
+            },
+            Order::Drag { object, to } => wire::Command {
+                object: lookup.object(object)?,
+                vector: *to,
+                ..of_kind(wire::COMMAND_DRAG)
+            },
+            Order::LetGo { object } => wire::Command {
+                object: lookup.object(object)?,
+                ..of_kind(wire::COMMAND_LET_GO)
+            },
+            other => other.to_wire(lookup)?,
+        })
+    }
+
+    /// The wire command of an edit of an object.
+    fn edit(&self, lookup: &Lookup<'_>) -> Result<wire::Command, OrderError> {
+        Ok(match self {
+            Order::SetPose {
+                object,
+                position,
+                rotation_deg,
+            } => wire::Command {
+                object: lookup.object(object)?,
+                ..posed(wire::COMMAND_SET_POSE, *position, *rotation_deg)
+            },
+            Order::BringIn {
+                object,
+                position,
+                rotation_deg,
+            } => wire::Command {
+                object: lookup.object(object)?,
+                ..posed(wire::COMMAND_BRING_IN, *position, *rotation_deg)
+            },
+            Order::SetFidelity { object, fidelity } => wire::Command {
+                object: lookup.object(object)?,
+                material: wire::MaterialSpec {
+                    region: *fidelity as u32,
+                    ..Default::default()
+                },
+                ..of_kind(wire::COMMAND_SET_FIDELITY)
+            },
+            Order::Remove { object } => numbered(wire::COMMAND_REMOVE, lookup.object(object)?),
+            other => other.to_wire(lookup)?,
         })
     }
 
@@ -384,6 +540,22 @@ impl Order {
     }
 }
 
+/// A command with a pose, of which parts may be kept.
+fn posed(kind: u32, position: Option<[f64; 3]>, degrees: Option<[f64; 3]>) -> wire::Command {
+    let flag = |is_kept: bool, flag: u32| if is_kept { flag } else { 0 };
+    let region = flag(position.is_none(), wire::POSE_KEEP_PLACE)
+        | flag(degrees.is_none(), wire::POSE_KEEP_ROTATION);
+    wire::Command {
+        vector: position.unwrap_or_default(),
+        point: degrees.map_or([0.0; 3], rotation_vector),
+        material: wire::MaterialSpec {
+            region,
+            ..Default::default()
+        },
+        ..of_kind(kind)
+    }
+}
+
 fn of_kind(kind: u32) -> wire::Command {
     wire::Command {
         kind,
@@ -399,122 +571,4 @@ fn numbered(kind: u32, number: u32) -> wire::Command {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn wired(order: &Order) -> Result<wire::Command, OrderError> {
-        order.to_wire(&Lookup {
-            objects: &["left".into(), "right".into()],
-            colliders: &["floor".into(), "gripper".into()],
-            materials: &|value| match value.law.as_deref() {
-                Some("von_mises") => Ok(wire::MaterialSpec {
-                    law: 3,
-                    parameters: [value.numbers["yield_stress_pa"], 0.0, 0.0, 0.0],
-                    ..Default::default()
-                }),
-                _ => Err(format!("no material {value:?}")),
-            },
-        })
-    }
-
-    #[test]
-    fn objects_go_by_name_or_id() {
-        let push = |object: &str| Order::Push {
-            object: object.parse().expect("infallible"),
-            impulse: [1.0, 2.0, 3.0],
-            point: None,
-            radius: None,
-        };
-        assert_eq!(wired(&push("right")).map(|c| c.object), Ok(1));
-        assert_eq!(wired(&push("0")).map(|c| c.object), Ok(0));
-        let error = wired(&push("middle")).expect_err("no such object");
-        assert!(error.to_string().contains("left, right"), "{error}");
-    }
-
-    #[test]
-    fn colliders_go_by_name_and_turn_by_a_rotation_vector() {
-        let order = Order::MoveCollider {
-            collider: ObjectRef::Name("gripper".into()),
-            translation: [1.0, 2.0, 3.0],
-            rotation_deg: [0.0, 90.0, 0.0],
-        };
-        let command = wired(&order).expect("valid");
-        assert_eq!(
-            (command.kind, command.object),
-            (wire::COMMAND_MOVE_COLLIDER, 1)
-        );
-        assert_eq!(command.vector, [1.0, 2.0, 3.0]);
-        let turn = command.point[1] - std::f64::consts::FRAC_PI_2;
-        assert!(turn.abs() < 1e-12, "{:?}", command.point);
-        let order = Order::MoveCollider {
-            collider: ObjectRef::Name("left".into()),
-            translation: [0.0; 3],
-            rotation_deg: [0.0; 3],
-        };
-        let error = wired(&order).expect_err("an object is no collider");
-        assert!(error.to_string().contains("floor, gripper"), "{error}");
-    }
-
-    #[test]
-    fn a_pin_without_a_point_holds_the_whole_object() {
-        let pin = |point| Order::Pin {
-            object: ObjectRef::Id(1),
-            point,
-            radius: None,
-        };
-        let command = wired(&pin(None)).expect("valid");
-        assert_eq!((command.kind, command.radius), (wire::COMMAND_PIN, 0.0));
-        let command = wired(&pin(Some([0.0; 3]))).expect("valid");
-        assert_eq!(command.radius, DEFAULT_PUSH_RADIUS);
-    }
-
-    #[test]
-    fn a_point_makes_a_local_push() {
-        let order = Order::Push {
-            object: ObjectRef::Id(0),
-            impulse: [1.0, 0.0, 0.0],
-            point: Some([0.0, 1.0, 0.0]),
-            radius: None,
-        };
-        let command = wired(&order).expect("valid");
-        assert_eq!(command.kind, wire::COMMAND_IMPULSE_AT);
-        assert_eq!(command.radius, DEFAULT_PUSH_RADIUS);
-    }
-
-    #[test]
-    fn a_force_turns_the_whole_or_pushes_at_a_point() {
-        let force = |point| Order::Force {
-            object: ObjectRef::Id(1),
-            force: [1.0, 0.0, 0.0],
-            torque: [0.0, 0.0, 2.0],
-            point,
-            radius: None,
-        };
-        let command = wired(&force(None)).expect("valid");
-        assert_eq!(
-            (command.kind, command.point),
-            (wire::COMMAND_FORCE, [0.0, 0.0, 2.0])
-        );
-        let command = wired(&force(Some([0.0, 1.0, 0.0]))).expect("valid");
-        assert_eq!(
-            (command.kind, command.point),
-            (wire::COMMAND_FORCE_AT, [0.0, 1.0, 0.0])
-        );
-        let command = wired(&Order::Step { count: 7 }).expect("valid");
-        assert_eq!((command.kind, command.object), (wire::COMMAND_STEP, 7));
-    }
-
-    #[test]
-    fn a_material_is_a_name_or_a_table_and_may_be_for_a_region() {
-        let order = |material: &str| {
-            let text = format!("action = 'set-material'\nobject = 'left'\n{material}");
-            toml::from_str::<Order>(&text).expect("valid")
-        };
-        let material = "region = 2\nmaterial = { law = 'von_mises', yield_stress_pa = 5 }";
-        let command = wired(&order(material)).expect("known");
-        assert_eq!((command.material.law, command.material.region), (3, 2));
-        assert_eq!(command.material.parameters[0], 5.0);
-        let error = wired(&order("material = 'unobtainium'")).expect_err("no such preset");
-        assert!(error.to_string().contains("unobtainium"), "{error}");
-    }
-}
+mod tests;

@@ -4,7 +4,7 @@ import sys
 
 import cosplat
 
-with cosplat.connect(sys.argv[1] if len(sys.argv) > 1 else "default") as session:
+with cosplat.connect(sys.argv[1] if len(sys.argv) > 1 else "default", timeout=60) as session:
     print(len(session.scene().names), "objects")
     for frame in session.frames():
         highest = frame.positions.max(axis=0)

@@ -1,9 +1,10 @@
 """A renderer of one's own: every splat a dot, the newest frame a PNG. Arguments: SESSION FOLDER"""
 
-import struct, sys, zlib
+import os, struct, sys, zlib
 import cosplat, numpy as np
 
 WIDTH, HEIGHT = 640, 480
+os.makedirs(sys.argv[2], exist_ok=True)
 with cosplat.connect(sys.argv[1]) as session:
     scene = session.scene().header
     center, size = (scene.bounds_min + scene.bounds_max) / 2, np.ptp([scene.bounds_min, scene.bounds_max], axis=0).max()

@@ -13,7 +13,7 @@ from cosplat import Domain, transport, wire
 
 def hello(**other: int) -> wire.Hello:
     """The greeting of a server of this package's version, but for `other`."""
-    fields = {"wire_version": wire.WIRE_VERSION, "schema_hash": wire.SCHEMA_HASH, "pid": 4711, "epoch": 5}
+    fields = {"wire_version": wire.WIRE_VERSION, "schema_hash": wire.SCHEMA_HASH, "pid": 4711, "epoch": 5, "recorded_first": 0, "recorded_last": 0}
     return wire.Hello(**{**fields, **other}, server_version=b"9.9.9")
 
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from conftest import SCENE
-from cosplat import BadName, Domain, Env, Objects, SetVelocity
-from gymnasium.utils.env_checker import check_env
+from cosplat import BadName, Domain, Env, Objects, SetVelocity, VectorEnv
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 
 def towards(objects: Objects, action: NDArray[np.float64]) -> float:
@@ -75,3 +76,53 @@ def test_names_that_the_scene_does_not_have_are_refused(domain: Domain) -> None:
         with pytest.raises(BadName):
             Env(SCENE, observe=[observed], forces=forces, reward=towards)
     assert domain.sessions() == {}
+
+
+def make() -> Env:
+    return Env(
+        SCENE,
+        observe=["left"],
+        forces={"left": 20.0},
+        reward=towards,
+        randomise=lambda random: [SetVelocity("left", random.normal(scale=0.1, size=3))],
+        steps_per_action=2,
+        max_actions=3,
+    )
+
+
+def test_many_environments_give_what_each_gives_alone(domain: Domain) -> None:
+    actions = np.random.default_rng(7).uniform(-1, 1, (5, 3, 3))
+    many, others = VectorEnv([make() for _ in range(3)]), SyncVectorEnv([make] * 3)
+    try:
+        seeds: list[int | list[int | None]] = [5, [9, 8, 7]]
+        for seed in seeds:
+            begun = many.reset(seed=seed)
+            assert begun[0] in many.observation_space and data_equivalence(begun, others.reset(seed=seed))
+            # The fourth begins new episodes: each has three actions.
+            for action in actions:
+                assert data_equivalence(many.step(action), others.step(action))
+        assert many.observation_space == others.observation_space and many.action_space == others.action_space
+        assert many.metadata["autoreset_mode"] == others.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP
+        with pytest.raises(ValueError, match="there are 2 actions, expected 3"):
+            many.step(actions[0, :2])
+    finally:
+        many.close()
+        others.close()
+    assert domain.sessions() == {}
+
+
+def test_servers_of_many_environments_step_side_by_side(domain: Domain) -> None:
+    many = VectorEnv([make() for _ in range(2)])
+    try:
+        many.reset(seed=1)
+        courses = [env.acting(np.zeros(3)) for env in many.envs]
+        for course in courses:
+            next(course)
+        # Both servers made their step, though nobody has waited for an answer.
+        for env in many.envs:
+            while env.session.status().step < 2:
+                pass
+        for course in courses:
+            course.close()
+    finally:
+        many.close()

@@ -30,19 +30,20 @@ def test_the_first_loop_prints_a_line_per_frame(launch: Launch) -> None:
 def test_the_renderer_draws_the_frames_it_sees(launch: Launch, tmp_path: Path) -> None:
     lines = (EXAMPLES / "renderer.py").read_text().splitlines()
     assert len(lines) <= 30 and max(map(len, lines)) <= 130, "it is to stay small"
+    folder = tmp_path / "pictures"
     with launch(paused=True, arguments=["--duration", "0.5"]) as session:
-        renderer = run("renderer.py", session.name, str(tmp_path))
-        while not (tmp_path / "000000.png").exists():
+        renderer = run("renderer.py", session.name, str(folder))
+        while not (folder / "000000.png").exists():
             assert renderer.poll() is None
         session.send(Resume())
         assert renderer.wait(PATIENCE) == 0
     # The first is of the paused server, the last of step 25; what lies between depends on the machine.
-    pictures = sorted(file.name for file in tmp_path.iterdir())
+    pictures = sorted(file.name for file in folder.iterdir())
     assert pictures[0] == "000000.png" and pictures[-1] == "000025.png"
     for name in (pictures[0], pictures[-1]):
-        data = (tmp_path / name).read_bytes()
+        data = (folder / name).read_bytes()
         assert data[:8] == b"\x89PNG\r\n\x1a\n" and data[16:24] == (640).to_bytes(4, "big") + (480).to_bytes(4, "big")
-    assert (tmp_path / pictures[0]).read_bytes() != (tmp_path / pictures[-1]).read_bytes(), "the blocks fall"
+    assert (folder / pictures[0]).read_bytes() != (folder / pictures[-1]).read_bytes(), "the blocks fall"
 
 
 def test_the_controller_brings_the_box_to_its_mark(domain: Domain) -> None:

@@ -5,7 +5,7 @@ import time
 import cosplat
 import numpy as np
 import pytest
-from conftest import PATIENCE, Launch
+from conftest import PATIENCE, SCENE, Launch
 from cosplat import (
     BadName,
     Checkpoint,
@@ -17,6 +17,9 @@ from cosplat import (
     Pin,
     Push,
     Refused,
+    Drag,
+    Grab,
+    LetGo,
     Release,
     Reset,
     Resume,
@@ -24,6 +27,7 @@ from cosplat import (
     SetGravity,
     SetMaterial,
     SetVelocity,
+    Step,
     wire,
 )
 from stranger import Stranger, hello
@@ -37,6 +41,56 @@ def test_a_loop_sees_every_step_and_ends_with_the_session(launch: Launch) -> Non
         # The last frame is sent once more when the server ends between two steps.
         assert [step for step, _, _ in frames[:51]] == list(range(51))
         assert frames[-1] == (50, True, False) and reader.missed == 0
+
+
+def test_changes_add_up_to_the_frame_bit_for_bit(domain: Domain) -> None:
+    # A body falls beside matter, and both come to rest: rows of every kind, and none.
+    scene = SCENE.replace('material = "soft_rubber"', 'material = "rigid"', 1)
+    with cosplat.launch(scene, pace="free", paused=True, domain=domain) as session:
+        frames, changes, assembly = session.frames(64), session.changes(), cosplat.Assembly()
+        assert session.status().has_changes == 1
+        session.send(Resume(), Pause(at_step=6))
+        kinds: set[int] = set()
+        for target in (5, 60, 100):
+            while (told := changes.next(PATIENCE)) is not None:
+                assembly.apply(told)
+                kinds |= set(told.rows["kind"].tolist())
+                frame = frames.at(told.step, PATIENCE)
+                assert assembly.gaussians.tobytes() == frame.gaussians.tobytes(), told.step
+                assert (told.state_hash, told.sim_time) == (frame.state_hash, frame.sim_time)
+                if told.step >= target:
+                    break
+            if target < 100:
+                session.send(Resume(), Pause(at_step=61 if target == 5 else 101))
+        assert kinds == {wire.CHANGE_PLACED, wire.CHANGE_GAUSSIANS, wire.CHANGE_FORM}
+        assert changes.missed == 0
+
+
+def test_a_reader_of_changes_that_missed_some_gets_all_of_it_again(launch: Launch) -> None:
+    with launch(paused=True) as session:
+        changes, assembly = session.changes(2), cosplat.Assembly()
+        session.send(Step(1))
+        first = changes.next(PATIENCE)
+        assert first and first.is_complete
+        session.send(Resume(), Pause(at_step=41))
+        while session.status().step < 40:
+            time.sleep(0.01)
+        session.send(Resume())
+        seen = 0
+        while seen < 5:
+            told = changes.next(PATIENCE)
+            assert told
+            assembly.apply(told)
+            seen += told.step > 40
+        assert changes.missed > 0
+        session.send(Pause())
+        while (told := changes.next(0.5)) is not None:
+            assembly.apply(told)
+        session.send(Step(2))
+        skipped, later = changes.next(PATIENCE), changes.next(PATIENCE)
+        assert skipped and later and not later.is_complete
+        with pytest.raises(Malformed, match=f"changes of step {later.step} build on step {skipped.step}"):
+            assembly.apply(later)
 
 
 def test_positions_and_objects_of_a_step_agree(launch: Launch) -> None:
@@ -87,16 +141,19 @@ def test_orders_are_applied_and_journalled(session: LaunchedSession) -> None:
         MoveCollider("floor", (0, -1, 0)),
         Pin("left", (-0.3, 0.3, 0), 0.05, at_step=4),
         Release("left", at_step=6),
+        Grab("left", (-0.3, 0.3, 0), (-0.3, 0.35, 0), at_step=7),
+        Drag("left", (-0.3, 0.36, 0), at_step=8),
+        LetGo("left", at_step=9),
     ]
-    acks = session.send(*orders, Pause(at_step=9), Resume())
-    assert [ack.step for ack in acks] == [1, 1, 1, 1, 1, 1, 4, 6, 9, 1]
+    acks = session.send(*orders, Pause(at_step=10), Resume())
+    assert [ack.step for ack in acks] == [1, 1, 1, 1, 1, 1, 4, 6, 7, 8, 9, 10, 1]
     seen: list[tuple[int, wire.Command]] = []
     while len(seen) < len(orders):
         message = journal.next(PATIENCE)
         assert message
         seen += [(entry.step, entry.command) for entry in message.commands]
-    assert [step for step, _ in seen] == [1, 1, 1, 1, 1, 1, 4, 6]
-    assert [command.sequence for _, command in seen] == list(range(1, 9))
+    assert [step for step, _ in seen] == [1, 1, 1, 1, 1, 1, 4, 6, 7, 8, 9]
+    assert [command.sequence for _, command in seen] == list(range(1, 12))
     assert seen[3][1].material.parameters.tolist() == [1e3, 0, 0, 0]
     states = next(message for message in objects if message.step == 2)
     # A push of 1 N s twice on 8.56 kg; a velocity is what was ordered.
@@ -187,6 +244,22 @@ def test_a_loop_over_a_killed_server_raises(session: LaunchedSession) -> None:
     with pytest.raises(ServerLost, match="gave no sign of life"):
         for _ in reader:
             pass
+
+
+def test_a_server_may_have_another_clock(launch: Launch, monkeypatch: pytest.MonkeyPatch) -> None:
+    own_clock = time.monotonic
+    for ahead in (1e5, -1e5):
+        with launch(paused=True) as session, monkeypatch.context() as patched:
+            patched.setattr(time, "monotonic", lambda: own_clock() + ahead)
+            frames, end = session.frames(), own_clock() + 1.5
+            while own_clock() < end:
+                frames.next(0.05)
+                assert not session.is_over(0)
+            session.process.kill()
+            session.process.wait()
+            with pytest.raises(ServerLost):
+                while not session.is_over(0):
+                    time.sleep(0.05)
 
 
 def test_other_publishers_are_ignored(domain: Domain) -> None:

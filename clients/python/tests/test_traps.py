@@ -79,7 +79,7 @@ def test_4_rebinding_a_frame_holds_no_more_than_two(launch: Launch) -> None:
 
 
 def test_4_who_holds_too_much_is_told_and_goes_on(launch: Launch) -> None:
-    with launch(paused=True) as session:
+    with launch(pace="realtime", paused=True) as session:
         reader = session.frames(64)
         session.send(Resume())
         held = [next_frame(reader) for _ in range(8)]

@@ -5,13 +5,16 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use mcap::records::op;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-use crate::RecordingError;
-use crate::reader::{DECODED, Decoder, Event, LENGTH_LIMIT, READ_LIMIT, open_mcap};
+use crate::chunk_records::ChunkRecords;
+use crate::decoder::Decoder;
+use crate::reader::{DECODED, Event, open_mcap};
 use crate::records;
 use crate::segments::{Segment, segments};
+use crate::{Damage, RecordingError};
 
+/// Opcode and length in front of a record [byte].
+const FRAMING: usize = 9;
 /// Where the checksum of a chunk lies, from the opcode on [byte]: behind length, two times and a size.
 const CRC: std::ops::Range<usize> = 33..37;
 
@@ -120,13 +123,15 @@ impl Chunks {
     pub fn read(&mut self, chunk: usize) -> Result<Content, RecordingError> {
         let segment = self.chunks[chunk].clone();
         let mut bytes = self.bytes(&segment)?;
-        let whole = self.decode(&bytes);
+        let before = self.decoder.clone();
+        let whole = self.decode(&bytes[FRAMING..]);
         if whole.damage.is_none() || bytes.len() < CRC.end {
             return Ok(whole);
         }
         // Once more without its checksum: what can be read of it tells where the damage is.
         bytes[CRC].fill(0);
-        let part = self.decode(&bytes);
+        self.decoder = before;
+        let part = self.decode(&bytes[FRAMING..]);
         Ok(Content {
             events: part.events,
             damage: whole.damage,
@@ -150,7 +155,7 @@ impl Chunks {
     /// Decodes a record outside of chunks.
     fn record(&mut self, segment: &Segment) -> Result<Option<Event>, RecordingError> {
         let bytes = self.bytes(segment)?;
-        let record = records::parse(segment.opcode, &bytes[9..])
+        let record = records::parse(segment.opcode, &bytes[FRAMING..])
             .map_err(|e| RecordingError::damaged(&self.path, e))?;
         self.decoder.decode(record).map_err(|m| m.at(&self.path))
     }
@@ -161,7 +166,7 @@ impl Chunks {
         let start = SeekFrom::Start(segment.offset);
         self.file.seek(start).map_err(failed)?;
         let mut bytes = Vec::new();
-        let length = segment.available + 9;
+        let length = segment.available + FRAMING as u64;
         (&self.file)
             .take(length)
             .read_to_end(&mut bytes)
@@ -176,46 +181,25 @@ impl Chunks {
     }
 
     /// The messages of a chunk record, up to the first fault.
-    fn decode(&mut self, mut bytes: &[u8]) -> Content {
+    fn decode(&mut self, body: &[u8]) -> Content {
         let mut events = Vec::new();
-        let mut reader = LinearReader::new_with_options(
-            LinearReaderOptions::default()
-                .with_skip_start_magic(true)
-                .with_skip_end_magic(true)
-                .with_prevalidate_chunk_crcs(true)
-                .with_record_length_limit(LENGTH_LIMIT),
-        );
-        while let Some(next) = reader.next_event() {
-            let outcome = match next {
-                Ok(LinearReadEvent::ReadRequest(need)) => {
-                    let buffer = reader.insert(need.min(READ_LIMIT));
-                    let read = bytes.read(buffer).map_err(Into::into);
-                    read.map(|read| reader.notify_read(read))
-                        .map_err(|e: mcap::McapError| RecordingError::damaged(&self.path, e))
-                }
-                Ok(LinearReadEvent::Record { data, opcode }) if DECODED.contains(&opcode) => {
-                    match records::parse(opcode, data) {
-                        Ok(record) => self
-                            .decoder
-                            .decode(record)
-                            .map(|event| events.extend(event))
-                            .map_err(|m| m.at(&self.path)),
-                        Err(e) => Err(RecordingError::damaged(&self.path, e)),
-                    }
-                }
-                Ok(LinearReadEvent::Record { .. }) => Ok(()),
-                Err(e) => Err(RecordingError::damaged(&self.path, e)),
-            };
-            if let Err(damage) = outcome {
-                return Content {
-                    events,
-                    damage: Some(damage),
-                };
-            }
-        }
+        let outcome = self.decode_into(body, &mut events);
         Content {
             events,
-            damage: None,
+            damage: outcome.err(),
         }
+    }
+
+    fn decode_into(&mut self, body: &[u8], events: &mut Vec<Event>) -> Result<(), RecordingError> {
+        let damaged = |e: Damage| RecordingError::damaged(&self.path, e);
+        let mut records = ChunkRecords::of(body).map_err(damaged)?;
+        while let Some((opcode, data)) = records.next().map_err(damaged)? {
+            if DECODED.contains(&opcode) {
+                let record = records::parse(opcode, data).map_err(|e| damaged(e.into()))?;
+                let event = self.decoder.decode(record);
+                events.extend(event.map_err(|m| m.at(&self.path))?);
+            }
+        }
+        Ok(())
     }
 }

@@ -5,20 +5,23 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use cosplat_ipc::client::{
-    ConnectError, Frame, FrameReader, JournalReader, Message, ObjectsReader, ReadError,
-    SceneReader, SceneView, StatusReader, heartbeat_age,
+    ConnectError, JournalReader, Message, ObjectsReader, ReadError, SceneReader, SceneView,
+    StatusReader, heartbeat_age,
 };
 use cosplat_ipc::schema::{
-    AppliedCommand, FRAME_FLAG_LAST, JournalHeader, ObjectState, ObjectsHeader,
+    AppliedCommand, FRAME_FLAG_LAST, FrameHeader, JournalHeader, ObjectState, ObjectsHeader,
 };
 use cosplat_ipc::{Client, Domain, monotonic_ns};
 use serde::Serialize;
 
 use crate::RecordingError;
+use crate::checkpoints::Checkpoints;
 use crate::latency::Latencies;
 use crate::messages::{GapReason, GapRecord, Hex64, JournalEntry};
+use crate::parts::{Parts, Split, part_path};
 use crate::pipeline::{Pipeline, WriterEnded};
-use crate::writer::{RecordingWriter, WriterOptions};
+use crate::source::Source;
+use crate::writer::WriterOptions;
 
 /// Frames that wait in shared memory at most.
 const QUEUE_DEPTH: usize = 64;
@@ -40,6 +43,10 @@ pub struct RecordOptions {
     pub output: PathBuf,
     /// How it is written.
     pub writer: WriterOptions,
+    /// When it goes on in another file.
+    pub split: Split,
+    /// Simulated time between two checkpoints in the recording [s], more than 0; `None` for none.
+    pub checkpoint_every: Option<f64>,
     /// How long to wait for a server at the start, and as long for its scene.
     pub wait: Duration,
     /// Stop after this time (wall clock, from the attachment on); `None` for the end of the session.
@@ -95,6 +102,8 @@ pub struct Summary {
     pub journal_missed: u64,
     /// Runs of the server seen.
     pub server_runs: u64,
+    /// Checkpoints of the server in the recording.
+    pub checkpoints: u64,
 }
 
 /// Records a session until its last frame, until `stop` is set, or for the given time. `progress` is called
@@ -107,23 +116,43 @@ pub fn record(
     stop: &AtomicBool,
     mut progress: impl FnMut(&Summary),
 ) -> Result<Summary, RecordError> {
-    if !options.writer.overwrite && options.output.exists() {
-        let path = options.output.clone();
+    let first = match options.split.is_on() {
+        true => part_path(&options.output, 1),
+        false => options.output.clone(),
+    };
+    if !options.writer.overwrite && first.exists() {
+        let path = first;
         return Err(RecordingError::Exists { path }.into());
     }
     let (client, mut streams) = attach(options, stop)?;
     let scene = first_scene(&client, options.wait, stop)?;
-    let writer = RecordingWriter::create(&options.output, &options.writer)?;
+    let parts = Parts::create(
+        &options.output,
+        &options.writer,
+        options.split,
+        &options.session,
+        options.checkpoint_every.is_some(),
+    )?;
+    let checkpoints = options.checkpoint_every.map(|every| {
+        let sender = client.commands()?;
+        Ok::<_, ConnectError>(Checkpoints::new(sender, every))
+    });
     let mut recorder = Recorder {
         epoch: scene.header().epoch,
-        pipeline: Pipeline::start(writer, &options.session).map_err(RecordError::Thread)?,
+        frame_rate: scene.header().frame_rate,
+        checkpoints: checkpoints.transpose()?,
+        pipeline: Pipeline::start(parts).map_err(RecordError::Thread)?,
         latencies: Latencies::default(),
+        last: None,
         attached_ns: monotonic_ns(),
         summary: Summary::default(),
         is_server_silent: false,
         client,
     };
     let outcome = recorder.run(&mut streams, scene, options.duration, stop, &mut progress);
+    if let Some(checkpoints) = recorder.checkpoints.take() {
+        checkpoints.end();
+    }
     let mut summary = recorder.summary;
     // The writer's own reason comes first: the loop only sees that the writer is gone.
     summary.bytes = recorder.pipeline.finish()?;
@@ -199,7 +228,7 @@ enum Silence {
 
 /// Everything that the recorder reads.
 struct Streams {
-    frames: FrameReader,
+    frames: Source,
     objects: ObjectsReader,
     journal: JournalReader,
     status: StatusReader,
@@ -209,11 +238,12 @@ struct Streams {
 
 impl Streams {
     fn open(client: &Client) -> Result<Self, ConnectError> {
+        let mut status = client.status()?;
         Ok(Self {
-            frames: client.frames(QUEUE_DEPTH)?,
             objects: client.objects(QUEUE_DEPTH)?,
             journal: client.journal()?,
-            status: client.status()?,
+            frames: Source::open(client, &mut status)?,
+            status,
             next_objects: None,
             next_journal: None,
         })
@@ -225,6 +255,12 @@ struct Recorder {
     pipeline: Pipeline,
     /// Of the scene recorded last.
     epoch: u64,
+    /// Its frames per simulated second [1/s].
+    frame_rate: f64,
+    /// None where none are wanted, or the server writes none.
+    checkpoints: Option<Checkpoints>,
+    /// Epoch and step of the newest frame.
+    last: Option<(u64, u64)>,
     /// Frames sent before say nothing about latency: they waited for us as history.
     attached_ns: u64,
     latencies: Latencies,
@@ -246,8 +282,8 @@ impl Recorder {
         let is_over =
             || stop.load(Ordering::Relaxed) || duration.is_some_and(|d| start.elapsed() >= d);
         while !is_over() {
-            let frame = match streams.frames.next(TICK) {
-                Ok(Some(frame)) => frame,
+            let step = match streams.frames.next(TICK) {
+                Ok(Some(step)) => step,
                 Ok(None) => match self.silence(streams)? {
                     Silence::Pause => continue,
                     Silence::End => break,
@@ -258,7 +294,12 @@ impl Recorder {
                 }
             };
             let received_ns = monotonic_ns();
-            let header = *frame.header();
+            let header = step.header();
+            let is_known = self.last == Some((header.epoch, header.step));
+            if is_known && header.flags & FRAME_FLAG_LAST == 0 {
+                // The server told somebody else where it stands.
+                continue;
+            }
             if header.publish_ns >= self.attached_ns {
                 self.latencies
                     .add(received_ns.saturating_sub(header.publish_ns));
@@ -267,16 +308,15 @@ impl Recorder {
                 // What the old run left behind belongs before the new one's scene.
                 self.accompany(streams, (self.epoch, u64::MAX))?;
             }
-            self.gaps(&frame, stop)?;
+            self.gaps(&header, stop)?;
             self.accompany(streams, (header.epoch, header.step))?;
             let status = streams.status.newest().unwrap_or_default();
-            self.pipeline.frame(&header, frame.gaussians(), status)?;
-            // The frame's memory goes back to the server here.
-            drop(frame);
+            step.write(&mut self.pipeline, status)?;
+            self.last = Some((header.epoch, header.step));
             self.summary.frames_recorded += 1;
             self.summary.first_step.get_or_insert(header.step);
             self.summary.last_step = Some(header.step);
-            self.summary.server_runs = streams.frames.runs();
+            self.look_after_checkpoints(header.step)?;
             progress(&self.summary);
             if header.flags & FRAME_FLAG_LAST != 0 {
                 break;
@@ -286,10 +326,36 @@ impl Recorder {
         self.accompany(streams, (u64::MAX, u64::MAX))
     }
 
+    fn look_after_checkpoints(&mut self, step: u64) -> Result<(), WriterEnded> {
+        let Some(checkpoints) = &mut self.checkpoints else {
+            return Ok(());
+        };
+        if self.pipeline.wants_checkpoint() {
+            checkpoints.want_now();
+        }
+        match checkpoints.after(step, self.frame_rate) {
+            Ok(None) => Ok(()),
+            Ok(Some(checkpoint)) => {
+                self.summary.checkpoints += 1;
+                self.pipeline.checkpoint(self.epoch, checkpoint)
+            }
+            Err(refused) => {
+                tracing::warn!("{refused}");
+                self.checkpoints = None;
+                self.pipeline.without_checkpoints()
+            }
+        }
+    }
+
     /// What it means that no frame comes. The last frame of a session is lost when its memory was in use: then the
     /// status board alone says that the session is over.
     fn silence(&mut self, streams: &mut Streams) -> Result<Silence, Interrupted> {
         let newest = streams.status.newest().unwrap_or_default();
+        if let Some(status) = newest
+            && let Err(error) = streams.frames.follow(&self.client, status.has_changes != 0)
+        {
+            tracing::debug!("{error}");
+        }
         let Some(status) = newest.filter(|s| heartbeat_age(s) > DEAD_AFTER) else {
             self.is_server_silent = false;
             return Ok(Silence::Pause);
@@ -316,28 +382,39 @@ impl Recorder {
         Ok(Silence::End)
     }
 
-    /// Notes what is missing before `frame`; opens a new epoch where the server was started anew.
-    fn gaps(&mut self, frame: &Frame, stop: &AtomicBool) -> Result<(), Interrupted> {
-        let header = frame.header();
-        if frame.is_new_run() {
-            self.gap(GapRecord {
-                epoch: Hex64(self.epoch),
-                from_step: self.next_step(),
-                to_step: None,
-                reason: GapReason::ServerRestarted,
-            })?;
-        } else if frame.missed() > 0 {
-            self.gap(GapRecord {
-                epoch: Hex64(header.epoch),
-                from_step: header.step.wrapping_sub(frame.missed()),
-                to_step: Some(header.step.wrapping_sub(1)),
-                reason: GapReason::Missed,
-            })?;
+    /// Notes what is missing before a frame; opens a new epoch where the server was started anew.
+    fn gaps(&mut self, header: &FrameHeader, stop: &AtomicBool) -> Result<(), Interrupted> {
+        if let Some((epoch, last)) = self.last {
+            let next = last.saturating_add(1);
+            if epoch != header.epoch {
+                self.gap(GapRecord {
+                    epoch: Hex64(epoch),
+                    from_step: next,
+                    to_step: None,
+                    reason: GapReason::ServerRestarted,
+                })?;
+            } else if header.step > next {
+                self.gap(GapRecord {
+                    epoch: Hex64(epoch),
+                    from_step: next,
+                    to_step: Some(header.step - 1),
+                    reason: GapReason::Missed,
+                })?;
+            }
+        }
+        if self.last.is_none_or(|(epoch, _)| epoch != header.epoch) {
+            self.summary.server_runs += 1;
         }
         if header.epoch != self.epoch {
             self.epoch = header.epoch;
+            if let Some(checkpoints) = &mut self.checkpoints {
+                checkpoints.begin_anew();
+            }
             match self.scene_of(header.epoch, stop) {
-                Some(scene) => self.pipeline.epoch(scene)?,
+                Some(scene) => {
+                    self.frame_rate = scene.header().frame_rate;
+                    self.pipeline.epoch(scene)?;
+                }
                 None => tracing::warn!(
                     "the restarted server published no scene: its frames are recorded without"
                 ),

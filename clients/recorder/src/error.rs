@@ -31,15 +31,12 @@ pub enum RecordingError {
         cause: mcap::McapError,
     },
     /// The file is not a complete, undamaged MCAP file.
-    #[error(
-        "{path} is damaged or unfinished: {}; `cosplat recover` saves what is readable",
-        sentence(cause)
-    )]
+    #[error("{path} is damaged or unfinished: {cause}; `cosplat recover` saves what is readable")]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// The reader's answer.
-        cause: mcap::McapError,
+        /// What is wrong.
+        cause: Damage,
     },
     /// The file is no MCAP file at all.
     #[error(
@@ -65,12 +62,54 @@ pub enum RecordingError {
         /// What was expected and what was found.
         why: String,
     },
-    /// Input and output of a recovery are the same file.
-    #[error("cannot recover {path} onto itself; choose another output")]
+    /// What was written does not read back as it was.
+    #[error(
+        "{path} does not come back as it was after {messages} messages: the disk or this program is at fault"
+    )]
+    NotTheSame {
+        /// The file.
+        path: PathBuf,
+        /// Messages that are the same.
+        messages: u64,
+    },
+    /// Input and output are the same file.
+    #[error("cannot write {path} onto itself; choose another output")]
     SameFile {
         /// The file.
         path: PathBuf,
     },
+}
+
+/// What is wrong with a damaged file.
+#[derive(Debug, thiserror::Error)]
+pub enum Damage {
+    /// Something that the reader of the container found.
+    #[error("{}", sentence(.0))]
+    Container(mcap::McapError),
+    /// A record does not end within its chunk.
+    #[error(
+        "a record with opcode {opcode:#04x} is {length} bytes long, its chunk has {available} left"
+    )]
+    RecordLength {
+        /// Kind of the record.
+        opcode: u8,
+        /// Its length as the file says [byte].
+        length: u64,
+        /// What is left of the chunk [byte].
+        available: u64,
+    },
+}
+
+impl From<mcap::McapError> for Damage {
+    fn from(error: mcap::McapError) -> Self {
+        Self::Container(error)
+    }
+}
+
+impl From<std::io::Error> for Damage {
+    fn from(error: std::io::Error) -> Self {
+        Self::Container(error.into())
+    }
 }
 
 impl RecordingError {
@@ -93,7 +132,7 @@ impl RecordingError {
         }
     }
 
-    pub(crate) fn damaged(path: &Path, cause: impl Into<mcap::McapError>) -> Self {
+    pub(crate) fn damaged(path: &Path, cause: impl Into<Damage>) -> Self {
         Self::Damaged {
             path: path.into(),
             cause: cause.into(),

@@ -91,6 +91,10 @@ pub struct StatusRecord {
     pub substeps: u32,
     /// `FRAME_FLAG_*`.
     pub flags: u32,
+    /// Step of the frame that this one's changes build on, its own where it is whole; `None` where one message of
+    /// `/gaussians` has all.
+    #[serde(default)]
+    pub since: Option<u64>,
     /// Newest status board; it may be of a later step than the frame.
     pub board: Option<BoardRecord>,
 }
@@ -108,6 +112,7 @@ impl StatusRecord {
             count: header.count,
             substeps: header.substeps,
             flags: header.flags,
+            since: None,
             board: board.map(BoardRecord::from),
         }
     }
@@ -233,14 +238,19 @@ pub struct ObjectsRecord {
     pub epoch: Hex64,
     /// Hash of the complete simulation state; recorders before it was told wrote none.
     pub state_hash: Option<Hex64>,
-    /// The objects, in the server's order.
+    /// How many objects there are; `None` where all are told.
+    #[serde(default)]
+    pub count: Option<u32>,
+    /// The objects that are not as they were, in the server's order.
     pub objects: Vec<ObjectRecord>,
 }
 
 impl ObjectsRecord {
-    /// Record of one `objects` message.
+    /// Record of one `objects` message with those of its objects that are told.
     pub fn new(header: &wire::ObjectsHeader, objects: &[wire::ObjectState]) -> Self {
+        let count = header.count as usize;
         Self {
+            count: (count != objects.len()).then_some(header.count),
             step: header.step,
             sim_time: header.sim_time,
             epoch: Hex64(header.epoch),
@@ -255,13 +265,13 @@ impl ObjectsRecord {
             step: self.step,
             sim_time: self.sim_time,
             epoch: self.epoch.0,
-            count: self.objects.len() as u32,
+            count: self.count.unwrap_or(self.objects.len() as u32),
             state_hash: self.state_hash.map_or(0, u64::from),
             ..Default::default()
         }
     }
 
-    /// The objects as wire types.
+    /// The objects that are told as wire types.
     pub fn states(&self) -> Vec<wire::ObjectState> {
         self.objects.iter().map(Into::into).collect()
     }

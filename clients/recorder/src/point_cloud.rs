@@ -1,4 +1,4 @@
-//! `/gaussians`: a frame as a `foxglove.PointCloud`, the Gaussians' bytes verbatim.
+//! `/gaussians`: a frame, or an object of it, as a `foxglove.PointCloud`, the Gaussians' bytes verbatim.
 
 use std::mem::{offset_of, size_of};
 
@@ -73,10 +73,10 @@ pub(crate) fn encode_points(gaussians: &[GaussianState], out: &mut Vec<u8>) {
 }
 
 /// Second part of a message: what the bytes mean.
-pub(crate) fn encode_description(log_time_ns: u64, out: &mut Vec<u8>) {
+pub(crate) fn encode_description(log_time_ns: u64, frame: &str, out: &mut Vec<u8>) {
     let description = PointCloud {
         timestamp: Some(timestamp(log_time_ns)),
-        frame_id: WORLD_FRAME.to_owned(),
+        frame_id: frame.to_owned(),
         pose: Some(Pose {
             position: Some(Vector3::default()),
             orientation: Some(Quaternion {
@@ -91,11 +91,11 @@ pub(crate) fn encode_description(log_time_ns: u64, out: &mut Vec<u8>) {
     out.extend_from_slice(&description.encode_to_vec());
 }
 
-/// The Gaussians of a message of `/gaussians`.
+/// The Gaussians of a message of `/gaussians` or one below, and the name of the frame that they are in.
 ///
 /// # Errors
 /// A sentence when the message is no point cloud or its layout is not that of [`GaussianState`].
-pub fn decode(message: &[u8]) -> Result<Vec<GaussianState>, String> {
+pub fn decode(message: &[u8]) -> Result<(Vec<GaussianState>, String), String> {
     let cloud =
         PointCloud::decode(message).map_err(|e| format!("not a foxglove.PointCloud: {e}"))?;
     if cloud.point_stride as usize != STRIDE {
@@ -116,7 +116,8 @@ pub fn decode(message: &[u8]) -> Result<Vec<GaussianState>, String> {
             cloud.data.len()
         ));
     }
-    Ok(bytemuck::pod_collect_to_vec(&cloud.data[..]))
+    let gaussians = bytemuck::pod_collect_to_vec(&cloud.data[..]);
+    Ok((gaussians, cloud.frame_id))
 }
 
 /// Nanoseconds as the message set's time; saturates in the year 2106.
@@ -149,8 +150,8 @@ mod tests {
     fn a_cloud_of_another_layout_is_refused() {
         let mut message = Vec::new();
         encode_points(&[GaussianState::default(); 3], &mut message);
-        encode_description(0, &mut message);
-        assert_eq!(decode(&message).unwrap().len(), 3);
+        encode_description(0, WORLD_FRAME, &mut message);
+        assert_eq!(decode(&message).unwrap().0.len(), 3);
         let mut other = PointCloud::decode(&message[..]).unwrap();
         other.point_stride = 48;
         let refusal = decode(&other.encode_to_vec()).unwrap_err();

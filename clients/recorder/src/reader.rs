@@ -3,21 +3,19 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use cosplat_ipc::schema::{FrameHeader, GaussianState, ObjectState, ObjectsHeader};
-use mcap::records::{MessageHeader, Record, op};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::records::op;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 use crate::RecordingError;
-use crate::messages::{
-    BoardRecord, GapRecord, JournalEntry, JournalRecord, ObjectsRecord, StatusRecord,
-};
-use crate::point_cloud;
+use crate::decoder::Decoder;
+use crate::file_records::FileRecords;
+use crate::messages::{BoardRecord, GapRecord, JournalEntry};
 use crate::records;
-use crate::topics::*;
+#[cfg(doc)]
+use crate::topics::RUN_METADATA;
 
 /// Largest record or chunk read [bytes]: a damaged length must not fill the memory.
 pub(crate) const LENGTH_LIMIT: usize = 4 << 30;
@@ -35,6 +33,8 @@ pub struct RecordedFrame {
     pub header: FrameHeader,
     /// Its Gaussians as they were published.
     pub gaussians: Vec<GaussianState>,
+    /// Whether it can be read without those before it.
+    pub is_whole: bool,
     /// The status board as it was read with the frame.
     pub board: Option<BoardRecord>,
     /// Time of the frame in the file [ns].
@@ -79,9 +79,7 @@ pub struct Traffic {
 
 /// Iterator over the [`Event`]s of a finished recording; ends after the first error.
 pub struct Recording {
-    path: PathBuf,
-    file: File,
-    reader: LinearReader,
+    records: FileRecords,
     decoder: Decoder,
     failed: bool,
 }
@@ -93,15 +91,7 @@ impl Recording {
     /// When the file cannot be opened or is no MCAP file.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         Ok(Self {
-            path: path.to_owned(),
-            file: open_mcap(path)?,
-            reader: LinearReader::new_with_options(
-                LinearReaderOptions::default()
-                    .with_prevalidate_chunk_crcs(true)
-                    .with_validate_data_section_crc(true)
-                    .with_validate_summary_section_crc(true)
-                    .with_record_length_limit(LENGTH_LIMIT),
-            ),
+            records: FileRecords::open(path)?,
             decoder: Decoder::default(),
             failed: false,
         })
@@ -120,29 +110,16 @@ impl Recording {
     }
 
     fn advance(&mut self) -> Result<Option<Event>, RecordingError> {
-        let damaged = |e: mcap::McapError| RecordingError::damaged(&self.path, e);
-        while let Some(event) = self.reader.next_event() {
-            match event.map_err(damaged)? {
-                LinearReadEvent::ReadRequest(need) => {
-                    let buffer = self.reader.insert(need.min(READ_LIMIT));
-                    let read = self.file.read(buffer).map_err(|e| damaged(e.into()))?;
-                    self.reader.notify_read(read);
-                }
-                LinearReadEvent::Record { data, opcode } => {
-                    // What else there is indexes and sums up these.
-                    if !DECODED.contains(&opcode) {
-                        continue;
-                    }
-                    let record = records::parse(opcode, data).map_err(damaged)?;
-                    if let Some(event) =
-                        self.decoder.decode(record).map_err(|m| m.at(&self.path))?
-                    {
-                        return Ok(Some(event));
-                    }
-                }
+        let (decoder, path) = (&mut self.decoder, self.records.path.clone());
+        self.records.find(|opcode, data| {
+            // What else there is indexes and sums up these.
+            if !DECODED.contains(&opcode) {
+                return Ok(None);
             }
-        }
-        Ok(None)
+            let record =
+                records::parse(opcode, data).map_err(|e| RecordingError::damaged(&path, e))?;
+            decoder.decode(record).map_err(|m| m.at(&path))
+        })
     }
 }
 
@@ -189,6 +166,14 @@ pub(crate) struct BadMessage {
 }
 
 impl BadMessage {
+    pub(crate) fn new(topic: String, sequence: u32, why: String) -> Self {
+        Self {
+            topic,
+            sequence,
+            why,
+        }
+    }
+
     pub(crate) fn at(self, path: &Path) -> RecordingError {
         RecordingError::Message {
             path: path.into(),
@@ -197,100 +182,4 @@ impl BadMessage {
             why: self.why,
         }
     }
-}
-
-/// Turns records into events.
-#[derive(Default)]
-pub(crate) struct Decoder {
-    topics: BTreeMap<u16, String>,
-    traffic: BTreeMap<String, Traffic>,
-    pub(crate) skips_gaussians: bool,
-    /// Newest `/status`, which precedes the Gaussians of its step.
-    status: Option<StatusRecord>,
-}
-
-impl Decoder {
-    pub(crate) fn decode(&mut self, record: Record) -> Result<Option<Event>, BadMessage> {
-        match record {
-            Record::Channel(channel) => {
-                self.topics.insert(channel.id, channel.topic);
-                Ok(None)
-            }
-            Record::Metadata(record) => Ok(Some(Event::Metadata {
-                name: record.name,
-                values: record.metadata,
-            })),
-            Record::Attachment { header, data, .. } => Ok(Some(Event::Attachment {
-                name: header.name,
-                data: data.into_owned(),
-            })),
-            Record::Message { header, data } => {
-                let topic = self
-                    .topics
-                    .get(&header.channel_id)
-                    .cloned()
-                    .unwrap_or_default();
-                let traffic = self.traffic.entry(topic.clone()).or_default();
-                traffic.messages += 1;
-                traffic.bytes += data.len() as u64;
-                self.message(&topic, &header, &data)
-                    .map_err(|why| BadMessage {
-                        topic,
-                        sequence: header.sequence,
-                        why,
-                    })
-            }
-            _ => Ok(None),
-        }
-    }
-
-    fn message(
-        &mut self,
-        topic: &str,
-        header: &MessageHeader,
-        data: &[u8],
-    ) -> Result<Option<Event>, String> {
-        Ok(Some(match topic {
-            STATUS_TOPIC => {
-                self.status = Some(json(data)?);
-                return Ok(None);
-            }
-            GAUSSIANS_TOPIC => {
-                let gaussians = match self.skips_gaussians {
-                    true => Vec::new(),
-                    false => point_cloud::decode(data)?,
-                };
-                let status = self
-                    .status
-                    .take()
-                    .filter(|s| s.step as u32 == header.sequence)
-                    .ok_or("the /status of the same step does not precede it")?;
-                let header_of_frame = status.header();
-                if !self.skips_gaussians && gaussians.len() != header_of_frame.count as usize {
-                    return Err(format!(
-                        "{} Gaussians, but the /status of the same step says {}",
-                        gaussians.len(),
-                        header_of_frame.count
-                    ));
-                }
-                Event::Frame(Box::new(RecordedFrame {
-                    header: header_of_frame,
-                    gaussians,
-                    board: status.board,
-                    log_time: header.log_time,
-                }))
-            }
-            OBJECTS_TOPIC => {
-                let record: ObjectsRecord = json(data)?;
-                Event::Objects(record.header(), record.states())
-            }
-            JOURNAL_TOPIC => Event::Journal((&json::<JournalRecord>(data)?).into()),
-            GAPS_TOPIC => Event::Gap(json(data)?),
-            _ => return Ok(None),
-        }))
-    }
-}
-
-fn json<T: DeserializeOwned>(data: &[u8]) -> Result<T, String> {
-    serde_json::from_slice(data).map_err(|e| e.to_string())
 }

@@ -35,7 +35,10 @@ fn lengths_fit(opcode: u8, body: &[u8]) -> Option<()> {
     if matches!(opcode, op::CHANNEL | op::METADATA) {
         let (mut map, _) = counted(rest)?;
         while !map.is_empty() {
-            (_, map) = counted(map)?;
+            // Of a key without a value the parser would look behind the map.
+            for _key_and_value in 0..2 {
+                (_, map) = counted(map)?;
+            }
         }
     }
     (rest.len() >= behind).then_some(())
@@ -80,6 +83,21 @@ mod tests {
                 vec![16, 24],
             ),
         ]
+    }
+
+    #[test]
+    fn a_key_without_a_value_is_refused() {
+        let key = string("name");
+        let map = [&(key.len() as u32).to_le_bytes()[..], &key].concat();
+        let behind = [0xff; 8];
+        for (opcode, front) in [
+            (op::CHANNEL, [&[1, 0, 0, 0][..], &key, &key].concat()),
+            (op::METADATA, key.clone()),
+        ] {
+            let body = [&front[..], &map, &behind].concat();
+            assert!(parse(opcode, &body).is_err());
+            assert_eq!(lengths_fit(opcode, &body), None, "{opcode}");
+        }
     }
 
     #[test]

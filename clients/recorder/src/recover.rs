@@ -5,17 +5,20 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use foxglove::messages::FrameTransforms;
 use mcap::records::{MessageHeader, Record, op};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use prost::Message;
 use serde::Serialize;
 
 use crate::RecordingError;
+use crate::chunk_records::ChunkRecords;
 use crate::messages::{GapReason, GapRecord, StatusRecord};
+use crate::packed::{ENCODING, Points};
 use crate::point_cloud;
-use crate::reader::{LENGTH_LIMIT, READ_LIMIT, open_mcap};
+use crate::reader::open_mcap;
 use crate::records;
 use crate::segments::{Segment, segments};
 use crate::topics::*;
@@ -88,7 +91,10 @@ pub fn recover(
         mcap,
         behind,
         topics: BTreeMap::new(),
-        position: None,
+        points: Points::default(),
+        open: None,
+        whole: None,
+        is_founded: true,
         was_lost: false,
         report: RecoverReport {
             input: input.into(),
@@ -107,11 +113,11 @@ pub fn recover(
 }
 
 /// Compression of the first chunk, which the output keeps.
-fn compression(segments: &[Segment]) -> Option<mcap::Compression> {
+fn compression(segments: &[Segment]) -> Option<(mcap::Compression, u32)> {
     let first = segments.iter().find_map(|s| s.chunk.as_ref())?;
     match first.compression {
-        "lz4" => Some(mcap::Compression::Lz4),
-        "zstd" => Some(mcap::Compression::Zstd),
+        "lz4" => Some((mcap::Compression::Lz4, 1)),
+        "zstd" => Some((mcap::Compression::Zstd, 1)),
         _ => None,
     }
 }
@@ -128,9 +134,14 @@ fn read_body(file: &mut File, segment: Option<&Segment>) -> Option<Vec<u8>> {
 struct Recovery {
     mcap: Mcap,
     behind: WriteBehind,
-    topics: BTreeMap<u16, String>,
-    /// Epoch and step of the newest frame.
-    position: Option<(u64, u64)>,
+    /// Topics of channels, and whether their messages are packed.
+    topics: BTreeMap<u16, (String, bool)>,
+    points: Points,
+    /// Epoch and step of the frame that is being copied, and of the newest one that was to its end.
+    open: Option<(u64, u64)>,
+    whole: Option<(u64, u64)>,
+    /// Whether the frame that is being copied builds on one that is there.
+    is_founded: bool,
     /// Whether something was lost since the newest frame.
     was_lost: bool,
     report: RecoverReport,
@@ -172,8 +183,12 @@ impl Recovery {
     }
 
     fn whole_chunk(&mut self, file: &mut File, segment: &Segment) -> mcap::McapResult<()> {
-        file.seek(SeekFrom::Start(segment.offset))?;
-        let outcome = self.chunk(file.take(9 + segment.length), true)?;
+        // What the input's disk no longer gives is lost like a cut-off end.
+        let body = read_body(file, Some(segment)).unwrap_or_default();
+        let outcome = match ChunkRecords::of(&body) {
+            Ok(records) => self.chunk(records, true)?,
+            Err(_) => ChunkOutcome::default(),
+        };
         match outcome.is_sound {
             true => self.report.chunks += 1,
             false => {
@@ -185,29 +200,30 @@ impl Recovery {
         self.end_chunk()
     }
 
-    /// Reads a chunk whose end is missing, under a header that claims exactly what is there and no checksum.
+    /// Reads a chunk whose end is missing: its sizes and checksum say nothing.
     fn cut_chunk(&mut self, file: &mut File, segment: &Segment) -> mcap::McapResult<()> {
         self.was_lost = true;
-        let Some(chunk) = &segment.chunk else {
+        // A length in the file may say less than the header before it takes.
+        let whole = segment.chunk.as_ref();
+        let whole = whole.and_then(|c| Some((c, segment.available.checked_sub(c.header_len)?)));
+        let Some((chunk, length)) = whole else {
             self.lose(segment);
             return Ok(());
         };
-        let mut header = vec![op::CHUNK];
-        header.extend_from_slice(&segment.available.to_le_bytes());
-        header.extend_from_slice(&[0; 16]);
-        // The true size is unknown and serves as an upper limit only.
-        header.extend_from_slice(&(LENGTH_LIMIT as u64).to_le_bytes());
-        header.extend_from_slice(&[0; 4]);
-        header.extend_from_slice(&(chunk.compression.len() as u32).to_le_bytes());
-        header.extend_from_slice(chunk.compression.as_bytes());
-        let data = segment.available - chunk.header_len;
-        header.extend_from_slice(&data.to_le_bytes());
-        file.seek(SeekFrom::Start(segment.offset + 9 + chunk.header_len))?;
+        let start = segment.offset + 9 + chunk.header_len;
+        let mut data = Vec::new();
+        // As much as the input's disk gives.
+        let _ = file
+            .seek(SeekFrom::Start(start))
+            .and_then(|_| file.take(length).read_to_end(&mut data));
         let before = self.report.messages;
-        let outcome = self.chunk(Cursor::new(header).chain(file.take(data)), false)?;
+        let outcome = match ChunkRecords::of_part(chunk.compression, &data) {
+            Ok(records) => self.chunk(records, false)?,
+            Err(_) => ChunkOutcome::default(),
+        };
         self.report.messages_unverified += self.report.messages - before;
         self.report.lost_bytes += match chunk.compression.is_empty() {
-            true => data - outcome.used,
+            true => length - outcome.used,
             false => 0,
         };
         self.end_chunk()
@@ -222,43 +238,27 @@ impl Recovery {
     /// Copies the records of one chunk until its end or the first one that cannot be read.
     fn chunk(
         &mut self,
-        mut source: impl Read,
+        mut records: ChunkRecords,
         is_verified: bool,
     ) -> mcap::McapResult<ChunkOutcome> {
-        let mut reader = LinearReader::new_with_options(
-            LinearReaderOptions::default()
-                .with_skip_start_magic(true)
-                .with_skip_end_magic(true)
-                .with_prevalidate_chunk_crcs(is_verified)
-                .with_record_length_limit(LENGTH_LIMIT),
-        );
-        let mut outcome = ChunkOutcome {
-            used: 0,
-            is_sound: false,
-        };
-        while let Some(event) = reader.next_event() {
-            match event {
-                Ok(LinearReadEvent::ReadRequest(need)) => {
-                    // What the input's disk no longer gives is lost like a cut-off end.
-                    let Ok(read) = source.read(reader.insert(need.min(READ_LIMIT))) else {
-                        return Ok(outcome);
-                    };
-                    reader.notify_read(read);
-                }
-                Ok(LinearReadEvent::Record { data, opcode }) => {
-                    if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE) {
-                        return Ok(outcome);
-                    }
-                    if !self.record(opcode, data, is_verified)? {
+        let mut outcome = ChunkOutcome::default();
+        loop {
+            match records.next() {
+                Ok(Some((opcode, data))) => {
+                    let is_copied = matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE)
+                        && self.record(opcode, data, is_verified)?;
+                    if !is_copied {
                         return Ok(outcome);
                     }
                     outcome.used += 9 + data.len() as u64;
                 }
+                Ok(None) => {
+                    outcome.is_sound = true;
+                    return Ok(outcome);
+                }
                 Err(_) => return Ok(outcome),
             }
         }
-        outcome.is_sound = true;
-        Ok(outcome)
     }
 
     /// Copies one record. False when it is malformed; errors are those of the output.
@@ -286,7 +286,8 @@ impl Recovery {
                 );
                 let is_added = accept(added)?;
                 if is_added {
-                    self.topics.insert(channel.id, channel.topic);
+                    let is_packed = channel.message_encoding == ENCODING;
+                    self.topics.insert(channel.id, (channel.topic, is_packed));
                 }
                 Ok(is_added)
             }
@@ -311,24 +312,48 @@ impl Recovery {
         data: &[u8],
         is_verified: bool,
     ) -> mcap::McapResult<bool> {
-        let Some(topic) = self.topics.get(&header.channel_id) else {
+        let Some((topic, is_packed)) = self.topics.get(&header.channel_id).cloned() else {
             return Ok(false);
+        };
+        let is_cloud = |points: &mut Points| match is_packed {
+            true => {
+                let message = points.unpack(header.channel_id, data);
+                message.is_ok_and(|message| point_cloud::decode(&message).is_ok())
+            }
+            false => point_cloud::decode(data).is_ok(),
         };
         match topic.as_str() {
             STATUS_TOPIC => {
                 let Ok(status) = serde_json::from_slice::<StatusRecord>(data) else {
                     return Ok(false);
                 };
+                if !self.begin_frame(&status) {
+                    return Ok(true);
+                }
                 self.advance(&status, header)?;
             }
             GAUSSIANS_TOPIC => {
-                if !is_verified && point_cloud::decode(data).is_err() {
+                if !is_verified && !is_cloud(&mut self.points) {
                     return Ok(false);
                 }
-                self.report.frames += 1;
-                let step = self.position.map(|(_, step)| step);
-                self.report.first_step = self.report.first_step.or(step);
-                self.report.last_step = step;
+                self.end_frame();
+            }
+            PLACES_TOPIC => {
+                if !is_verified && FrameTransforms::decode(data).is_err() {
+                    return Ok(false);
+                }
+                if !self.is_founded {
+                    return Ok(true);
+                }
+                self.end_frame();
+            }
+            topic if object_of(topic).is_some() => {
+                if !is_verified && !is_cloud(&mut self.points) {
+                    return Ok(false);
+                }
+                if !self.is_founded {
+                    return Ok(true);
+                }
             }
             OBJECTS_TOPIC | JOURNAL_TOPIC | GAPS_TOPIC
                 if !is_verified && serde_json::from_slice::<serde_json::Value>(data).is_err() =>
@@ -343,10 +368,33 @@ impl Recovery {
             .map(|()| true)
     }
 
+    /// Whether a frame that begins can be read: what it builds on is there.
+    fn begin_frame(&mut self, status: &StatusRecord) -> bool {
+        let epoch = status.epoch.0;
+        self.is_founded = match status.since {
+            Some(since) if since != status.step => self.whole == Some((epoch, since)),
+            _ => true,
+        };
+        self.was_lost |= !self.is_founded;
+        if self.is_founded {
+            self.open = Some((epoch, status.step));
+        }
+        self.is_founded
+    }
+
+    /// A frame is there to its end.
+    fn end_frame(&mut self) {
+        self.whole = self.open.take();
+        self.report.frames += 1;
+        let step = self.whole.map(|(_, step)| step);
+        self.report.first_step = self.report.first_step.or(step);
+        self.report.last_step = step;
+    }
+
     /// Follows the steps, and notes those that were lost to damage.
     fn advance(&mut self, status: &StatusRecord, header: &MessageHeader) -> mcap::McapResult<()> {
         let epoch = status.epoch;
-        if let Some((last_epoch, last)) = self.position
+        if let Some((last_epoch, last)) = self.whole
             && self.was_lost
             && last_epoch == epoch.0
             && status.step > last + 1
@@ -373,12 +421,12 @@ impl Recovery {
             self.report.lost_steps.push(gap);
         }
         self.was_lost = false;
-        self.position = Some((epoch.0, status.step));
         Ok(())
     }
 }
 
 /// How the reading of a chunk ended.
+#[derive(Default)]
 struct ChunkOutcome {
     /// Bytes of the records copied.
     used: u64,

@@ -216,18 +216,32 @@ impl Values<'_> {
 }
 
 /// Counts the commands of a run: none may be missing.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct CommandCount(u64);
+#[derive(Clone, Copy, Debug)]
+pub struct CommandCount {
+    /// Number of the next command; `None` where the run is joined and the first one tells.
+    next: Option<u64>,
+}
+
+impl Default for CommandCount {
+    fn default() -> Self {
+        Self { next: Some(0) }
+    }
+}
 
 impl CommandCount {
+    /// For a run that is followed from its middle on.
+    pub fn joined() -> Self {
+        Self { next: None }
+    }
+
     /// Takes the next command of the file.
     ///
     /// # Errors
     /// When commands before it are missing, or it has no number. The count goes on behind it.
     pub fn take(&mut self, entry: &JournalEntry) -> Result<(), Lack> {
         let index = entry.index.ok_or(Lack::Format)?;
-        let expected = std::mem::replace(&mut self.0, index.saturating_add(1));
-        if index > expected {
+        let expected = self.next.replace(index.saturating_add(1));
+        if let Some(expected) = expected.filter(|expected| index > *expected) {
             return Err(Lack::Commands {
                 first: expected,
                 count: index - expected,
@@ -327,5 +341,8 @@ mod tests {
         assert_eq!(commands.take(&entry(Some(3), 9)), Err(lack));
         assert_eq!(commands.take(&entry(Some(4), 9)), Ok(()));
         assert_eq!(commands.take(&entry(None, 9)), Err(Lack::Format));
+        let mut joined = CommandCount::joined();
+        assert_eq!(joined.take(&entry(Some(7), 9)), Ok(()));
+        assert!(joined.take(&entry(Some(9), 9)).is_err());
     }
 }

@@ -1,7 +1,8 @@
 //! The top-level records of an MCAP file, found without trust in any of its bytes.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Seek, SeekFrom};
+use std::os::unix::fs::FileExt;
 
 use mcap::records::op;
 
@@ -54,9 +55,46 @@ pub(crate) struct Segments {
     pub(crate) skipped: u64,
 }
 
+/// A file read at places that lie mostly one behind the other.
+struct Ahead<'f> {
+    file: &'f File,
+    /// Bytes from `start` on, as far as they were read.
+    bytes: Vec<u8>,
+    start: u64,
+}
+
+impl Ahead<'_> {
+    /// Bytes read at once: headers of small records beside each other, little beside a chunk.
+    const COUNT: u64 = 4 << 10;
+
+    /// `N` bytes at `at`, `None` where the file ends before.
+    fn read<const N: usize>(&mut self, at: u64, end: u64) -> io::Result<Option<[u8; N]>> {
+        let behind = at.saturating_add(N as u64);
+        if behind > end {
+            return Ok(None);
+        }
+        if at < self.start || behind > self.start + self.bytes.len() as u64 {
+            let count = Self::COUNT.max(N as u64).min(end - at);
+            self.bytes.resize(count as usize, 0);
+            self.start = at;
+            let read = self.file.read_exact_at(&mut self.bytes, at);
+            read.inspect_err(|_| self.bytes.clear())?;
+        }
+        let from = (at - self.start) as usize;
+        let mut bytes = [0; N];
+        bytes.copy_from_slice(&self.bytes[from..from + N]);
+        Ok(Some(bytes))
+    }
+}
+
 /// Walks the file; where the chain of records breaks, it goes on at the next thing that looks like a chunk.
 pub(crate) fn segments(file: &mut File) -> io::Result<Segments> {
     let end = file.seek(SeekFrom::End(0))?;
+    let file = &mut Ahead {
+        file,
+        bytes: Vec::new(),
+        start: 0,
+    };
     let mut found = Segments {
         records: Vec::new(),
         is_finished: false,
@@ -75,7 +113,9 @@ pub(crate) fn segments(file: &mut File) -> io::Result<Segments> {
         };
         match segment {
             Some(mut segment) => {
-                segment.available = segment.available.min(next - at - FRAMING);
+                // The next chunk may begin within what looks like opcode and length.
+                let between = (next - at).saturating_sub(FRAMING);
+                segment.available = segment.available.min(between);
                 if segment.opcode == op::FOOTER && segment.is_whole {
                     found.is_finished = ends_with_magic(file, next, end)?;
                     found.records.push(segment);
@@ -95,8 +135,8 @@ pub(crate) fn segments(file: &mut File) -> io::Result<Segments> {
 }
 
 /// The record at `at`, whole or cut off; `None` where there is none.
-fn segment_at(file: &mut File, at: u64, end: u64) -> io::Result<Option<Segment>> {
-    let Some(framing) = read_at::<{ FRAMING as usize }>(file, at, end)? else {
+fn segment_at(file: &mut Ahead<'_>, at: u64, end: u64) -> io::Result<Option<Segment>> {
+    let Some(framing) = file.read::<{ FRAMING as usize }>(at, end)? else {
         return Ok(None);
     };
     let opcode = framing[0];
@@ -123,23 +163,29 @@ fn segment_at(file: &mut File, at: u64, end: u64) -> io::Result<Option<Segment>>
 }
 
 /// The chunk header of the record at `at`.
-fn chunk_at(file: &mut File, at: u64, end: u64) -> io::Result<Option<ChunkInfo>> {
-    let Some(fixed) = read_at::<32>(file, at + FRAMING, end)? else {
+fn chunk_at(file: &mut Ahead<'_>, at: u64, end: u64) -> io::Result<Option<ChunkInfo>> {
+    let Some(fixed) = file.read::<32>(at + FRAMING, end)? else {
         return Ok(None);
     };
     let name_len = u32::from_le_bytes([fixed[28], fixed[29], fixed[30], fixed[31]]);
-    let mut name = Vec::new();
-    if name_len <= 4 {
-        file.take(name_len.into()).read_to_end(&mut name)?;
-    }
-    let Some(compression) = ["", "lz4", "zstd"]
-        .into_iter()
-        .find(|known| known.len() as u32 == name_len && known.as_bytes() == name)
-    else {
+    let name = at + FRAMING + 32;
+    let known = match name_len {
+        0 => Some(""),
+        3 => file
+            .read::<3>(name, end)?
+            .filter(|n| n == b"lz4")
+            .map(|_| "lz4"),
+        4 => file
+            .read::<4>(name, end)?
+            .filter(|n| n == b"zstd")
+            .map(|_| "zstd"),
+        _ => None,
+    };
+    let Some(compression) = known else {
         return Ok(None);
     };
     let header_len = CHUNK_HEADER + u64::from(name_len);
-    let size = read_at::<8>(file, at + FRAMING + header_len - 8, end)?;
+    let size = file.read::<8>(at + FRAMING + header_len - 8, end)?;
     Ok(size.map(|size| ChunkInfo {
         compression,
         header_len,
@@ -149,13 +195,12 @@ fn chunk_at(file: &mut File, at: u64, end: u64) -> io::Result<Option<ChunkInfo>>
 
 /// Offset of the first whole chunk at or after `from`. Two lengths and a name that agree make a chance hit within
 /// other data unlikely, and its checksum settles it.
-fn next_chunk(file: &mut File, from: u64, end: u64) -> io::Result<Option<u64>> {
+fn next_chunk(file: &mut Ahead<'_>, from: u64, end: u64) -> io::Result<Option<u64>> {
     const WINDOW: usize = 1 << 20;
-    let mut window = vec![0; WINDOW];
+    let mut window = vec![0; WINDOW.min(end.saturating_sub(from) as usize)];
     let mut start = from;
     while start < end {
-        file.seek(SeekFrom::Start(start))?;
-        let count = file.read(&mut window)?;
+        let count = file.file.read_at(&mut window, start)?;
         if count == 0 {
             break;
         }
@@ -172,20 +217,9 @@ fn next_chunk(file: &mut File, from: u64, end: u64) -> io::Result<Option<u64>> {
     Ok(None)
 }
 
-fn ends_with_magic(file: &mut File, at: u64, end: u64) -> io::Result<bool> {
-    let magic = read_at::<8>(file, at, end)?;
+fn ends_with_magic(file: &mut Ahead<'_>, at: u64, end: u64) -> io::Result<bool> {
+    let magic = file.read::<8>(at, end)?;
     Ok(end - at == 8 && magic.is_some_and(|m| m == mcap::MAGIC))
-}
-
-/// `N` bytes at `at`, `None` where the file ends before.
-fn read_at<const N: usize>(file: &mut File, at: u64, end: u64) -> io::Result<Option<[u8; N]>> {
-    if at.saturating_add(N as u64) > end {
-        return Ok(None);
-    }
-    let mut bytes = [0; N];
-    file.seek(SeekFrom::Start(at))?;
-    file.read_exact(&mut bytes)?;
-    Ok(Some(bytes))
 }
 
 /// Little-endian number in the first 8 of `bytes`.

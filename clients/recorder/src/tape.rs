@@ -23,7 +23,7 @@ pub struct TapeStep {
 #[derive(Clone, Copy, Debug)]
 struct Place {
     step: u64,
-    /// The chunk in which what belongs to the step begins.
+    /// The chunk in which what belongs to the step begins, or to the whole frame that it builds on.
     chunk: usize,
 }
 
@@ -53,6 +53,7 @@ impl Tape {
     ) -> Result<Self, RecordingError> {
         let mut places: Vec<Place> = Vec::new();
         let mut begin = None;
+        let mut whole = None;
         for chunk in 0..chunks.count() {
             progress(chunk, chunks.count());
             for event in chunks.headers(chunk)? {
@@ -62,8 +63,12 @@ impl Tape {
                 // The last frame of a session may come twice.
                 let is_new = places.last().is_none_or(|last| step > last.step);
                 let first = begin.take().unwrap_or(chunk);
+                if frame.is_whole || whole.is_none() {
+                    whole = Some(first);
+                }
                 if frame.header.epoch == epoch && is_new {
-                    places.push(Place { step, chunk: first });
+                    let chunk = whole.unwrap_or(first);
+                    places.push(Place { step, chunk });
                 }
             }
         }

@@ -1,5 +1,7 @@
 //! A recording being written: topics, schemas, times, chunks.
 
+pub(crate) mod changes;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::BufWriter;
@@ -17,12 +19,14 @@ use serde::Serialize;
 
 use crate::RecordingError;
 use crate::files::{self, KeptFile};
+use crate::kept::Kept;
 use crate::messages::{GapRecord, JournalEntry, JournalRecord, ObjectsRecord, StatusRecord};
 use crate::ply::PlyScene;
 use crate::point_cloud::{self, WORLD_FRAME, timestamp};
 use crate::time_line::{TimeLine, wall_offset};
 use crate::topics::*;
 use crate::write_behind::WriteBehind;
+use changes::Chain;
 
 /// How chunks are compressed. Moving splats shrink by 0 % (lz4) to 10 % (zstd), at a third of the speed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,11 +64,11 @@ impl Default for WriterOptions {
 /// Output of every MCAP writer here. The buffer is small: frames are larger and pass it by.
 pub(crate) type Mcap = mcap::Writer<BufWriter<File>>;
 
-/// Opens an MCAP file for writing whose chunks end only at `flush`, after which the second half of the pair may be told so.
+/// Opens an MCAP file for writing, with a level where its chunks are compressed; they end only at `flush`, after which the second half of the pair may be told so.
 pub(crate) fn create(
     path: &Path,
     overwrite: bool,
-    compression: Option<mcap::Compression>,
+    compression: Option<(mcap::Compression, u32)>,
     profile: &str,
 ) -> Result<(Mcap, WriteBehind), RecordingError> {
     let mut open = File::options();
@@ -78,8 +82,8 @@ pub(crate) fn create(
     let mcap = mcap::WriteOptions::new()
         .profile(profile)
         .library(concat!("cosplat ", env!("CARGO_PKG_VERSION")))
-        .compression(compression)
-        .compression_level(1)
+        .compression(compression.map(|(kind, _)| kind))
+        .compression_level(compression.map_or(0, |(_, level)| level))
         // The recorder shares the machine with the solver: compression stays on its own thread.
         .compression_threads(0)
         .chunk_size(None)
@@ -113,6 +117,12 @@ pub struct RecordingWriter {
     attached_scene: Option<u64>,
     /// Names of the file attachments there are.
     attached_files: BTreeSet<String>,
+    chain: Chain,
+    kept: Kept,
+    /// Memory of the message that is being made.
+    points: Vec<u8>,
+    /// Whether the next `/objects` has all: every chunk can be read by itself.
+    tells_all: bool,
 }
 
 impl RecordingWriter {
@@ -123,8 +133,8 @@ impl RecordingWriter {
     pub fn create(path: &Path, options: &WriterOptions) -> Result<Self, RecordingError> {
         let compression = match options.compression {
             Compression::None => None,
-            Compression::Lz4 => Some(mcap::Compression::Lz4),
-            Compression::Zstd => Some(mcap::Compression::Zstd),
+            Compression::Lz4 => Some((mcap::Compression::Lz4, 1)),
+            Compression::Zstd => Some((mcap::Compression::Zstd, 1)),
         };
         let (mut mcap, behind) = create(path, options.overwrite, compression, "")?;
         let channels = Channels::add(&mut mcap).map_err(|e| RecordingError::write(path, e))?;
@@ -140,7 +150,33 @@ impl RecordingWriter {
             wall_offset: wall_offset(),
             attached_scene: None,
             attached_files: BTreeSet::new(),
+            chain: Chain::default(),
+            kept: Kept::default(),
+            points: Vec::new(),
+            tells_all: true,
         })
+    }
+
+    /// Ends this file and goes on in the file `path`: what was told last is told there first, once the epoch is begun there as
+    /// well. Returns the bytes of messages and attachments in this one.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn go_on_in(
+        mut self,
+        path: &Path,
+        options: &WriterOptions,
+    ) -> Result<(u64, Self), RecordingError> {
+        let mut next = Self::create(path, options)?;
+        next.time = std::mem::take(&mut self.time);
+        next.kept = std::mem::take(&mut self.kept);
+        next.chain = std::mem::take(&mut self.chain);
+        Ok((self.finish()?, next))
+    }
+
+    /// Bytes of messages and attachments so far.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
     }
 
     /// Opens a scene epoch: run parameters as metadata, and the scene and the files it was made of as attachments, each
@@ -154,6 +190,8 @@ impl RecordingWriter {
         scene: &SceneBlocks,
     ) -> Result<(), RecordingError> {
         let header = &scene.header;
+        self.chain.cut();
+        self.tells_all = true;
         if header.frame_rate > 0.0 {
             self.time.period = (1e9 / header.frame_rate) as u64;
         }
@@ -237,6 +275,17 @@ impl RecordingWriter {
         self.attach(SCENE_OBJECTS, binary, bytemuck::cast_slice(scene.objects))
     }
 
+    /// Attaches the complete state after a step of the run `epoch`.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn checkpoint(&mut self, epoch: u64, step: u64, data: &[u8]) -> Result<(), RecordingError> {
+        // An attachment ends the chunk before it.
+        self.flush()?;
+        let name = checkpoint_name(epoch, step);
+        self.attach_always(&name, "application/octet-stream", data)
+    }
+
     fn attach(&mut self, name: &str, media_type: &str, data: &[u8]) -> Result<(), RecordingError> {
         match data.is_empty() {
             true => Ok(()),
@@ -268,7 +317,7 @@ impl RecordingWriter {
         }
     }
 
-    /// Records one frame, `/status` first, and ends the chunk when it is large enough.
+    /// Records one whole frame in one message, `/status` first, and ends the chunk when it is large enough.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -276,18 +325,6 @@ impl RecordingWriter {
         &mut self,
         header: &FrameHeader,
         gaussians: &[GaussianState],
-        status: Option<&Status>,
-    ) -> Result<(), RecordingError> {
-        let mut points = Vec::new();
-        point_cloud::encode_points(gaussians, &mut points);
-        self.encoded_frame(header, &mut points, status)
-    }
-
-    /// Like [`frame`](Self::frame), for Gaussians that [`point_cloud::encode_points`] has copied already.
-    pub(crate) fn encoded_frame(
-        &mut self,
-        header: &FrameHeader,
-        points: &mut Vec<u8>,
         status: Option<&Status>,
     ) -> Result<(), RecordingError> {
         let stamp = Stamp {
@@ -300,15 +337,31 @@ impl RecordingWriter {
             stamp,
             &StatusRecord::new(header, status),
         )?;
-        point_cloud::encode_description(stamp.log_time, points);
-        self.put(self.channels.gaussians, stamp, points)?;
+        self.cloud(self.channels.gaussians, stamp, gaussians, WORLD_FRAME)?;
         match self.pending >= self.chunk_bytes {
             true => self.flush(),
             false => Ok(()),
         }
     }
 
-    /// Records the objects of one step and their coordinate frames.
+    /// Writes Gaussians that are in the coordinate frame of that name.
+    fn cloud(
+        &mut self,
+        channel: u16,
+        stamp: Stamp,
+        gaussians: &[GaussianState],
+        frame: &str,
+    ) -> Result<(), RecordingError> {
+        let mut points = std::mem::take(&mut self.points);
+        points.clear();
+        point_cloud::encode_points(gaussians, &mut points);
+        point_cloud::encode_description(stamp.log_time, frame, &mut points);
+        let written = self.put(channel, stamp, &points);
+        self.points = points;
+        written
+    }
+
+    /// Records the objects of one step that are not as they were, and their coordinate frames.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -322,11 +375,10 @@ impl RecordingWriter {
             log_time: self.time.at(header.sim_time),
             publish_time: self.wall_now(),
         };
-        self.json(
-            self.channels.objects,
-            stamp,
-            &ObjectsRecord::new(header, objects),
-        )?;
+        let all = std::mem::take(&mut self.tells_all) || self.chain.is_due();
+        let objects = self.kept.changed(objects, all);
+        let record = ObjectsRecord::new(header, &objects);
+        self.json(self.channels.objects, stamp, &record)?;
         let transforms = objects
             .iter()
             .map(|object| {
@@ -365,6 +417,7 @@ impl RecordingWriter {
     /// When the file cannot be written.
     pub fn gap(&mut self, gap: &GapRecord) -> Result<(), RecordingError> {
         let stamp = self.stamp_now(gap.from_step);
+        self.chain.cut();
         self.json(self.channels.gaps, stamp, gap)
     }
 
@@ -375,6 +428,7 @@ impl RecordingWriter {
     /// When the file cannot be written.
     pub fn flush(&mut self) -> Result<(), RecordingError> {
         self.pending = 0;
+        self.tells_all = true;
         self.mcap
             .flush()
             .map_err(|e| RecordingError::write(&self.path, e))?;

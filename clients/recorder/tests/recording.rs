@@ -10,6 +10,8 @@ mod recording {
     pub mod elsewhere;
     pub mod killed;
     pub mod live;
+    pub mod moved;
+    pub mod parted;
     pub mod played;
     pub mod read_back;
     pub mod synthetic;

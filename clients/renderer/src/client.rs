@@ -1,27 +1,21 @@
 //! The renderer process: frames of a session in, pictures out, without ever holding the server up.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::channel;
+use std::time::Duration;
 
 use cosplat_ipc::Domain;
-use cosplat_ipc::client::{ConnectError, Frame, ReadError, SceneView, StepError};
-use cosplat_ipc::schema::{FRAME_FLAG_LAST, SceneHeader};
-use glam::Vec3;
-use serde::Serialize;
+use cosplat_ipc::client::{ConnectError, ReadError, StepError};
 
-use crate::camera::{Camera, Orbit, up_from_gravity};
-use crate::courtesy::Courtesy;
+use crate::drawing::{Drawing, Look, Summary};
+use crate::idle::IdleTime;
 use crate::mp4::Mp4Error;
-use crate::output::{Outputs, Written};
+use crate::painter::paint;
 use crate::png::PngError;
-use crate::source::Source;
-use crate::{Harmonics, Projected};
+use crate::taker::Taker;
 
-/// Colour behind the splats, sRGB: light enough to show dark ones, dark enough to show white ones.
-pub const BACKGROUND: [f32; 3] = [0.93; 3];
-
-/// What to render, and where to.
+/// What to render.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Domain of the session.
@@ -30,20 +24,8 @@ pub struct Options {
     pub session: String,
     /// How long to wait for the server to appear, and as long for its first frame and the scene of each of its runs.
     pub patience: Duration,
-    /// Pixels per row, 1..=16384 (a video: 16..=3840).
-    pub width: u32,
-    /// Rows, 1..=16384 (a video: 16..=2160).
-    pub height: u32,
-    /// Where to look from; the scene's bounds and gravity fill in the rest.
-    pub orbit: Orbit,
-    /// Folder for `frame_STEP.png` files.
-    pub png: Option<PathBuf>,
-    /// A PNG file for the first frame of every such many steps; 0 counts as 1.
-    pub every: u64,
-    /// Video file.
-    pub mp4: Option<PathBuf>,
-    /// Video frames per simulated second, 1..=1000.
-    pub fps: f64,
+    /// What pictures show, and where they go.
+    pub look: Look,
     /// Stop after this many rendered frames.
     pub frames: Option<u64>,
     /// Name under which it takes part in lock-step: then no step is made before its picture is.
@@ -59,35 +41,10 @@ pub struct Progress {
     pub sim_time: f64,
     /// Frames rendered so far.
     pub frames_rendered: u64,
-    /// Frames published since attaching and not looked at, because a newer one was there.
+    /// Frames published since attaching and not drawn for lack of time.
     pub frames_missed: u64,
     /// Runs of the server seen.
     pub runs: u64,
-}
-
-/// What a run of the renderer did.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Summary {
-    /// Frames rendered.
-    pub frames_rendered: u64,
-    /// Frames published since attaching and not looked at, because a newer one was there.
-    pub frames_missed: u64,
-    /// Runs of the server seen: more than 1 after a restart.
-    pub runs: u64,
-    /// Step of the last frame.
-    pub last_step: u64,
-    /// Simulated time of the last frame [s].
-    pub sim_time: f64,
-    /// Mean time to render a frame [ms], without waiting and encoding.
-    pub render_ms: f64,
-    /// PNG files written.
-    pub pictures: u64,
-    /// The newest of them.
-    pub last_picture: Option<PathBuf>,
-    /// The video, if it has any frame.
-    pub video: Option<PathBuf>,
-    /// Its frames.
-    pub video_frames: u64,
 }
 
 /// Why rendering ended early.
@@ -104,6 +61,14 @@ pub enum RenderError {
         /// What was missing.
         reason: String,
     },
+    /// There is nothing of that name to follow.
+    #[error("the scene has no object {name:?} to follow, expected one of {names}")]
+    NoObject {
+        /// The name asked for.
+        name: String,
+        /// Names of the objects that there are.
+        names: String,
+    },
     /// It may not take part in lock-step.
     #[error(transparent)]
     Step(#[from] StepError),
@@ -116,6 +81,9 @@ pub enum RenderError {
     /// The video cannot be written.
     #[error(transparent)]
     Mp4(#[from] Mp4Error),
+    /// The thread that draws cannot be started.
+    #[error("cannot start the thread that draws: {0}")]
+    Thread(std::io::Error),
     /// A folder cannot be made.
     #[error("cannot make the folder {path}: {cause}")]
     Folder {
@@ -127,13 +95,13 @@ pub enum RenderError {
 }
 
 /// Renders the session of `options` until its last frame, `options.frames`, or `stop`; files are complete whichever it
-/// was, and also after an error. `on_scene` is called once, with all there is to draw and nothing drawn yet: from then on
-/// the work may be given a lower priority. `on_frame` hears of every frame that was rendered.
+/// was, and also after an error. `on_frame` hears of every frame that was rendered.
 ///
-/// It always takes the newest frame, so that a slow renderer skips frames and the server never waits; it stays when the
-/// server goes, and carries on with the next one of that name. While the simulation is slower than the clock it waits up to
-/// four times as long as a picture took before the next one. A participant in lock-step draws every step instead, and the
-/// server waits for it.
+/// Frames are copied and drawn on processor time that nobody else wants, so that the server never waits. Those of steps that
+/// were asked for (`look.every`) wait for their turn, up to 256 MiB of them; of the others the newest is taken. While the
+/// simulation is slower than the clock, up to four times as long as a picture took passes before the next one. It stays when
+/// the server goes, and carries on with the next one of that name. A participant in lock-step draws every step instead, at its
+/// full priority, and the server waits for it.
 ///
 /// # Errors
 /// When there is no server, frame or scene within `options.patience`, the session ends before a scene could be read, or a
@@ -141,126 +109,33 @@ pub enum RenderError {
 pub fn run(
     options: &Options,
     stop: &AtomicBool,
-    on_scene: impl FnOnce(),
-    on_frame: impl FnMut(&Progress),
+    on_frame: impl FnMut(&Progress) + Send,
 ) -> Result<Summary, RenderError> {
-    let mut outputs = Outputs::open(options)?;
-    let mut summary = Summary::default();
-    let watched = watch(
-        options,
-        stop,
-        &mut outputs,
-        &mut summary,
-        on_scene,
-        on_frame,
-    );
-    let Written {
-        pictures,
-        last_picture,
-        video,
-        video_frames,
-    } = outputs.finish()?;
-    watched?;
-    if summary.frames_rendered > 0 {
-        summary.render_ms /= summary.frames_rendered as f64;
-    }
-    Ok(Summary {
-        pictures,
-        last_picture,
-        video,
-        video_frames,
-        ..summary
+    let drawing = Drawing::begin(&options.look)?;
+    let (hand_over, shots) = channel();
+    let (give_back, painted) = channel();
+    // From here, where priority is what it was.
+    let time = options.participant.is_none().then(IdleTime::new);
+    std::thread::scope(|scope| {
+        let name = std::thread::Builder::new().name("painter".into());
+        let painter = name.spawn_scoped(scope, move || {
+            paint(drawing, time, &shots, &give_back, on_frame)
+        });
+        let painter = painter.map_err(RenderError::Thread)?;
+        let mut taker = Taker::new(options, hand_over, painted);
+        let watched = taker.watch(stop);
+        let seen = taker.end();
+        let painted = painter.join();
+        let summary = painted.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        watched?;
+        Ok(Summary {
+            pictures: summary.pictures,
+            last_picture: summary.last_picture,
+            video: summary.video,
+            video_frames: summary.video_frames,
+            frames_rendered: summary.frames_rendered,
+            render_ms: summary.render_ms,
+            ..seen
+        })
     })
-}
-
-/// The loop of [`run`]; adds up the time of rendering in `render_ms`.
-fn watch(
-    options: &Options,
-    stop: &AtomicBool,
-    outputs: &mut Outputs,
-    summary: &mut Summary,
-    on_scene: impl FnOnce(),
-    mut on_frame: impl FnMut(&Progress),
-) -> Result<(), RenderError> {
-    let Some(mut source) = Source::attach(options, stop)? else {
-        return Ok(());
-    };
-    let mut on_scene = Some(on_scene);
-    let mut courtesy = Courtesy::default();
-    let goal = options.frames.unwrap_or(u64::MAX);
-    while summary.frames_rendered < goal && !stop.load(Ordering::Relaxed) {
-        let Some(next) = source.next()? else {
-            // Of a frame that found no memory there is nothing to draw: the step goes without a picture.
-            if source.is_over()? || !source.permit_step(stop)? {
-                break;
-            }
-            continue;
-        };
-        let start = Instant::now();
-        let header = *next.frame.header();
-        courtesy.note(header.sim_time, header.publish_ns);
-        let Some((next, scene)) = source.with_scene(next)? else {
-            continue;
-        };
-        if let Some(on_scene) = on_scene.take() {
-            on_scene();
-        }
-        let is_last = header.flags & FRAME_FLAG_LAST != 0;
-        let wanted = outputs.wants(header.step, header.sim_time, next.is_new_run, is_last);
-        if wanted.anything() {
-            let camera = camera(options, scene.header());
-            let drawing = Instant::now();
-            let projected = project(next.frame, scene, &camera);
-            let image = projected.draw(BACKGROUND);
-            summary.render_ms += drawing.elapsed().as_secs_f64() * 1e3;
-            outputs.write(wanted, header.step, image)?;
-            summary.frames_rendered += 1;
-        } else {
-            drop(next);
-        }
-        summary.frames_missed = source.missed();
-        summary.runs = source.frames.runs();
-        summary.last_step = header.step;
-        summary.sim_time = header.sim_time;
-        if wanted.anything() {
-            on_frame(&Progress {
-                step: header.step,
-                sim_time: header.sim_time,
-                frames_rendered: summary.frames_rendered,
-                frames_missed: summary.frames_missed,
-                runs: summary.runs,
-            });
-        }
-        if is_last || summary.frames_rendered >= goal || !source.permit_step(stop)? {
-            break;
-        }
-        if wanted.anything() && options.participant.is_none() {
-            std::thread::sleep(courtesy.wait(start.elapsed()));
-        }
-    }
-    Ok(())
-}
-
-/// Takes from the frame what the picture needs, and gives its memory back.
-fn project(frame: Frame, scene: &SceneView, camera: &Camera) -> Projected {
-    // Without directional coefficients the frame's own colour says it all.
-    let sh = match scene.header().sh_degree {
-        0 => None,
-        degree => Harmonics::new(degree, scene.sh()),
-    };
-    Projected::new(frame.gaussians(), sh, camera)
-}
-
-/// The camera for a scene.
-pub fn camera(options: &Options, scene: &SceneHeader) -> Camera {
-    Camera::orbit(
-        [
-            Vec3::from_array(scene.bounds_min),
-            Vec3::from_array(scene.bounds_max),
-        ],
-        up_from_gravity(scene.gravity),
-        options.orbit,
-        options.width,
-        options.height,
-    )
 }

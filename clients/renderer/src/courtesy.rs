@@ -7,12 +7,14 @@ use std::time::Duration;
 
 /// Time over which the simulation's speed is averaged [s].
 const MEMORY: f64 = 0.3;
-/// Simulated seconds per second below which a simulation is late.
-const LATE: f64 = 0.99;
+/// Share of the clock that a simulation may be late: more than that is for lack of time, less is a hiccup.
+const LATE: f64 = 0.01;
 /// How many times as long as a picture took the next one waits at most: drawing then takes a fifth of the time.
 const MOST: f64 = 4.0;
-/// By how much that grows per picture while the simulation is late, and falls while it is not.
-const STEPS: [f64; 2] = [1.0, 0.25];
+/// By how much that grows per picture for a share of the clock that the simulation is late beyond [`LATE`].
+const GAIN: f64 = 25.0;
+/// Bounds of what it grows by: it falls slowly.
+const STEPS: [f64; 2] = [-0.25, 1.0];
 /// Longest wait [s].
 const LONGEST: f64 = 0.25;
 
@@ -46,13 +48,18 @@ impl Courtesy {
     /// How long to wait after a picture that took `busy`.
     pub(crate) fn wait(&mut self, busy: Duration) -> Duration {
         let [simulated, seconds] = self.passed;
-        let step = if simulated < LATE * seconds {
-            STEPS[0]
-        } else {
-            -STEPS[1]
+        let late = match seconds > 0.0 {
+            true => 1.0 - simulated / seconds,
+            false => 0.0,
         };
+        let step = (GAIN * (late - LATE)).clamp(STEPS[0], STEPS[1]);
         self.share = (self.share + step).clamp(0.0, MOST);
         Duration::from_secs_f64((self.share * busy.as_secs_f64()).min(LONGEST))
+    }
+
+    /// Whether pictures have to wait.
+    pub(crate) fn is_standing_aside(&self) -> bool {
+        self.share > 0.0
     }
 }
 

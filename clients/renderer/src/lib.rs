@@ -1,29 +1,30 @@
-//! Renderer client: a CPU tile rasteriser over the shared frame, PNG and MP4 out.
+//! Renderer client: pictures of the shared frame by the rasteriser of `cosplat-raster`, PNG and MP4 out.
 //!
 //! In reading order: [`camera`] says where the picture is taken from, [`sh`] gives a Gaussian its colour in that
-//! direction, [`project`] turns it into an ellipse in pixels, [`raster`] sorts and blends the ellipses; [`client`] does
-//! so for the frames of a running session and hands the pictures to [`png`](mod@png) and [`mp4`].
+//! direction, [`raster`] blends the Gaussians; [`drawing`] hands the pictures to [`png`](mod@png) and [`mp4`], and
+//! [`client`] takes the frames of a running session.
 
-#![allow(unsafe_code, reason = "vector instructions")]
-
-pub mod camera;
 pub mod client;
 mod courtesy;
+pub mod drawing;
+mod idle;
 pub mod image;
 pub mod mp4;
 mod output;
+mod painter;
 pub mod png;
-pub mod project;
 pub mod raster;
-pub mod sh;
+mod shade;
 mod source;
-mod tile;
+mod taker;
 
-pub use camera::Camera;
 pub use client::run;
+pub use cosplat_raster::{
+    camera::{self, Camera},
+    sh::{self, Harmonics},
+};
 pub use image::Image;
-pub use raster::{Projected, picture};
-pub use sh::Harmonics;
+pub use raster::{Picked, Projected, pick, picture, project};
 
 #[cfg(test)]
 mod tests;

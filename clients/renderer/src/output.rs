@@ -1,9 +1,11 @@
-//! Where pictures go: a numbered sequence of PNG files, and a video that keeps simulated time.
+//! Which frames pictures are made of, and where these go: a numbered sequence of PNG files, and a video that keeps simulated
+//! time.
 
 use std::path::PathBuf;
 
 use crate::Image;
-use crate::client::{Options, RenderError};
+use crate::client::RenderError;
+use crate::drawing::Look;
 use crate::mp4::Mp4Writer;
 use crate::png::write_png;
 
@@ -60,29 +62,71 @@ impl TimeLine {
     }
 }
 
-struct Video {
-    writer: Mp4Writer,
-    path: PathBuf,
-    times: TimeLine,
-}
-
-struct Sequence {
-    folder: PathBuf,
-    every: u64,
-    /// Step / `every` of the newest picture.
-    newest: Option<u64>,
-}
-
 /// What one frame is needed for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Wanted {
     picture: bool,
     stills: Option<u64>,
+    /// Whether it is needed however little time there is: a later one will not do.
+    pub is_chosen: bool,
 }
 
 impl Wanted {
     pub(crate) fn anything(self) -> bool {
         self.picture || self.stills.is_some()
+    }
+}
+
+/// Which frames are drawn.
+pub(crate) struct Plan {
+    /// Steps between pictures, and the newest picture's step over that; 0 = whatever there is time for.
+    pictures: Option<(u64, Option<u64>)>,
+    video: Option<TimeLine>,
+}
+
+impl Plan {
+    pub(crate) fn new(look: &Look) -> Self {
+        Self {
+            pictures: look.png.is_some().then_some((look.every, None)),
+            video: look.mp4.is_some().then(|| TimeLine::new(look.fps)),
+        }
+    }
+
+    /// What the frame of `step` is needed for; `last` frames are always wanted as a picture.
+    pub(crate) fn wants(&mut self, step: u64, sim_time: f64, new_run: bool, last: bool) -> Wanted {
+        let picture = self.pictures.is_some_and(|(every, newest)| {
+            last || new_run || every == 0 || newest != Some(step / every)
+        });
+        let is_chosen = picture && (last || self.chooses_steps());
+        let times = self.video.as_mut();
+        let stills = times.and_then(|times| times.stills_before(sim_time, new_run));
+        Wanted {
+            picture,
+            stills,
+            is_chosen,
+        }
+    }
+
+    /// Whether pictures are of certain steps.
+    pub(crate) fn chooses_steps(&self) -> bool {
+        self.pictures.is_some_and(|(every, _)| every > 0)
+    }
+
+    /// Notes that no other picture is wanted for `step`.
+    pub(crate) fn pass(&mut self, step: u64) {
+        if let Some((every, newest)) = &mut self.pictures {
+            *newest = step.checked_div(*every);
+        }
+    }
+
+    /// Notes that the frame of `step` will be drawn for what it is wanted for.
+    pub(crate) fn commit(&mut self, wanted: Wanted, step: u64) {
+        if wanted.picture {
+            self.pass(step);
+        }
+        if let (Some(stills), Some(times)) = (wanted.stills, &mut self.video) {
+            times.advance(stills + 1);
+        }
     }
 }
 
@@ -97,57 +141,33 @@ pub(crate) struct Written {
 
 /// The files of one run.
 pub(crate) struct Outputs {
-    sequence: Option<Sequence>,
-    video: Option<Video>,
+    folder: Option<PathBuf>,
+    video: Option<(PathBuf, Mp4Writer)>,
     written: Written,
 }
 
 impl Outputs {
     /// Makes the folders and opens the video, so that a bad path shows at once.
-    pub(crate) fn open(options: &Options) -> Result<Self, RenderError> {
+    pub(crate) fn open(look: &Look) -> Result<Self, RenderError> {
         let folder = |path: PathBuf| match std::fs::create_dir_all(&path) {
             Ok(()) => Ok(path),
             Err(cause) => Err(RenderError::Folder { path, cause }),
         };
-        let sequence = match &options.png {
-            Some(path) => Some(Sequence {
-                folder: folder(path.clone())?,
-                every: options.every.max(1),
-                newest: None,
-            }),
-            None => None,
-        };
-        let video = match &options.mp4 {
+        let video = match &look.mp4 {
             Some(path) => {
                 if let Some(parent) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
                     folder(parent.to_owned())?;
                 }
-                Some(Video {
-                    writer: Mp4Writer::create(path, options.width, options.height, options.fps)?,
-                    path: path.clone(),
-                    times: TimeLine::new(options.fps),
-                })
+                let writer = Mp4Writer::create(path, look.width, look.height, look.fps)?;
+                Some((path.clone(), writer))
             }
             None => None,
         };
         Ok(Self {
-            sequence,
+            folder: look.png.clone().map(folder).transpose()?,
             video,
             written: Written::default(),
         })
-    }
-
-    /// What the frame of `step` is needed for; `last` frames are always wanted as a picture.
-    pub(crate) fn wants(&mut self, step: u64, sim_time: f64, new_run: bool, last: bool) -> Wanted {
-        let picture = self
-            .sequence
-            .as_ref()
-            .is_some_and(|s| last || new_run || s.newest != Some(step / s.every));
-        let stills = self
-            .video
-            .as_mut()
-            .and_then(|video| video.times.stills_before(sim_time, new_run));
-        Wanted { picture, stills }
     }
 
     /// Writes `image`, the picture of `step`.
@@ -157,28 +177,26 @@ impl Outputs {
         step: u64,
         image: Image,
     ) -> Result<(), RenderError> {
-        if let (true, Some(sequence)) = (wanted.picture, &mut self.sequence) {
-            let path = sequence.folder.join(format!("frame_{step:08}.png"));
+        if let (true, Some(folder)) = (wanted.picture, &self.folder) {
+            let path = folder.join(format!("frame_{step:08}.png"));
             write_png(&path, &image)?;
-            sequence.newest = Some(step / sequence.every);
             self.written.pictures += 1;
             self.written.last_picture = Some(path);
         }
-        if let (Some(stills), Some(video)) = (wanted.stills, &mut self.video) {
+        if let (Some(stills), Some((_, writer))) = (wanted.stills, &mut self.video) {
             for _ in 0..stills {
-                video.writer.repeat()?;
+                writer.repeat()?;
             }
-            video.writer.add(&image)?;
-            video.times.advance(stills + 1);
+            writer.add(&image)?;
         }
         Ok(())
     }
 
     /// Closes the files.
     pub(crate) fn finish(mut self) -> Result<Written, RenderError> {
-        if let Some(video) = self.video {
-            self.written.video_frames = video.writer.finish()?;
-            self.written.video = (self.written.video_frames > 0).then_some(video.path);
+        if let Some((path, writer)) = self.video {
+            self.written.video_frames = writer.finish()?;
+            self.written.video = (self.written.video_frames > 0).then_some(path);
         }
         Ok(self.written)
     }

@@ -1,16 +1,11 @@
-//! The picture: ellipses sorted by depth, handed to tiles, blended front to back.
+//! The picture: colours summed by the weights of the rasteriser, over a background.
 
-use std::ops::Range;
-
-use cosplat_ipc::schema::GaussianState;
+use cosplat_ipc::schema::{GaussianState, SceneHeader};
+use cosplat_raster::{Ellipse, Projection, Row, SIZE, Sink, Splats};
 use rayon::prelude::*;
 
-use crate::project::{Ellipse, Projection};
-use crate::tile::{SIZE, Tile};
+use crate::shade::Shade;
 use crate::{Camera, Harmonics, Image};
-
-/// Gaussians projected by one task.
-const CHUNK: usize = 4096;
 
 /// Picture of `gaussians` as `camera` sees them before `background` (sRGB, 0..=1).
 ///
@@ -26,139 +21,148 @@ pub fn picture(
     Projected::new(gaussians, sh, camera).draw(background)
 }
 
+/// What is seen at a point of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Picked {
+    /// Object id.
+    pub object: u32,
+    /// Index of the Gaussian.
+    pub gaussian: u32,
+    /// The point of the view at the Gaussian's depth [m], world frame.
+    pub point: [f32; 3],
+}
+
+/// The first Gaussian, front to back, at which less than half of the light behind passes; `at` is in pixels, whose centres are
+/// at half-integers. None where the background shows.
+pub fn pick(gaussians: &[GaussianState], camera: &Camera, at: [f32; 2]) -> Option<Picked> {
+    let projection = Projection::new(camera);
+    let splats = Splats::new(gaussians.len(), camera, |n| {
+        let g = &gaussians[n];
+        let opacity = f32::from(g.color[3]) / 255.0;
+        projection.ellipse(g.position, g.covariance, opacity, |_| n)
+    });
+    let seen = splats.pick(at)?;
+    let g = &gaussians[seen.payload];
+    Some(Picked {
+        object: g.object,
+        gaussian: g.index,
+        point: camera.point_at(at, seen.depth).to_array(),
+    })
+}
+
+/// What `camera` sees of a frame of `scene`, whose block `scene/sh` is `sh`.
+pub fn project(
+    gaussians: &[GaussianState],
+    scene: &SceneHeader,
+    sh: &[f32],
+    camera: &Camera,
+) -> Projected {
+    Projected::new(gaussians, harmonics(scene, sh), camera)
+}
+
+/// Colours that depend on the direction; without directional coefficients the frame's own colour says it all.
+pub(crate) fn harmonics<'a>(scene: &SceneHeader, sh: &'a [f32]) -> Option<Harmonics<'a>> {
+    match scene.sh_degree {
+        0 => None,
+        degree => Harmonics::new(degree, sh),
+    }
+}
+
 /// A frame as seen by a camera, not drawn yet: all that a picture needs of the frame's memory, which can be given back.
 #[derive(Clone, Debug)]
-pub struct Projected {
-    /// What shows of every [`CHUNK`] Gaussians, in the order of the frame.
-    chunks: Vec<Vec<Ellipse>>,
-    width: u32,
-    height: u32,
-}
+pub struct Projected(Splats<[f32; 3]>);
 
 impl Projected {
     /// First half of [`picture`].
     pub fn new(gaussians: &[GaussianState], sh: Option<Harmonics>, camera: &Camera) -> Self {
-        Self {
-            chunks: ellipses(gaussians, &Projection::new(camera, sh)),
-            width: camera.width,
-            height: camera.height,
-        }
+        Self::shaded(gaussians, sh, camera, None)
     }
 
-    /// The ellipse that a key of [`strips`] stands for.
-    fn of(&self, key: u64) -> Ellipse {
-        let place = (key & 0xffff_ffff) as usize;
-        self.chunks[place / CHUNK][place % CHUNK]
+    /// The same with colours darkened by `shade`.
+    pub(crate) fn shaded(
+        gaussians: &[GaussianState],
+        sh: Option<Harmonics>,
+        camera: &Camera,
+        shade: Option<&Shade>,
+    ) -> Self {
+        let projection = Projection::new(camera);
+        Self(Splats::new(gaussians.len(), camera, |n| {
+            let g = &gaussians[n];
+            let [red, green, blue, opacity] = g.color.map(|level| f32::from(level) / 255.0);
+            projection.ellipse(g.position, g.covariance, opacity, |offset| {
+                let color = sh
+                    .and_then(|sh| sh.color(g.index, offset.normalize(), g.rotation))
+                    .map_or([red, green, blue], |color| color.to_array());
+                match shade {
+                    Some(shade) => color.map(|level| level * shade.light(g)),
+                    None => color,
+                }
+            })
+        }))
     }
 
     /// Second half of [`picture`].
     pub fn draw(&self, background: [f32; 3]) -> Image {
-        let (width, height) = (self.width as usize, self.height as usize);
+        let [width, height] = self.0.size();
         let mut rgb = vec![0; 3 * width * height];
-        let mut strips = strips(&self.chunks, height);
         // `max(1)`: chunks of zero bytes are not allowed, and a picture without pixels has none.
-        rgb.par_chunks_mut((3 * width * SIZE).max(1))
-            .zip(&mut strips)
-            .enumerate()
-            .for_each(|(row, (pixels, members))| {
-                // Keys are unique, so that there is one order.
-                members.sort_unstable();
-                // In one place: fetched from all over the frame tile by tile, they would cost a cache miss each time.
-                let ellipses: Vec<Ellipse> = members.iter().map(|&key| self.of(key)).collect();
-                draw_strip(&ellipses, row, width, background, pixels);
-            });
+        let strips = rgb.par_chunks_mut((3 * width * SIZE).max(1));
+        self.0.blend(strips.map(|pixels| Strip {
+            background,
+            width,
+            pixels,
+            left: 0,
+            light: Default::default(),
+        }));
         Image {
-            width: self.width,
-            height: self.height,
+            width: width as u32,
+            height: height as u32,
             rgb,
         }
     }
 }
 
-/// Everything that shows.
-fn ellipses(gaussians: &[GaussianState], projection: &Projection) -> Vec<Vec<Ellipse>> {
-    let of_chunk = |chunk: &[GaussianState]| {
-        let mut shown = Vec::with_capacity(chunk.len());
-        shown.extend(
-            chunk
-                .iter()
-                .filter_map(|gaussian| projection.ellipse(gaussian)),
-        );
-        shown
-    };
-    gaussians.par_chunks(CHUNK).map(of_chunk).collect()
-}
-
-/// The ellipses that reach each strip of [`SIZE`] rows, as keys: they sort nearest first, equal depths in the order of the
-/// frame.
-fn strips(chunks: &[Vec<Ellipse>], height: usize) -> Vec<Vec<u64>> {
-    let mut strips = vec![Vec::new(); height.div_ceil(SIZE)];
-    for (chunk, ellipses) in chunks.iter().enumerate() {
-        for (n, ellipse) in ellipses.iter().enumerate() {
-            let (center, reach) = (ellipse.center[1], ellipse.reach[1]);
-            // The bits of positive floats sort like the floats; the place in the frame makes every key unique.
-            let place = (chunk * CHUNK + n) as u64;
-            let key = u64::from(ellipse.depth.to_bits()) << 32 | place;
-            for row in tiles(center - reach, center + reach, strips.len()) {
-                strips[row].push(key);
-            }
-        }
-    }
-    strips
-}
-
-/// Tiles, of `count` in a row, that the pixels from `low` to `high` lie in.
-fn tiles(low: f32, high: f32, count: usize) -> Range<usize> {
-    // A sixteenth of a pixel covers the rounding of the bounds; float-to-integer casts saturate.
-    let first = ((low - 0.0625) / SIZE as f32).max(0.0) as usize;
-    let end = ((high + 0.0625) / SIZE as f32 + 1.0).max(0.0) as usize;
-    first.min(count)..end.min(count)
-}
-
-/// Draws strip `row`, whose bytes are `pixels`; `ellipses` are those that reach it, nearest first.
-fn draw_strip(
-    ellipses: &[Ellipse],
-    row: usize,
-    width: usize,
+/// A strip of the picture while it is drawn.
+struct Strip<'a> {
     background: [f32; 3],
-    pixels: &mut [u8],
-) {
-    let columns = width.div_ceil(SIZE);
-    let top = (row * SIZE) as f32;
-    let spans: Vec<Range<usize>> = ellipses
-        .iter()
-        .map(|ellipse| {
-            let (center, reach) = (ellipse.center[0], ellipse.reach[0]);
-            let widest = tiles(center - reach, center + reach, columns);
-            if widest.len() < 2 {
-                return widest;
+    width: usize,
+    /// `[row][pixel][rgb]`.
+    pixels: &'a mut [u8],
+    /// First column of the tile at hand.
+    left: usize,
+    /// Light gathered so far in it, `[row][rgb][pixel]`.
+    light: [[Row; 3]; SIZE],
+}
+
+impl Sink<[f32; 3]> for Strip<'_> {
+    fn begin_strip(&mut self, _: &[Ellipse<[f32; 3]>]) {}
+
+    fn begin_tile(&mut self, left: usize, _: usize) {
+        self.left = left;
+        self.light = Default::default();
+    }
+
+    #[inline(always)]
+    fn row(&mut self, _: usize, color: [f32; 3], row: usize, weight: &Row) {
+        for (light, color) in self.light[row].iter_mut().zip(color) {
+            for lane in 0..SIZE {
+                light[lane] += color * weight[lane];
             }
-            // A slanted ellipse crosses fewer tiles in one strip than in all.
-            ellipse
-                .span(top, top + SIZE as f32)
-                .map_or(0..0, |[left, right]| tiles(left, right, columns))
-        })
-        .collect();
-    // Counting sort by column; it keeps the order by depth.
-    let mut first = vec![0; columns + 1];
-    for column in spans.iter().cloned().flatten() {
-        first[column + 1] += 1;
-    }
-    for column in 0..columns {
-        first[column + 1] += first[column];
-    }
-    let mut next = first.clone();
-    let mut sorted = vec![0u32; first[columns]];
-    for (place, span) in spans.into_iter().enumerate() {
-        for column in span {
-            sorted[next[column]] = place as u32;
-            next[column] += 1;
         }
     }
-    let mut tile = Tile::default();
-    for column in 0..columns {
-        tile.clear(column * SIZE, row * SIZE);
-        tile.blend(ellipses, &sorted[first[column]..first[column + 1]]);
-        tile.write(background, width, pixels);
+
+    fn end_tile(&mut self, transmittance: &[Row; SIZE]) {
+        let columns = SIZE.min(self.width - self.left);
+        for (row, line) in self.pixels.chunks_exact_mut(3 * self.width).enumerate() {
+            let line = &mut line[3 * self.left..3 * (self.left + columns)];
+            for (column, pixel) in line.chunks_exact_mut(3).enumerate() {
+                for channel in 0..3 {
+                    let behind = self.background[channel] * transmittance[row][column];
+                    let value = self.light[row][channel][column] + behind;
+                    // The cast saturates: brighter than white is white.
+                    pixel[channel] = (value * 255.0 + 0.5) as u8;
+                }
+            }
+        }
     }
 }

@@ -13,7 +13,7 @@ use cosplat_ipc::schema::FRAME_FLAG_LAST;
 use crate::client::{Options, RenderError};
 
 /// How long one wait lasts before the stop flag is looked at [s].
-const GLANCE: Duration = Duration::from_millis(100);
+pub(crate) const GLANCE: Duration = Duration::from_millis(100);
 
 /// A frame, and what is known of it.
 pub(crate) struct Next {
@@ -42,12 +42,16 @@ pub(crate) struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    /// Waits for the server; `None` when stopped before it came.
-    pub fn attach(options: &'a Options, stop: &AtomicBool) -> Result<Option<Self>, RenderError> {
+    /// Waits for the server; `None` when stopped before it came. Up to `depth` frames wait to be taken, the newest ones.
+    pub fn attach(
+        options: &'a Options,
+        depth: usize,
+        stop: &AtomicBool,
+    ) -> Result<Option<Self>, RenderError> {
         let deadline = Instant::now() + options.patience;
         loop {
             let attempt = Client::connect(&options.domain, &options.session, "view", GLANCE);
-            let error = match attempt.and_then(|client| Self::open(options, client)) {
+            let error = match attempt.and_then(|client| Self::open(options, depth, client)) {
                 Ok(mut source) => {
                     if let Some(name) = &options.participant {
                         let part = source.client.participate(name, options.patience)?;
@@ -68,11 +72,10 @@ impl<'a> Source<'a> {
         }
     }
 
-    fn open(options: &'a Options, client: Client) -> Result<Self, ConnectError> {
+    fn open(options: &'a Options, depth: usize, client: Client) -> Result<Self, ConnectError> {
         Ok(Self {
             options,
-            // One frame deep: the newest.
-            frames: client.frames(1)?,
+            frames: client.frames(depth)?,
             participant: None,
             status: client.status()?,
             client,
@@ -105,11 +108,11 @@ impl<'a> Source<'a> {
         Ok(false)
     }
 
-    /// The newest frame, or the one that waits for its scene; `None` when there is none just now.
-    pub fn next(&mut self) -> Result<Option<Next>, RenderError> {
+    /// The next frame, or the one that waits for its scene; `None` when there is none within `patience`.
+    pub fn next(&mut self, patience: Duration) -> Result<Option<Next>, RenderError> {
         let patience = match self.waiting {
             Some(_) => Duration::ZERO,
-            None => GLANCE,
+            None => patience,
         };
         let frame = match self.frames.next(patience) {
             Ok(Some(frame)) => frame,

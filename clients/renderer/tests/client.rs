@@ -18,8 +18,10 @@ use cosplat_ipc::schema::{
 use cosplat_ipc::server::{PoolPlan, SceneBlocks};
 use cosplat_ipc::{Domain, ServerPorts};
 use cosplat_renderer::camera::Orbit;
-use cosplat_renderer::client::{BACKGROUND, Options, Progress, RenderError, Summary, camera};
+use cosplat_renderer::client::{Options, Progress, RenderError};
+use cosplat_renderer::drawing::{BACKGROUND, Look, Summary};
 use cosplat_renderer::{Harmonics, Image, picture, run};
+use glam::Vec3;
 
 /// Long enough for a loaded machine; only a hang reaches it.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -76,11 +78,18 @@ fn serve(domain: &Domain, sh_degree: u32, tint: f32) -> ServerPorts {
     ports
 }
 
+fn padded(name: &str) -> [u8; 64] {
+    let mut bytes = [0; 64];
+    bytes[..name.len()].copy_from_slice(name.as_bytes());
+    bytes
+}
+
 /// Makes the scene, which the ports are planned for, and hands it on.
 fn with_scene<T>(sh_degree: u32, tint: f32, act: impl FnOnce(&SceneBlocks) -> T) -> T {
     let gaussians = vec![GaussianRest::default(); COUNT];
     let object = ObjectInfo {
         gaussian_count: COUNT as u32,
+        name: padded("ring"),
         ..bytemuck::Zeroable::zeroed()
     };
     let sh = coefficients(sh_degree, tint);
@@ -146,13 +155,18 @@ fn options(domain: &Domain, folder: &Path) -> Options {
         domain: domain.clone(),
         session: "test".into(),
         patience: PATIENCE,
-        width: 120,
-        height: 80,
-        orbit: Orbit::default(),
-        png: Some(folder.join("pictures")),
-        every: 1,
-        mp4: Some(folder.join("deep/video.mp4")),
-        fps: 60.0,
+        look: Look {
+            width: 120,
+            height: 80,
+            orbit: Orbit::default(),
+            turning: 0.0,
+            follow: None,
+            is_shaded: false,
+            png: Some(folder.join("pictures")),
+            every: 1,
+            mp4: Some(folder.join("deep/video.mp4")),
+            fps: 60.0,
+        },
         frames: None,
         participant: None,
     }
@@ -174,7 +188,7 @@ fn read(path: &Path) -> Image {
 fn expected(options: &Options, step: u64, sh_degree: u32, tint: f32) -> Image {
     let sh = coefficients(sh_degree, tint);
     let sh = (sh_degree > 0).then(|| Harmonics::new(sh_degree, &sh).unwrap());
-    let camera = camera(options, &header(sh_degree));
+    let camera = options.look.camera(&header(sh_degree));
     picture(&ring(step), sh, &camera, BACKGROUND)
 }
 
@@ -199,12 +213,9 @@ fn beside(
         // A failed assertion must end the renderer, or the scope waits for it for ever.
         let _stop = StopOnPanic(&stop);
         let renderer = scope.spawn(|| {
-            run(
-                options,
-                &stop,
-                || {},
-                move |progress| tell.send(*progress).unwrap(),
-            )
+            run(options, &stop, move |progress| {
+                tell.send(*progress).unwrap()
+            })
         });
         server(
             &|| hear.recv_timeout(PATIENCE).expect("a rendered frame"),
@@ -232,9 +243,9 @@ fn every_frame_becomes_the_picture_of_its_gaussians() {
     assert_eq!((summary.frames_rendered, summary.frames_missed), (10, 0));
     assert_eq!((summary.pictures, summary.video_frames), (10, 10));
     assert_eq!((summary.last_step, summary.runs), (19, 1));
-    assert_eq!(summary.video, options.mp4);
+    assert_eq!(summary.video, options.look.mp4);
     assert!(
-        std::fs::metadata(options.mp4.as_ref().unwrap())
+        std::fs::metadata(options.look.mp4.as_ref().unwrap())
             .unwrap()
             .len()
             > 500
@@ -259,12 +270,9 @@ fn a_late_joiner_on_an_idle_server_gets_one_picture() {
     for step in 1..=5 {
         send(&ports, step, 0);
     }
-    let options = Options {
-        frames: Some(1),
-        mp4: None,
-        ..options(&domain.0, folder.path())
-    };
-    let summary = run(&options, &AtomicBool::new(false), || {}, |_| {}).unwrap();
+    let mut options = options(&domain.0, folder.path());
+    (options.frames, options.look.mp4) = (Some(1), None);
+    let summary = run(&options, &AtomicBool::new(false), |_| {}).unwrap();
     assert_eq!((summary.last_step, summary.pictures), (5, 1));
     assert!(summary.video.is_none());
     // Degree 0: the colours are those of the frame.
@@ -299,10 +307,8 @@ fn a_restarted_server_is_followed_with_its_new_scene() {
 fn a_stop_leaves_complete_files() {
     let domain = TestDomain::new("stop");
     let folder = tempfile::tempdir().unwrap();
-    let options = Options {
-        every: 4,
-        ..options(&domain.0, folder.path())
-    };
+    let mut options = options(&domain.0, folder.path());
+    options.look.every = 4;
     let ports = serve(&domain.0, 0, 0.0);
     let summary = beside(&options, |rendered, stop| {
         for step in 0..10 {
@@ -326,7 +332,7 @@ fn a_stop_leaves_complete_files() {
             "frame_00000008.png"
         ]
     );
-    let video = std::fs::read(options.mp4.unwrap()).unwrap();
+    let video = std::fs::read(options.look.mp4.unwrap()).unwrap();
     assert!(video.windows(4).any(|w| w == b"moov") && video.windows(4).any(|w| w == b"mdat"));
 }
 
@@ -334,11 +340,8 @@ fn a_stop_leaves_complete_files() {
 fn a_slow_renderer_skips_frames_and_its_video_keeps_the_time() {
     let domain = TestDomain::new("slow");
     let folder = tempfile::tempdir().unwrap();
-    let options = Options {
-        png: None,
-        fps: 30.0,
-        ..options(&domain.0, folder.path())
-    };
+    let mut options = options(&domain.0, folder.path());
+    (options.look.png, options.look.fps) = (None, 30.0);
     let ports = serve(&domain.0, 0, 0.0);
     let stop = AtomicBool::new(false);
     let (begin, begun) = mpsc::channel();
@@ -348,17 +351,12 @@ fn a_slow_renderer_skips_frames_and_its_video_keeps_the_time() {
         let stop = &stop;
         let _stop = StopOnPanic(stop);
         let renderer = scope.spawn(move || {
-            run(
-                options,
-                stop,
-                || {},
-                |progress| {
-                    if progress.frames_rendered == 1 {
-                        begin.send(()).unwrap();
-                        may_go_on.recv().unwrap();
-                    }
-                },
-            )
+            run(options, stop, move |progress| {
+                if progress.frames_rendered == 1 {
+                    begin.send(()).unwrap();
+                    may_go_on.recv().unwrap();
+                }
+            })
         });
         send(&ports, 0, 0);
         begun.recv_timeout(PATIENCE).unwrap();
@@ -369,40 +367,119 @@ fn a_slow_renderer_skips_frames_and_its_video_keeps_the_time() {
         go_on.send(()).unwrap();
         renderer.join().unwrap().unwrap()
     });
-    assert_eq!((summary.frames_rendered, summary.frames_missed), (2, 59));
+    // The first frame, perhaps one that was copied meanwhile, and the last one.
+    assert!((2..=3).contains(&summary.frames_rendered), "{summary:?}");
+    assert!((50..=59).contains(&summary.frames_missed), "{summary:?}");
+    assert_eq!(summary.pictures_missed, 0);
     // Frames 0 to 30 at 30 per second: the second between them is shown, as a still.
     assert_eq!(summary.video_frames, 31);
+}
+
+#[test]
+fn pictures_of_chosen_steps_are_of_these_steps_however_late() {
+    let domain = TestDomain::new("chosen");
+    let folder = tempfile::tempdir().unwrap();
+    let mut options = options(&domain.0, folder.path());
+    (options.look.every, options.look.mp4) = (3, None);
+    let ports = serve(&domain.0, 0, 0.0);
+    let (begin, begun) = mpsc::channel();
+    let (go_on, may_go_on) = mpsc::channel::<()>();
+    let stop = AtomicBool::new(false);
+    let summary = std::thread::scope(|scope| {
+        let _stop = StopOnPanic(&stop);
+        let (options, stop) = (&options, &stop);
+        let renderer = scope.spawn(move || {
+            run(options, stop, move |progress| {
+                if progress.frames_rendered == 1 {
+                    begin.send(()).unwrap();
+                    may_go_on.recv().unwrap();
+                }
+            })
+        });
+        send(&ports, 0, 0);
+        begun.recv_timeout(PATIENCE).unwrap();
+        // It is stuck at the first picture; frames come at a pace at which they can be copied.
+        for step in 1..=20 {
+            std::thread::sleep(Duration::from_millis(30));
+            send(&ports, step, if step == 20 { FRAME_FLAG_LAST } else { 0 });
+        }
+        go_on.send(()).unwrap();
+        renderer.join().unwrap().unwrap()
+    });
+    assert_eq!((summary.pictures, summary.pictures_missed), (8, 0));
+    for step in [0, 3, 6, 9, 12, 15, 18, 20] {
+        let path = folder.path().join(format!("pictures/frame_{step:08}.png"));
+        assert!(read(&path) == expected(&options, step, 0, 0.0), "{step}");
+    }
+}
+
+#[test]
+fn the_camera_turns_and_follows_an_object_of_the_scene() {
+    let domain = TestDomain::new("turns");
+    let folder = tempfile::tempdir().unwrap();
+    let mut options = options(&domain.0, folder.path());
+    options.look.mp4 = None;
+    options.look.turning = 1.5;
+    options.look.follow = Some("ring".into());
+    let ports = serve(&domain.0, 0, 0.0);
+    let (sent, frames) = (30, options.frames.replace(1));
+    send(&ports, sent, 0);
+    let summary = run(&options, &AtomicBool::new(false), |_| {}).unwrap();
+    // The camera of that moment, by hand: half a second's turn, around the middle of the ring.
+    let middle = ring(sent)
+        .iter()
+        .fold(Vec3::ZERO, |sum, g| sum + Vec3::from(g.position))
+        / COUNT as f32;
+    let mut still = options.clone();
+    still.look.orbit = Orbit {
+        azimuth: options.look.orbit.azimuth + 0.75,
+        distance: Some(3f32.sqrt() / 20f32.to_radians().sin()),
+        target: Some(middle),
+        ..options.look.orbit
+    };
+    let (found, wanted) = (
+        read(&summary.last_picture.unwrap()),
+        expected(&still, sent, 0, 0.0),
+    );
+    let apart = found
+        .rgb
+        .iter()
+        .zip(&wanted.rgb)
+        .map(|(a, b)| a.abs_diff(*b))
+        .max();
+    // Sums in another order.
+    assert!(apart <= Some(1), "{apart:?}");
+    options.frames = frames;
+    options.look.follow = Some("rign".into());
+    let error = run(&options, &AtomicBool::new(false), |_| {})
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("no object \"rign\"") && error.contains("one of ring"),
+        "{error}"
+    );
 }
 
 #[test]
 fn a_missing_server_and_a_bad_folder_are_said_in_a_sentence() {
     let domain = TestDomain::new("none");
     let folder = tempfile::tempdir().unwrap();
-    let options = Options {
-        patience: Duration::from_millis(10),
-        ..options(&domain.0, folder.path())
-    };
-    let error = run(&options, &AtomicBool::new(false), || {}, |_| {}).unwrap_err();
+    let mut options = options(&domain.0, folder.path());
+    options.patience = Duration::from_millis(10);
+    let error = run(&options, &AtomicBool::new(false), |_| {}).unwrap_err();
     assert!(
         error.to_string().contains("no server for session \"test\""),
         "{error}"
     );
-    assert!(!options.mp4.as_ref().unwrap().exists());
+    assert!(!options.look.mp4.as_ref().unwrap().exists());
     let blocked = folder.path().join("file");
     std::fs::write(&blocked, "").unwrap();
-    let options = Options {
-        png: Some(blocked.join("pictures")),
-        ..options
-    };
-    let error = run(&options, &AtomicBool::new(false), || {}, |_| {}).unwrap_err();
+    options.look.png = Some(blocked.join("pictures"));
+    let error = run(&options, &AtomicBool::new(false), |_| {}).unwrap_err();
     assert!(error.to_string().contains("file/pictures"), "{error}");
     // A stop before the server came is no error.
-    let options = Options {
-        png: None,
-        patience: PATIENCE,
-        ..options
-    };
-    let summary = run(&options, &AtomicBool::new(true), || {}, |_| {}).unwrap();
+    (options.look.png, options.patience) = (None, PATIENCE);
+    let summary = run(&options, &AtomicBool::new(true), |_| {}).unwrap();
     assert_eq!(summary.frames_rendered, 0);
 }
 
@@ -417,7 +494,7 @@ fn frames_without_a_scene_end_in_a_sentence() {
     let ports = serve_without_scene(&domain.0, 0, 0.0);
     // One frame, as of a paused server, is enough to know that a scene is missing.
     send(&ports, 7, 0);
-    let error = run(&options, &AtomicBool::new(false), || {}, |_| {}).unwrap_err();
+    let error = run(&options, &AtomicBool::new(false), |_| {}).unwrap_err();
     let words = error.to_string();
     assert!(words.contains("its scene did not come within"), "{words}");
     // Without a scene the end is heard, too.
@@ -426,7 +503,7 @@ fn frames_without_a_scene_end_in_a_sentence() {
         patience: PATIENCE,
         ..options
     };
-    let error = run(&patient, &AtomicBool::new(false), || {}, |_| {}).unwrap_err();
+    let error = run(&patient, &AtomicBool::new(false), |_| {}).unwrap_err();
     assert!(matches!(error, RenderError::Ended { .. }), "{error}");
     assert!(error.to_string().contains("before a picture"), "{error}");
 }
@@ -435,25 +512,20 @@ fn frames_without_a_scene_end_in_a_sentence() {
 fn a_frame_is_kept_until_its_scene_comes() {
     let domain = TestDomain::new("kept");
     let folder = tempfile::tempdir().unwrap();
-    let options = Options {
-        mp4: None,
-        frames: Some(1),
-        ..options(&domain.0, folder.path())
-    };
+    let mut options = options(&domain.0, folder.path());
+    (options.frames, options.look.mp4) = (Some(1), None);
     let mut ports = serve_without_scene(&domain.0, 1, 0.2);
     send(&ports, 7, 0);
-    let heard = AtomicBool::new(false);
-    let hear = || heard.store(true, Ordering::Relaxed);
     std::thread::scope(|scope| {
         let options = &options;
-        let renderer = scope.spawn(move || run(options, &AtomicBool::new(false), hear, |_| {}));
+        let renderer = scope.spawn(move || run(options, &AtomicBool::new(false), |_| {}));
         // Several tries; a renderer that is slower to start meets an easier case.
         std::thread::sleep(Duration::from_millis(350));
-        assert!(!heard.load(Ordering::Relaxed), "nothing to draw yet");
+        let pictures = std::fs::read_dir(folder.path().join("pictures")).unwrap();
+        assert_eq!(pictures.count(), 0, "nothing to draw yet");
         publish_scene(&mut ports, 1, 0.2);
         let summary = renderer.join().unwrap().unwrap();
         assert_eq!((summary.last_step, summary.pictures), (7, 1));
         assert!(read(&summary.last_picture.unwrap()) == expected(options, 7, 1, 0.2));
     });
-    assert!(heard.load(Ordering::Relaxed));
 }

@@ -19,6 +19,7 @@ mod tests;
 use cosplat_scene::{
     assets::Gaussians,
     fill::{FillOptions, fill},
+    scene_file::SceneFile,
 };
 
 pub use notes::{Note, NoteKind};
@@ -74,7 +75,7 @@ pub struct ImportErrors(pub Vec<String>);
 ///
 /// # Errors
 /// When the text is no JSON, a known key has a value of the wrong kind or range, a required key of a boundary
-/// condition is missing, or no Gaussian is left to simulate. Keys that are not known are no error.
+/// condition is missing, no Gaussian is left to simulate, or the scene that comes of it is none. Keys that are not known are no error.
 pub fn import(
     config: &str,
     model: &Gaussians,
@@ -101,6 +102,11 @@ pub fn import(
         inside: inside(&config, model, &place),
     };
     let scene = scene::text(parts, &mut notes);
+    // Ranges of scene files are theirs: a box without width, say, is in JSON as good as any.
+    if let Err(errors) = SceneFile::parse(&scene) {
+        let found = errors.0.into_iter().map(|finding| finding.to_string());
+        return Err(ImportErrors(found.collect()));
+    }
     Ok(Imported {
         scene,
         notes: notes.notes,

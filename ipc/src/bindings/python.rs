@@ -21,10 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-# For types with a field of that name.
-_Bytes = bytes
-
-
 def _dtype(size: int, **fields: tuple[Any, int]) -> np.dtype[np.void]:
     return np.dtype(
         {
@@ -102,7 +98,7 @@ fn class(text: &mut String, wire: &Type) {
     }
     text.push('\n');
     for field in fields() {
-        let annotation = annotation(field, wire);
+        let annotation = annotation(field);
         writeln!(
             text,
             "    {}: {annotation}\n    \"\"\"{}\"\"\"",
@@ -129,7 +125,7 @@ fn format_of(kind: &Kind) -> String {
     }
 }
 
-fn annotation(field: &Field, wire: &Type) -> String {
+fn annotation(field: &Field) -> String {
     match &field.kind {
         Kind::Numbers("f32" | "f64", None) => "float".into(),
         Kind::Numbers(_, None) => "int".into(),
@@ -143,7 +139,6 @@ fn annotation(field: &Field, wire: &Type) -> String {
             };
             format!("NDArray[np.{element}]")
         }
-        Kind::Text(_) if wire.fields.iter().any(|other| other.name == "bytes") => "_Bytes".into(),
         Kind::Text(_) => "bytes".into(),
         Kind::Nested(kind) => (*kind).into(),
     }

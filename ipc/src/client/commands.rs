@@ -75,6 +75,18 @@ impl CommandSender {
         let answers = self.requests.answers(&sent.sent, timeout, || true);
         answers.map(|((), acks)| acks)
     }
+
+    /// The answers to what was sent if they are there, for a loop that has other things to do.
+    ///
+    /// # Errors
+    /// When they never will be: the server ended, or dropped the request.
+    pub fn try_answers(&self, sent: &Unanswered) -> Result<Option<Vec<Ack>>, SendError> {
+        match self.requests.answers(&sent.sent, Duration::ZERO, || true) {
+            Ok(((), acks)) => Ok(Some(acks)),
+            Err(SendError::Timeout { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
 }
 
 /// Commands on their way, and the place where their answers will be. Dropped before the server looked at them,

@@ -1,5 +1,6 @@
 //! The watching side of a session: attach to a server, read its streams, send it commands.
 
+mod changes;
 mod commands;
 mod error;
 mod origin;
@@ -16,12 +17,13 @@ use std::{
 
 use iceoryx2::{node::Node, prelude::PortFactory};
 
+pub use changes::ChangesReader;
 pub use commands::{CommandSender, Unanswered};
 pub use error::{ConnectError, ReadError, SendError};
 pub use participant::{Participant, StepError, Stepped, Until};
 pub use reader::{
-    ContactsReader, Frame, FrameReader, JournalReader, Message, ObjectsReader, StreamHeader,
-    StreamReader,
+    Changes, ContactsReader, Frame, FrameReader, JournalReader, Message, ObjectsReader,
+    StreamHeader, StreamReader,
 };
 pub use scene::{SceneReader, SceneView};
 pub use status::{StatusReader, heartbeat_age};
@@ -137,6 +139,12 @@ impl Client {
     /// Reads frames: `depth` 1 for always the newest, up to 64 for a queue that loses none.
     pub fn frames(&self, depth: usize) -> Result<FrameReader, ConnectError> {
         StreamReader::open(self, session::FRAME, depth)
+    }
+
+    /// Reads what changes from step to step: `depth` as for frames. It begins with a complete message, and wakes with
+    /// the frames.
+    pub fn changes(&self, depth: usize) -> Result<ChangesReader, ConnectError> {
+        ChangesReader::open(self, depth)
     }
 
     /// Reads objects: `depth` as for frames. It wakes with the frames.

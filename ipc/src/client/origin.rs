@@ -31,6 +31,11 @@ impl<T: Debug + ZeroCopySend, H: Debug + ZeroCopySend> Origin<T, H> {
         origin
     }
 
+    /// The service.
+    pub fn stream(&self) -> &PubSub<T, H> {
+        &self.stream
+    }
+
     /// Whether `publisher` is that of the server, of now or of when a message of it was last believed.
     pub fn is_servers(&mut self, publisher: UniquePublisherId) -> bool {
         if self.believed == Some(publisher) {

@@ -7,7 +7,11 @@ use std::{
 };
 
 use iceoryx2::{
-    port::{ReceiveError, listener::Listener, subscriber::Subscriber},
+    port::{
+        ReceiveError,
+        listener::Listener,
+        subscriber::{Subscriber, SubscriberCreateError},
+    },
     prelude::ZeroCopySend,
     sample::Sample,
 };
@@ -16,10 +20,10 @@ use super::{Client, ConnectError, ReadError, origin::Origin};
 use crate::{
     Service,
     schema::{
-        AppliedCommand, Contact, ContactsHeader, FrameHeader, GaussianState, JournalHeader,
-        ObjectState, ObjectsHeader,
+        AppliedCommand, ChangeSlot, ChangesHeader, Contact, ContactsHeader, FrameHeader,
+        GaussianState, JournalHeader, ObjectState, ObjectsHeader,
     },
-    session::{self, Stream},
+    session::{self, PubSub, Stream},
 };
 
 /// What readers need to know about a message.
@@ -54,7 +58,7 @@ macro_rules! numbered_by_step {
     )*};
 }
 
-numbered_by_step!(FrameHeader, ObjectsHeader, ContactsHeader);
+numbered_by_step!(FrameHeader, ChangesHeader, ObjectsHeader, ContactsHeader);
 
 impl StreamHeader for JournalHeader {
     fn epoch(&self) -> u64 {
@@ -75,6 +79,8 @@ impl StreamHeader for JournalHeader {
 pub type Frame = Message<GaussianState, FrameHeader>;
 /// Reader of `frame`.
 pub type FrameReader = StreamReader<GaussianState, FrameHeader>;
+/// What changed in a step, read where the server wrote it.
+pub type Changes = Message<ChangeSlot, ChangesHeader>;
 /// Reader of `objects`.
 pub type ObjectsReader = StreamReader<ObjectState, ObjectsHeader>;
 /// Reader of `contacts`.
@@ -129,6 +135,7 @@ pub struct StreamReader<T: Debug + ZeroCopySend + 'static, H: StreamHeader> {
     /// Made at the first wait: a reader that only looks costs the server no wake-ups.
     listener: Option<Listener<Service>>,
     stream: Stream,
+    depth: usize,
     epoch: u64,
     next_number: u64,
     missed: u64,
@@ -150,18 +157,15 @@ impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
         let event = session::event(node, session, session::FRAME.name, false).map_err(open)?;
         let depth = depth.clamp(1, stream.max_depth);
         let service = session::pub_sub::<T, H>(node, session, stream, false).map_err(open)?;
-        let subscriber = service
-            .subscriber_builder()
-            .buffer_size(depth)
-            .history_request(stream.history.min(depth))
-            .create()
-            .map_err(|error| failed(error.to_string()))?;
+        let subscriber =
+            subscribe(&service, stream, depth).map_err(|error| failed(error.to_string()))?;
         Ok(Self {
             subscriber: Arc::new(subscriber),
             origin: Origin::new(client.hello_service.clone(), service),
             event,
             listener: None,
             stream,
+            depth,
             epoch: 0,
             next_number: 0,
             missed: 0,
@@ -200,6 +204,14 @@ impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
             return Ok(true);
         };
         Ok(session::listen(listener, timeout, |_| {}).is_ok())
+    }
+
+    /// Joins anew: what is on its way is left, and the server takes this reader for another one.
+    pub(super) fn rejoin(&mut self) -> Result<(), ReadError> {
+        let subscriber = subscribe(self.origin.stream(), self.stream, self.depth)
+            .map_err(|error| ReadError::transport(self.stream.name, error.to_string()))?;
+        self.subscriber = Arc::new(subscriber);
+        Ok(())
     }
 
     /// Steps (of the journal: commands) missed since this reader was made.
@@ -260,6 +272,18 @@ impl<T: Debug + ZeroCopySend, H: StreamHeader> StreamReader<T, H> {
             missed,
         }))
     }
+}
+
+fn subscribe<T: Debug + ZeroCopySend, H: StreamHeader>(
+    service: &PubSub<T, H>,
+    stream: Stream,
+    depth: usize,
+) -> Result<Subscriber<Service, [T], H>, SubscriberCreateError> {
+    service
+        .subscriber_builder()
+        .buffer_size(depth)
+        .history_request(stream.history.min(depth))
+        .create()
 }
 
 /// A message may come without a wake-up: history after joining.

@@ -49,6 +49,32 @@ pub const COMMAND_RESTORE: u32 = 18;
 pub const COMMAND_STEP: u32 = 19;
 /// Have a replay go to `apply_at_step`, or to the first recorded step behind it; servers that simulate refuse it.
 pub const COMMAND_SEEK: u32 = 20;
+/// Hold the particles of `object` that are within `radius` of `point` by a spring that pulls the point to `vector` [m], for
+/// `material.region` steps without `COMMAND_DRAG`, 0 for 60.
+pub const COMMAND_GRAB: u32 = 21;
+/// Pull what the sender holds of `object` to `vector` [m], where the spring's end is when the step ends.
+pub const COMMAND_DRAG: u32 = 22;
+/// Let go what the sender holds of `object`.
+pub const COMMAND_LET_GO: u32 = 23;
+/// Put `object` at rest with its centre of mass at `vector` [m], turned since rest by the rotation vector `point` [rad];
+/// `material.region` is 0 or `POSE_*` flags.
+pub const COMMAND_SET_POSE: u32 = 24;
+/// Model `object` as `material.region` says: 1 as one body that stands, 2 as matter, 3 with as little as allowed, 4 as one
+/// body.
+pub const COMMAND_SET_FIDELITY: u32 = 25;
+/// Take `object` out of the world; it keeps its number.
+pub const COMMAND_REMOVE: u32 = 26;
+/// Bring `object` in that was removed or is absent from the beginning, at a pose as of `COMMAND_SET_POSE`.
+pub const COMMAND_BRING_IN: u32 = 27;
+/// Back to the state right before the newest edit; the step count goes on.
+pub const COMMAND_UNDO: u32 = 28;
+/// Back to the state that the newest `COMMAND_UNDO` left; the step count goes on.
+pub const COMMAND_REDO: u32 = 29;
+
+/// Flag of a pose: the object keeps its place, and `vector` is not read.
+pub const POSE_KEEP_PLACE: u32 = 1;
+/// Flag of a pose: the object keeps its rotation, and `point` is not read.
+pub const POSE_KEEP_ROTATION: u32 = 2;
 
 /// Law and parameters of a material; `docs/wire-format.md` lists the laws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
@@ -57,7 +83,8 @@ pub const COMMAND_SEEK: u32 = 20;
 pub struct MaterialSpec {
     /// Constitutive law, 1 to 9.
     pub law: u32,
-    /// 0 for the whole object, `n` for its region `n`, counted from 1.
+    /// 0 for the whole object, `n` for its region `n`, counted from 1. Of `COMMAND_GRAB` a number of steps, of
+    /// `COMMAND_SET_POSE` and `COMMAND_BRING_IN` flags, of `COMMAND_SET_FIDELITY` a level.
     pub region: u32,
     /// Young's modulus [Pa]; not read for fluid and rigid matter.
     pub youngs_modulus: f64,
@@ -86,7 +113,7 @@ pub struct Command {
     pub point: [f64; 3],
     /// Radius [m].
     pub radius: f64,
-    /// For `COMMAND_SET_MATERIAL`.
+    /// For `COMMAND_SET_MATERIAL`; of other kinds `region` alone, where they say so.
     pub material: MaterialSpec,
 }
 

@@ -23,8 +23,10 @@ pub struct Hello {
     pub epoch: u64,
     /// Release of the server, UTF-8, zero-padded.
     pub server_version: [u8; 24],
-    /// Zero.
-    pub reserved: [u64; 2],
+    /// First step of the recording that the server replays; 0 where it simulates.
+    pub recorded_first: u64,
+    /// Last step of that recording; 0 where it simulates.
+    pub recorded_last: u64,
 }
 
 impl Hello {
@@ -36,7 +38,8 @@ impl Hello {
             schema_hash: schema_hash(),
             epoch,
             server_version: padded(env!("CARGO_PKG_VERSION")),
-            reserved: [0; 2],
+            recorded_first: 0,
+            recorded_last: 0,
         }
     }
 

@@ -69,7 +69,8 @@ wire_types! {
         8 schema_hash: u64,
         16 epoch: u64,
         24 server_version: [u8; 24],
-        48 reserved: [u64; 2],
+        48 recorded_first: u64,
+        56 recorded_last: u64,
     }
     "cosplat.v1.GaussianState" GaussianState: 64 align 64 {
         0 position: [f32; 3],
@@ -90,6 +91,34 @@ wire_types! {
         52 substeps: u32,
         56 flags: u32,
         60 reserved: [u32; 5],
+    }
+    "cosplat.v1.ChangeSlot" ChangeSlot: 64 align 64 {
+        0 words: [u64; 8],
+    }
+    "cosplat.v1.ObjectChange" ObjectChange: 80 align 8 {
+        0 object: u32,
+        4 kind: u32,
+        8 first: u32,
+        12 count: u32,
+        16 slot: u32,
+        20 reserved: u32,
+        24 position: [f64; 3],
+        48 rotation: [f64; 4],
+    }
+    "cosplat.v1.ChangesHeader" ChangesHeader: 80 align 8 {
+        0 step: u64,
+        8 sim_time: f64,
+        16 dt: f64,
+        24 epoch: u64,
+        32 state_hash: u64,
+        40 publish_ns: u64,
+        48 since: u64,
+        56 count: u32,
+        60 objects: u32,
+        64 gaussians: u32,
+        68 substeps: u32,
+        72 flags: u32,
+        76 reserved: u32,
     }
     "cosplat.v1.ObjectState" ObjectState: 216 align 8 {
         0 id: u32,
@@ -265,7 +294,7 @@ wire_types! {
         208 server_state: u32,
         212 pid: u32,
         216 frame_readers: u32,
-        220 reserved: u32,
+        220 has_changes: u32,
     }
 }
 

@@ -3,6 +3,7 @@
 //! Normative text and offset table: `docs/wire-format.md`. Every type is an array of primitives, `#[repr(C)]`
 //! without padding, little-endian, reserved bytes zero.
 
+mod changes;
 mod command;
 mod contacts;
 mod frame;
@@ -14,6 +15,7 @@ mod status;
 mod step;
 mod text;
 
+pub use changes::*;
 pub use command::*;
 pub use contacts::*;
 pub use frame::*;

@@ -10,7 +10,8 @@ use iceoryx2::prelude::ZeroCopySend;
 pub struct ObjectState {
     /// Object id.
     pub id: u32,
-    /// How it is modelled at present: 1 static, 2 MPM, 3 asleep, 4 rigid, 6 nothing is left of it.
+    /// How it is modelled at present: 1 static, 2 MPM, 3 asleep, 4 rigid, 6 nothing is left of it, 7
+    /// removed.
     pub fidelity: u32,
     /// Mass [kg].
     pub mass: f64,

@@ -58,10 +58,10 @@ pub struct Status {
     pub server_state: u32,
     /// Server's process id.
     pub pid: u32,
-    /// Readers of `frame`.
+    /// Readers of `frame` and of `changes`.
     pub frame_readers: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// Whether the server sends `changes` to those who read it: 1, else 0.
+    pub has_changes: u32,
 }
 
 /// The server is stepping.

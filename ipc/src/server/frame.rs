@@ -50,6 +50,11 @@ impl FrameLoan {
         self.sample.payload_mut()
     }
 
+    /// Tells the slots of the pool apart: what was written into one is there when it is loaned again.
+    pub fn slot(&self) -> usize {
+        self.sample.payload().as_ptr() as usize
+    }
+
     /// Publishes the frame and wakes readers; `epoch`, `count` and `publish_ns` are filled in. Returns the
     /// number of readers.
     pub fn send(mut self, header: &FrameHeader) -> Result<usize, PublishError> {

@@ -1,5 +1,6 @@
 //! The serving side of a session: frames written in place, scene, objects, journal, status, commands.
 
+mod changes;
 mod commands;
 mod error;
 mod frame;
@@ -23,6 +24,7 @@ use iceoryx2::{
     prelude::{EventId, PortFactory},
 };
 
+pub use changes::{ChangesLoan, ChangesReaders};
 pub use commands::{Answer, Asked, Reply};
 pub use error::{CreateError, LoanRefused, PublishError};
 pub use frame::FrameLoan;
@@ -33,13 +35,14 @@ use crate::{
     Domain, LimitReached, Service,
     limits::SERVER_FILES,
     schema::{
-        Ack, AppliedCommand, CommandHeader, Contact, ContactsHeader, FrameHeader, GaussianState,
-        Hello, JournalHeader, MAX_COMMANDS, ObjectState, ObjectsHeader, Status, StepDone,
-        StepRequest,
+        Ack, AppliedCommand, ChangesHeader, CommandHeader, Contact, ContactsHeader, FrameHeader,
+        GaussianState, Hello, JournalHeader, MAX_COMMANDS, ObjectState, ObjectsHeader, Status,
+        StepDone, StepRequest,
     },
     session::{self, EVENT_SAMPLE, PubSub, SERVER_ROLE, SessionName},
     shm,
 };
+use changes::ChangesPort;
 use commands::{RequestPort, Wake};
 use lock::SessionLock;
 use monitor::Monitor;
@@ -52,6 +55,7 @@ pub struct ServerPorts {
     monitor: Monitor,
     frame: Arc<Publisher<GaussianState, FrameHeader>>,
     frame_notifier: Arc<Notifier<Service>>,
+    changes: ChangesPort,
     objects: Arc<Publisher<ObjectState, ObjectsHeader>>,
     contacts: Arc<Publisher<Contact, ContactsHeader>>,
     contacts_service: PubSub<Contact, ContactsHeader>,
@@ -74,6 +78,16 @@ pub struct ServerPorts {
 impl ServerPorts {
     /// Takes `session` in `domain`, makes its services and sets all their memory aside.
     pub fn create(domain: &Domain, session: &str, plan: &PoolPlan) -> Result<Self, CreateError> {
+        Self::create_replay(domain, session, plan, [0; 2])
+    }
+
+    /// Like [`create`](Self::create), for a replay of a recording with this first and last step.
+    pub fn create_replay(
+        domain: &Domain,
+        session: &str,
+        plan: &PoolPlan,
+        recorded: [u64; 2],
+    ) -> Result<Self, CreateError> {
         let session = SessionName::new(session)?;
         // Now: later, a reader that cannot be connected to would look like one that is not there.
         if let Some(limit) = LimitReached::files(SERVER_FILES) {
@@ -85,7 +99,12 @@ impl ServerPorts {
         let node = domain.join(SERVER_ROLE)?;
         let lock = SessionLock::take(domain, &session)?;
         let epoch = lock.epoch();
-        let hello = greet(&node, &session, epoch)?;
+        let greeting = Hello {
+            recorded_first: recorded[0],
+            recorded_last: recorded[1],
+            ..Hello::of_this_program(epoch)
+        };
+        let hello = greet(&node, &session, greeting)?;
 
         let slots = plan.slots(shm::available_bytes())?;
         let frame = publisher(
@@ -97,6 +116,8 @@ impl ServerPorts {
             slots,
         )?;
         frame::touch_every_page(&frame, plan.gaussian_count, slots)?;
+        let size = (plan.object_count, plan.gaussian_count);
+        let changes = ChangesPort::create(&node, &session, size, slots)?;
         let objects = publisher(
             &node,
             &session,
@@ -145,6 +166,7 @@ impl ServerPorts {
             monitor,
             frame,
             frame_notifier,
+            changes,
             objects,
             contacts,
             contacts_service,
@@ -217,6 +239,58 @@ impl ServerPorts {
                 other => return other,
             }
         }
+    }
+
+    /// Who reads `changes` now. Memory for messages is set aside when there is somebody for the first time; where it
+    /// cannot be had, that is nobody.
+    pub fn changes_readers(&mut self) -> ChangesReaders {
+        let readers = self.changes.readers();
+        if readers == ChangesReaders::None {
+            return readers;
+        }
+        match self.changes.open(&self.node, &self.session) {
+            Ok(port) => {
+                self.monitor.add(port);
+                readers
+            }
+            Err(error) => {
+                self.changes.fail(&error);
+                ChangesReaders::None
+            }
+        }
+    }
+
+    /// Whether there is memory for `changes`, as far as is known.
+    pub fn can_send_changes(&self) -> bool {
+        !self.changes.has_failed()
+    }
+
+    /// Memory for a message of `changes` with so many rows and Gaussians. Never blocks.
+    pub fn loan_changes(
+        &self,
+        objects: usize,
+        gaussians: usize,
+    ) -> Result<ChangesLoan, LoanRefused> {
+        let loan = self.changes.loan(objects, gaussians, self.epoch);
+        if let Err(LoanRefused::PoolInUse { .. }) = loan {
+            self.monitor.ask_cleanup();
+        }
+        loan
+    }
+
+    /// Publishes a message of `changes`; `epoch`, `count`, `objects` and `publish_ns` are filled in. `wakes` readers where no
+    /// frame follows that does.
+    pub fn send_changes(
+        &self,
+        loan: ChangesLoan,
+        header: &ChangesHeader,
+        wakes: bool,
+    ) -> Result<(), PublishError> {
+        loan.send(header)?;
+        if wakes {
+            notify(&self.frame_notifier);
+        }
+        Ok(())
     }
 
     /// Publishes the objects of a step; `epoch` and `count` are filled in.
@@ -325,7 +399,13 @@ impl ServerPorts {
     /// Sleeps until a request comes, a signal arrives or `timeout` is over; says whether to look for requests. Does
     /// not sleep while there are requests that [`Reply::NotYet`] left waiting.
     pub fn wait(&self, timeout: Duration) -> bool {
-        self.commands.is_waiting() || self.steps.is_waiting() || self.wake.wait(timeout)
+        self.commands.is_waiting() || self.wait_for_participants(timeout)
+    }
+
+    /// As [`wait`](Self::wait), though commands wait that [`Reply::NotYet`] put off: says whether to look for requests of
+    /// participants.
+    pub fn wait_for_participants(&self, timeout: Duration) -> bool {
+        self.steps.is_waiting() || self.wake.wait(timeout)
     }
 
     /// Hands waiting requests of participants to `answer`, as [`poll_commands`](Self::poll_commands) does. The header of
@@ -368,7 +448,7 @@ impl ServerPorts {
 fn greet(
     node: &Node<Service>,
     session: &SessionName,
-    epoch: u64,
+    greeting: Hello,
 ) -> Result<Arc<iceoryx2::port::publisher::Publisher<Service, Hello, ()>>, CreateError> {
     const WHAT: &str = "make the hello service";
     let failed = |reason: String| CreateError::Transport { what: WHAT, reason };
@@ -391,7 +471,7 @@ fn greet(
     let hello = publisher
         .loan_uninit()
         .map_err(|error| failed(error.to_string()))?
-        .write_payload(Hello::of_this_program(epoch));
+        .write_payload(greeting);
     hello.send().map_err(|error| failed(error.to_string()))?;
     Ok(Arc::new(publisher))
 }

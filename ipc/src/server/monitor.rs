@@ -75,6 +75,11 @@ impl Monitor {
         drop(former);
     }
 
+    /// Looks after another publisher as well.
+    pub fn add(&self, port: Option<Port>) {
+        self.lock().ports.extend(port);
+    }
+
     /// Looks for dead processes at once.
     pub fn ask_cleanup(&self) {
         self.lock().cleanup_asked = true;

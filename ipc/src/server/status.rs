@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     Service, monotonic_ns,
-    schema::{FrameHeader, GaussianState, Status},
+    schema::{ChangeSlot, ChangesHeader, FrameHeader, GaussianState, Status},
     session::{self, PubSub, STATUS, SessionName},
 };
 
@@ -26,6 +26,7 @@ pub(super) struct StatusPort {
     publisher: Arc<Publisher<Status, ()>>,
     notifier: Notifier<Service>,
     frames: PubSub<GaussianState, FrameHeader>,
+    changes: PubSub<ChangeSlot, ChangesHeader>,
     epoch: u64,
     /// What was sent last, and when. Held while sending: two senders never overtake each other.
     newest: Mutex<Option<(Status, Instant)>>,
@@ -42,6 +43,9 @@ impl StatusPort {
             notifier: sample_notifier(node, session, STATUS.name)?,
             frames: session::pub_sub(node, session, session::FRAME, false).map_err(|error| {
                 CreateError::open(session.as_str(), "find the frame service", error)
+            })?,
+            changes: session::pub_sub(node, session, session::CHANGES, false).map_err(|error| {
+                CreateError::open(session.as_str(), "find the service of changes", error)
             })?,
             epoch,
             newest: Mutex::new(None),
@@ -79,8 +83,9 @@ impl StatusPort {
             heartbeat_ns: monotonic_ns(),
             epoch: self.epoch,
             pid: std::process::id(),
-            frame_readers: self.frames.dynamic_config().number_of_subscribers() as u32,
-            reserved: 0,
+            frame_readers: (self.frames.dynamic_config().number_of_subscribers()
+                + self.changes.dynamic_config().number_of_subscribers())
+                as u32,
             ..*status
         };
         copy_and_send(&self.publisher, STATUS.name, 1, (), &[status])?;

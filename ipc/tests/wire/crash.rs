@@ -3,7 +3,7 @@
 use std::{
     collections::BTreeSet,
     fs,
-    os::unix::fs::PermissionsExt,
+    os::unix::{fs::PermissionsExt, net::UnixDatagram},
     path::PathBuf,
     time::{Duration, Instant},
 };
@@ -235,6 +235,27 @@ fn clients_killed_while_they_attach_leave_nothing() {
     assert!(reader.next(PATIENCE).expect("readable").is_some());
 }
 
+/// As a process leaves it that is killed between making a socket and registering its port.
+#[test]
+fn a_socket_without_an_owner_goes_and_others_stay() {
+    let domain = TestDomain::new();
+    let mut server = Process::start(&[], &domain, "idle", "socket");
+    server.hear().expect("a server");
+    let before = files_of(&domain);
+    let orphan = domain.root().join("orphan.event");
+    drop(UnixDatagram::bind(&orphan).expect("bound"));
+    let kept = domain.root().join("kept.event");
+    let _owner = UnixDatagram::bind(&kept).expect("bound");
+    let start = Instant::now();
+    while orphan.exists() {
+        assert!(start.elapsed() < 3 * PATIENCE, "it stays");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    let mut with_kept = before;
+    with_kept.insert(kept);
+    assert_eq!(files_of(&domain), with_kept);
+}
+
 /// Makes the files of `domain` whose names end in `suffix` what a process leaves that is killed while it makes
 /// them; returns their number.
 fn leave_unfinished(domain: &TestDomain, suffix: &str, is_empty: bool) -> usize {
@@ -277,8 +298,9 @@ fn unfinished_shared_memory_holds_nobody_up() {
         server.hear().expect("a server");
         let mut holder = Process::start(&[], &domain, "hold", "early");
         holder.hear().expect("a holder");
-        holder.kill();
+        // The server first: it would clean up after the holder.
         server.kill();
+        holder.kill();
         assert!(
             leave_unfinished(&domain, suffix, is_empty) > 0,
             "no {suffix}"

@@ -5,7 +5,7 @@ use std::{
         atomic::{AtomicU32, Ordering},
         mpsc::{RecvTimeoutError, Sender, channel},
     },
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use bytemuck::Zeroable;
@@ -15,7 +15,7 @@ use cosplat_ipc::{
         FrameHeader, GaussianRest, GaussianState, ObjectInfo, SCENE_FILE_ASSET, SceneFile,
         SceneHeader, padded,
     },
-    server::{PoolPlan, SceneBlocks},
+    server::{CreateError, PoolPlan, SceneBlocks},
 };
 
 /// Long enough for a loaded machine; only a hang reaches it.
@@ -122,8 +122,18 @@ impl TestScene {
 /// A server of the test scene.
 pub fn serve(domain: &Domain, session: &str) -> ServerPorts {
     let scene = TestScene::new();
-    let mut ports =
-        ServerPorts::create(domain, session, &PoolPlan::new(&scene.blocks())).expect("a server");
+    let plan = PoolPlan::new(&scene.blocks());
+    let start = Instant::now();
+    // A child that another test starts holds the lock of a server that this process has just ended, until it runs its program.
+    let created = loop {
+        match ServerPorts::create(domain, session, &plan) {
+            Err(CreateError::AlreadyServed { .. }) if start.elapsed() < PATIENCE => {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            created => break created,
+        }
+    };
+    let mut ports = created.expect("a server");
     ports.publish_scene(&scene.blocks()).expect("a scene");
     ports
 }

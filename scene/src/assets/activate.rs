@@ -113,6 +113,7 @@ pub fn decode_rows(
         report.dropped.out_of_range += part.dropped.out_of_range;
     }
     if report.dropped.total() > 0 {
+        report.left_out = (0..count).filter(|&row| !keep[row]).collect();
         retain(&mut g.position, &keep, 1);
         retain(&mut g.scale, &keep, 1);
         retain(&mut g.rotation, &keep, 1);

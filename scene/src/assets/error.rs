@@ -126,12 +126,24 @@ impl fmt::Display for Dropped {
 }
 
 /// What reading an asset found besides the Gaussians returned.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ReadReport {
     /// Gaussians in the file.
     pub count: usize,
     /// Gaussians left out.
     pub dropped: Dropped,
+    /// Their rows in the file, ascending.
+    pub left_out: Vec<usize>,
     /// Scales that were zero (perfectly flat discs) and were raised to [`MIN_SCALE`](super::MIN_SCALE).
     pub flat_scales_raised: usize,
+}
+
+impl ReadReport {
+    /// Rows of the file that became Gaussians, in their order.
+    pub fn rows(&self) -> Vec<usize> {
+        let mut left_out = self.left_out.iter().peekable();
+        (0..self.count)
+            .filter(|row| left_out.next_if_eq(&row).is_none())
+            .collect()
+    }
 }

@@ -75,7 +75,34 @@ fn read_stl(bytes: &[u8]) -> Result<TriangleMesh, String> {
     Ok(mesh)
 }
 
+/// Refuses indices that no vertex can have: the parser computes with what they wrap around to.
+fn check_indices(bytes: &[u8]) -> Result<(), String> {
+    let most = bytes.iter().filter(|&&byte| byte == b'\n').count() as i64 + 1;
+    // Positions, texture coordinates and normals so far, which negative indices count back from.
+    let mut known = [0_i64; 3];
+    for line in bytes.split(|&byte| byte == b'\n') {
+        let line = String::from_utf8_lossy(line);
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("v") => known[0] += 1,
+            Some("vt") => known[1] += 1,
+            Some("vn") => known[2] += 1,
+            Some("f" | "l" | "p") => {
+                for (index, known) in words.flat_map(|word| word.split('/').zip(known)) {
+                    let number = index.parse::<i64>().ok();
+                    if let Some(n) = number.filter(|&n| n == 0 || n < -known || n > most) {
+                        return Err(format!("index {n}, expected -{known} to -1 or 1 to {most}"));
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
 fn read_obj(bytes: &[u8]) -> Result<TriangleMesh, String> {
+    check_indices(bytes)?;
     let options = tobj::LoadOptions {
         triangulate: true,
         ignore_points: true,
@@ -127,6 +154,28 @@ mod tests {
         let mesh = read("quad", text).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!((mesh.points.len(), mesh.triangles.len()), (4, 2));
         assert_eq!(mesh.points[3], [0.0, 1.0, 0.5]);
+    }
+
+    /// Found by `fuzz/run mesh`.
+    #[test]
+    fn indices_that_no_vertex_has_are_refused() {
+        let points = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n";
+        for face in [
+            "f -4 -2 -1",
+            "f 1//-2 2//1 3//1",
+            "f 0 1 2",
+            "f 1 2 9223372036854775807",
+            "l 1 -9223372036854775808",
+        ] {
+            let text = format!("{points}{face}\n");
+            let error = read("ramp.obj", text.as_bytes()).expect_err(face);
+            assert!(error.to_string().contains("index "), "{face}: {error}");
+        }
+        for face in ["f -3 -2 -1", "f 1//-1 2//1 3//1"] {
+            let text = format!("{points}{face}\n");
+            let mesh = read("ramp.obj", text.as_bytes()).expect(face);
+            assert_eq!(mesh.triangles, [[0, 1, 2]], "{face}");
+        }
     }
 
     #[test]

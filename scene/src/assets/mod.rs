@@ -5,6 +5,7 @@ mod error;
 pub mod generate;
 pub mod mesh;
 mod mesh_ply;
+pub mod objects;
 mod paint;
 pub mod ply;
 mod ply_header;

@@ -96,7 +96,7 @@ impl Element {
             .filter_map(|p| p.name.strip_prefix(prefix)?.parse::<usize>().ok())
             .collect::<Vec<_>>();
         match members.iter().max() {
-            Some(last) if last + 1 != members.len() => Err(members.len()),
+            Some(last) if last.checked_add(1) != Some(members.len()) => Err(members.len()),
             _ => Ok(members.len()),
         }
     }

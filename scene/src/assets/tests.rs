@@ -434,6 +434,19 @@ fn broken_files_are_refused_with_expected_and_actual() {
     );
 }
 
+/// Found by `fuzz/run ply`: the number of a property is one more than there are places.
+#[test]
+fn the_last_number_of_a_property_is_refused() {
+    let mut bytes = ply::write(&sample(2, 1, 0));
+    let name = b"f_rest_8\n";
+    let at = bytes.windows(name.len()).position(|w| w == name);
+    let at = at.expect("a column of degree 1");
+    let number = usize::MAX.to_string();
+    bytes.splice(at + 7..at + 8, number.bytes());
+    let error = message(read("a.ply", &bytes));
+    assert!(error.contains("f_rest_"), "{error}");
+}
+
 #[test]
 fn splat_rows_are_decoded() {
     let mut row = little(&[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]);

@@ -25,11 +25,13 @@ fn built(text: &str) -> (Scene, BuildReport) {
         points: vec![[0.0; 3], [2.0, 0.0, 0.0], [0.0, 0.0, 4.0]],
         triangles: vec![[0, 1, 2]],
     };
-    build_with_meshes(&file, &mut |_| Err("no assets".into()), &mut |path| {
+    let no_objects = &mut |_: &str, _: &str, _: usize| Err("no objects".into());
+    let load_mesh = &mut |path: &str| {
         assert_eq!(path, "wall.obj");
         Ok(corner.clone())
-    })
-    .unwrap_or_else(|e| panic!("{e}"))
+    };
+    let load = &mut |_: &str| Err("no assets".into());
+    build_with_files(&file, load, load_mesh, no_objects).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn errors(text: &str) -> String {

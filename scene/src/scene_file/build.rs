@@ -2,15 +2,17 @@
 
 use std::{collections::HashMap, error::Error};
 
-use cosplat_sim_core::scene::{Aabb, Fidelity, Object, Scene, TriangleMesh};
+use cosplat_sim_core::scene::{Aabb, Fidelity, Scene, TriangleMesh};
 use glam::{DQuat, DVec3};
 
 use super::{
+    assembly::{Part, default_domain, push},
     boundaries, checks, contact,
-    edit::{append, bounds, subset, transform},
+    edit::{bounds, subset, transform},
     error::{At, Finding, SceneErrors},
     formed,
     ids::ObjectIds,
+    objects::MAX_NAME,
     placement::Rigid,
     probes, regions,
     report::{AssetReport, BuildReport},
@@ -18,7 +20,7 @@ use super::{
     select::{Placed, longest_side},
     spec::*,
 };
-use crate::assets::{Gaussians, ReadReport, generate};
+use crate::assets::{Gaussians, ReadReport, generate, objects::Objects};
 
 /// Reads the asset file that a scene file names.
 pub type Load<'a> =
@@ -27,32 +29,58 @@ pub type Load<'a> =
 /// Reads the triangle mesh file that a scene file names.
 pub type LoadMesh<'a> = dyn FnMut(&str) -> Result<TriangleMesh, Box<dyn Error + Send + Sync>> + 'a;
 
-/// One object to be, with its geometry in its own frame.
-struct Part<'f> {
-    spec: &'f ObjectSpec,
+/// Reads the file of objects that a scene file names, for an asset file with so many rows.
+pub type LoadObjects<'a> =
+    dyn FnMut(&str, &str, usize) -> Result<Objects, Box<dyn Error + Send + Sync>> + 'a;
+
+/// A part that an object makes, with its geometry.
+struct NewPart {
     name: String,
-    body: usize,
+    body: Body,
     world_from_body: Rigid,
+    regions: Vec<RegionSpec>,
 }
 
-/// Builds the scene that a file describes; `load` reads the asset files. A mesh is an error: see [`build_with_meshes`].
+/// The part that a shape or mesh makes; none where it is empty.
+fn formed_part(spec: &ObjectSpec, load_mesh: &mut LoadMesh) -> Result<Vec<NewPart>, Finding> {
+    let formed = formed::body(spec, load_mesh);
+    let formed = formed.map_err(|why| Finding::new(&spec.geometry_at, why))?;
+    let unnamed = |_: &[String]| Err("`names` needs an asset with a file of objects".to_owned());
+    let regions = spec.regions.iter().map(|r| r.resolved(unnamed));
+    let regions: Vec<RegionSpec> = regions.collect::<Result<_, _>>()?;
+    let part = |(body, world_from_body)| NewPart {
+        name: spec.name.clone(),
+        body,
+        world_from_body,
+        regions: regions.clone(),
+    };
+    Ok(formed.into_iter().map(part).collect())
+}
+
+/// Builds the scene that a file describes; `load` reads the asset files. A mesh or a file of objects is an error: see
+/// [`build_with_files`].
 ///
 /// # Errors
 /// Everything that is wrong with the assets, selections and sizes, each with line and field.
 pub fn build(file: &SceneFile, load: &mut Load) -> Result<(Scene, BuildReport), SceneErrors> {
-    build_with_meshes(file, load, &mut |path| {
-        Err(format!("there is nothing to read {path} with").into())
-    })
+    let nothing = |path: &str| format!("there is nothing to read {path} with");
+    build_with_files(
+        file,
+        load,
+        &mut |path| Err(nothing(path).into()),
+        &mut |path, _, _| Err(nothing(path).into()),
+    )
 }
 
-/// Like [`build`]; `load_mesh` reads the files of meshes.
+/// Like [`build`]; `load_mesh` reads the files of meshes, `load_objects` those of objects.
 ///
 /// # Errors
-/// Those of [`build`], and everything that is wrong with the meshes.
-pub fn build_with_meshes(
+/// Those of [`build`], and everything that is wrong with these files.
+pub fn build_with_files(
     file: &SceneFile,
     load: &mut Load,
     load_mesh: &mut LoadMesh,
+    load_objects: &mut LoadObjects,
 ) -> Result<(Scene, BuildReport), SceneErrors> {
     let mut builder = Builder {
         file,
@@ -66,7 +94,8 @@ pub fn build_with_meshes(
         selections: selections(file),
         parts: Vec::new(),
     };
-    let assets: Vec<_> = file.assets.iter().map(|a| builder.place(a, load)).collect();
+    let place = |asset| builder.place(asset, load, load_objects);
+    let assets: Vec<_> = file.assets.iter().map(place).collect();
     for spec in &file.objects {
         builder.add(spec, &assets, load_mesh);
     }
@@ -131,7 +160,12 @@ impl<'f> Builder<'f> {
     }
 
     /// Reads an asset, leaves out what is nearly transparent and applies the asset's own placement.
-    fn place(&mut self, spec: &AssetSpec, load: &mut Load) -> PlacedAsset {
+    fn place(
+        &mut self,
+        spec: &AssetSpec,
+        load: &mut Load,
+        load_objects: &mut LoadObjects,
+    ) -> PlacedAsset {
         let loaded = match &spec.source {
             AssetSource::Path(path) => load(path).map_err(|e| e.to_string()),
             AssetSource::Builtin(name) => generate::builtin(name)
@@ -148,6 +182,16 @@ impl<'f> Builder<'f> {
             );
             self.report.warnings.push(Finding::new(&spec.at, message));
         }
+        let objects = match (&spec.objects, &spec.source) {
+            (Some(file), AssetSource::Path(path)) => match load_objects(file, path, read.count) {
+                Ok(objects) => Some(objects.subset(&read.rows())),
+                Err(error) => {
+                    self.error(&spec.at, error.to_string());
+                    return None;
+                }
+            },
+            _ => None,
+        };
         let keep = |&i: &usize| f64::from(all.opacity[i]) >= spec.min_opacity;
         let kept: Vec<usize> = (0..all.len()).filter(keep).collect();
         let mut gaussians = subset(&all, &kept);
@@ -172,7 +216,12 @@ impl<'f> Builder<'f> {
             placed_bounds: bounds(&gaussians).unwrap_or(raw),
         });
         let index = kept.iter().map(|&i| i as u64).collect();
-        Some((Placed { gaussians, index }, rigid.rotation * up))
+        let placed = Placed {
+            gaussians,
+            index,
+            objects: objects.map(|objects| objects.subset(&kept)),
+        };
+        Some((placed, rigid.rotation * up))
     }
 
     /// Applies `up`, `scale` or `height`, and `anchor`; the rotation is that of `up`.
@@ -214,56 +263,87 @@ impl<'f> Builder<'f> {
             // Debug prints numbers to the last bit.
             format!("{key:?}")
         };
-        let bodies = match &spec.geometry {
-            Geometry::Shape { .. } | Geometry::Mesh { .. } => match formed::body(spec, load_mesh) {
-                Ok(body) => body.into_iter().collect(),
-                Err(message) => return self.error(&spec.geometry_at, message),
+        let made = match &spec.geometry {
+            Geometry::Shape { .. } | Geometry::Mesh { .. } => formed_part(spec, load_mesh),
+            // An asset that failed to load has been reported.
+            Geometry::Asset { asset, .. } => match &assets[*asset] {
+                Some((placed, rotation)) => self.asset_parts(spec, placed, *rotation),
+                None => return,
             },
-            Geometry::Asset {
-                asset,
-                select,
-                split,
-            } => {
-                // An asset that failed to load has been reported.
-                let Some((placed, rotation)) = &assets[*asset] else {
-                    return;
-                };
-                let chosen = match select {
-                    None => Ok((0..placed.gaussians.len()).collect()),
-                    Some(select) => placed
-                        .select(select, &self.selections[*asset])
-                        .map_err(|message| self.error(&spec.geometry_at, message)),
-                };
-                let Ok(chosen) = chosen else { return };
-                let parts = match split {
-                    None => vec![chosen],
-                    Some(split) => match placed.split(&chosen, *split) {
-                        Ok(parts) => parts,
-                        Err(message) => return self.error(&spec.at, message),
-                    },
-                };
-                self.asset_bodies(spec, placed, *rotation, &parts)
-            }
         };
-        let split = spec.is_split();
-        for (n, (body, world_from_body)) in bodies.into_iter().enumerate() {
+        let made = match made {
+            Ok(made) => made,
+            Err(finding) => return self.errors.push(finding),
+        };
+        for (n, part) in made.into_iter().enumerate() {
             let next = self.bodies.len();
             let number = *self.known.entry(key(n)).or_insert(next);
             if number == next {
+                let body = part.body;
                 self.bodies.push(Body { rest, ..body });
             }
-            let name = if split {
-                format!("{}_{n}", spec.name)
-            } else {
-                spec.name.clone()
-            };
             self.parts.push(Part {
                 spec,
-                name,
+                name: part.name,
                 body: number,
-                world_from_body,
+                world_from_body: part.world_from_body,
+                regions: part.regions,
             });
         }
+    }
+
+    /// What an object takes of its asset: one part, or those that splitting makes.
+    fn asset_parts(
+        &mut self,
+        spec: &ObjectSpec,
+        placed: &Placed,
+        rotation: DQuat,
+    ) -> Result<Vec<NewPart>, Finding> {
+        let Geometry::Asset {
+            asset,
+            select,
+            split,
+        } = &spec.geometry
+        else {
+            return Ok(Vec::new());
+        };
+        let chosen = match select {
+            None => (0..placed.gaussians.len()).collect(),
+            Some(select) => placed
+                .select(select, &self.selections[*asset])
+                .map_err(|why| Finding::new(&spec.geometry_at, why))?,
+        };
+        let wrong = |why| Finding::new(&spec.at, why);
+        let (names, parts): (Vec<String>, Vec<_>) = match split {
+            None => (vec![spec.name.clone()], vec![chosen]),
+            Some(split) => {
+                let parts = placed.split(&chosen, *split).map_err(wrong)?.into_iter();
+                let named = |(suffix, part)| (format!("{}_{suffix}", spec.name), part);
+                parts.map(named).unzip()
+            }
+        };
+        if let Some(name) = names.iter().find(|name| name.len() > MAX_NAME) {
+            let length = name.len();
+            return Err(wrong(format!(
+                "makes an object `{name}` by splitting, whose name is {length} bytes long, expected at most {MAX_NAME}"
+            )));
+        }
+        let bodies = self.asset_bodies(spec, placed, rotation, &parts);
+        let made = names.into_iter().zip(&parts).zip(bodies);
+        made.map(|((name, part), (body, world_from_body))| {
+            let is_named = |names: &[String]| {
+                let all = placed.is_named(names)?;
+                Ok(part.iter().map(|&i| all[i]).collect())
+            };
+            let regions = spec.regions.iter().map(|r| r.resolved(is_named));
+            Ok(NewPart {
+                name,
+                body,
+                world_from_body,
+                regions: regions.collect::<Result<_, _>>()?,
+            })
+        })
+        .collect()
     }
 
     /// Bodies of the parts of an asset. All parts of a split object are shaped about their common box, so that
@@ -461,7 +541,7 @@ impl<'f> Builder<'f> {
             if left[part.body] > 0 {
                 *made = Made::Sampled(sampled, body_from_asset);
             }
-            let errors = regions::arrange(scene, &part.spec.regions, numerics.dx);
+            let errors = regions::arrange(scene, &part.regions, numerics.dx);
             self.errors.extend(errors);
         }
     }
@@ -481,69 +561,4 @@ fn selections(file: &SceneFile) -> Vec<Vec<&Select>> {
         }
     }
     selections
-}
-
-/// Appends one object to the scene.
-fn push(scene: &mut Scene, part: &Part, sampled: &Sampled, body_from_asset: DQuat) {
-    let spec = part.spec;
-    let Rigid {
-        rotation,
-        translation,
-    } = part.world_from_body;
-    let (first_particle, first_gaussian) = (scene.particles.position.len(), scene.gaussians.len());
-    let particles = &sampled.particles;
-    let moved = particles
-        .position
-        .iter()
-        .map(|&p| part.world_from_body.point(p));
-    scene.particles.position.extend(moved);
-    scene.particles.volume.extend_from_slice(&particles.volume);
-    let mut gaussians = sampled.gaussians.clone();
-    transform(&mut gaussians, rotation, 1.0, translation);
-    append(&mut scene.gaussians, &gaussians);
-    let shifted = sampled.binding.particle.iter();
-    let shifted = shifted.map(|slots| slots.map(|p| p + first_particle as u32));
-    scene.binding.particle.extend(shifted);
-    scene
-        .binding
-        .weight
-        .extend_from_slice(&sampled.binding.weight);
-    let [x, y, z] = spec.angular_velocity;
-    let spin = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
-    let gradient = |i: usize, j: usize| spec.velocity_gradient[i][j] + spin[i][j];
-    scene.objects.push(Object {
-        name: part.name.clone(),
-        material: spec.material.clone(),
-        regions: Vec::new(),
-        surface: spec.surface,
-        coherence: spec.coherence,
-        fidelity: spec.fidelity,
-        particles: first_particle..scene.particles.position.len(),
-        gaussians: first_gaussian..scene.gaussians.len(),
-        world_from_asset: (rotation * body_from_asset)
-            .normalize()
-            .as_quat()
-            .to_array(),
-        linear_velocity: spec.linear_velocity,
-        velocity_gradient: std::array::from_fn(|i| std::array::from_fn(|j| gradient(i, j))),
-        velocity: spec.velocity.clone(),
-        body_force: spec.body_force.clone(),
-    });
-}
-
-/// The box of everything simulated, grown by ten times its diagonal to every side: room to fall and fly.
-fn default_domain(scene: &Scene) -> Aabb {
-    let particles = super::edit::bounds_of(scene.particles.position.iter().copied());
-    let Some(b) = particles.or_else(|| bounds(&scene.gaussians)) else {
-        return Aabb {
-            min: [-1.0; 3],
-            max: [1.0; 3],
-        };
-    };
-    let diagonal = DVec3::from(b.max).distance(DVec3::from(b.min));
-    let room = 10.0 * diagonal.max(scene.dx);
-    Aabb {
-        min: b.min.map(|x| x - room),
-        max: b.max.map(|x| x + room),
-    }
 }

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use cosplat_sim_core::{
     distance::SignedDistance,
-    scene::{Aabb, Collider, ContactMethod, Fidelity, Object, Scene, Selection},
+    scene::{Aabb, Collider, ContactMethod, Fidelity, Object, Scene, Selection, Solver},
 };
 
 use super::{
@@ -196,7 +196,9 @@ fn thin(scene: &Scene, object: &Object, file: &SceneFile) -> Option<String> {
             2.0 * scene.dx
         ));
     }
-    let bends = !object.has_rigid_matter() && object.material.law.is_solid();
+    let bends = !object.has_rigid_matter()
+        && object.material.law.is_solid()
+        && object.solver == Solver::Spatial;
     // Of many particles some are as far out as jitter brings them. A tenth is for surfaces that are curved.
     let cells = (side - 2.0 * file.jitter * spacing) / scene.dx;
     if !bends || cells >= FEW_CELLS * 0.9 {
@@ -220,7 +222,10 @@ fn thin(scene: &Scene, object: &Object, file: &SceneFile) -> Option<String> {
 /// Pairs of objects that share space, as the later object's index and the warning.
 fn overlaps(scene: &Scene) -> Vec<(usize, String)> {
     let simulated: Vec<usize> = (0..scene.objects.len())
-        .filter(|&i| scene.objects[i].fidelity != Fidelity::Static)
+        .filter(|&i| {
+            let object = &scene.objects[i];
+            object.present && object.fidelity != Fidelity::Static
+        })
         .collect();
     let boxes: Vec<Option<Aabb>> = scene
         .objects

@@ -1,7 +1,8 @@
 //! Formulas in scene files: what they do to matter, in both solvers, and how mistakes in them are reported.
 
+use cosplat_reference::ReferenceWorld;
 use cosplat_sim_core::{
-    ReferenceWorld, Scene, World,
+    Scene, World,
     probe::{Measured, Probes},
 };
 

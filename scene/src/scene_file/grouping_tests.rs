@@ -4,7 +4,10 @@ use cosplat_sim_core::scene::Scene;
 use glam::{DQuat, DVec3};
 
 use super::*;
-use crate::assets::{Gaussians, ReadReport, generate};
+use crate::assets::{
+    Gaussians, ReadReport, generate,
+    objects::{Labels, Objects},
+};
 
 /// Two vases of a hundred small Gaussians each, at x = 0 (id 3) and x = 10 (id 8), and a floater (id 1).
 fn pair() -> Gaussians {
@@ -44,6 +47,42 @@ fn cut(objects: &[&str]) -> Result<(Scene, BuildReport), SceneErrors> {
         );
     }
     with(pair(), &text)
+}
+
+/// A scene of objects cut from the pair, whose file has a row before it that cannot be read and a file of objects:
+/// `left`, its part `rim` and `right`; the floater belongs to none.
+fn cut_by_file(lines: &str) -> Result<(Scene, BuildReport), SceneErrors> {
+    let text = format!(
+        "version = 1\ndx = 1\n[[assets]]\nname = \"pair\"\npath = \"pair.ply\"\nobjects = \"pair.objects\"\n\
+         [[objects]]\nname = \"part\"\nasset = \"pair\"\n{lines}\n"
+    );
+    let mut object = vec![0; 222];
+    object[91..101].fill(1);
+    object[101..221].fill(2);
+    object[221] = -1;
+    let objects = Objects {
+        names: ["left", "rim", "right"].map(str::to_owned).to_vec(),
+        parent: vec![-1, 0, -1],
+        labels: Labels {
+            confidence: vec![1.0; object.len()],
+            object,
+        },
+        ..Objects::default()
+    };
+    let report = ReadReport {
+        count: 222,
+        left_out: vec![0],
+        ..ReadReport::default()
+    };
+    build_with_files(
+        &SceneFile::parse(&text)?,
+        &mut |_| Ok((pair(), report.clone())),
+        &mut |_| Err("no meshes".into()),
+        &mut |file, asset, rows| {
+            assert_eq!((file, asset, rows), ("pair.objects", "pair.ply", 222));
+            Ok(objects.clone())
+        },
+    )
 }
 
 fn counts(built: &Result<(Scene, BuildReport), SceneErrors>) -> Vec<usize> {
@@ -97,6 +136,81 @@ fn splitting_names_the_parts_largest_first() {
     let (scene, _) = built.expect("built");
     assert_eq!(scene.objects[1].name, "part 0_1");
     assert_eq!(counts(&cut(&["split = \"ids\""])), [1, 100, 120]);
+}
+
+#[test]
+fn an_asset_is_cut_by_the_names_of_its_file_of_objects() {
+    for (select, count) in [
+        ("names = [\"left\"]", 100),
+        ("names = [\"rim\"]", 10),
+        ("names = [\"rim\", \"right\"]", 130),
+    ] {
+        let built = cut_by_file(&format!("fidelity = \"static\"\nselect = {{ {select} }}"));
+        assert_eq!(counts(&built), [count], "{select}");
+        let (scene, _) = built.expect("built");
+        // The row that cannot be read moves nothing.
+        let last = scene.gaussians.position[count - 1][0];
+        assert_eq!(last > 5.0, select.contains("right"), "{last}");
+    }
+    let error = cut_by_file("fidelity = \"static\"\nselect = { names = [\"rigth\"] }");
+    let error = error.expect_err("no such name").to_string();
+    assert!(
+        error.contains("names `rigth`") && error.contains("`right`"),
+        "{error}"
+    );
+    let error = cut(&["split = \"objects\""])
+        .expect_err("no file")
+        .to_string();
+    assert!(
+        error.contains("needs an asset with a file of objects"),
+        "{error}"
+    );
+}
+
+#[test]
+fn splitting_by_objects_names_them_and_keeps_parts_whole() {
+    let built = cut_by_file("fidelity = \"static\"\nsplit = \"objects\"");
+    assert_eq!(counts(&built), [100, 120]);
+    let (scene, report) = built.expect("built");
+    let names: Vec<&str> = scene.objects.iter().map(|o| o.name.as_str()).collect();
+    assert_eq!(names, ["part_left", "part_right"]);
+    let warnings: Vec<String> = report.warnings.iter().map(ToString::to_string).collect();
+    assert!(
+        warnings[0].contains("1 of 221 Gaussians belong to no object"),
+        "{warnings:?}"
+    );
+    let contact = "\n[[contact_pairs]]\nobjects = [\"part_left\", \"part_right\"]\nfriction = 0.2";
+    let built = cut_by_file(&format!(
+        "fidelity = \"static\"\nsplit = \"objects\"{contact}"
+    ));
+    assert!(built.is_ok(), "{built:?}");
+    let built = cut_by_file(&format!(
+        "fidelity = \"static\"\nsplit = \"objects\"{}",
+        contact.replace("part_left", "part_lid")
+    ));
+    let error = built.expect_err("no such part").to_string();
+    assert!(error.contains("`part_lid` does not exist"), "{error}");
+}
+
+#[test]
+fn parts_of_an_object_have_materials_of_their_own() {
+    let region = "select = { names = [\"left\"] }\nmaterial = \"jelly\"\nparticles = \"per_gaussian\"\n\
+         [[objects.regions]]\nnames = [\"rim\"]\nmaterial = \"rubber\"";
+    let (scene, _) = cut_by_file(region).unwrap_or_else(|e| panic!("{e}"));
+    let [object] = &scene.objects[..] else {
+        panic!("{:?}", scene.objects)
+    };
+    assert_eq!(object.particles.len(), 100);
+    let rim = object.regions[0].particles.clone();
+    assert_eq!(
+        (rim.len(), object.regions[0].material.name.as_str()),
+        (10, "rubber")
+    );
+    for p in object.particles.clone() {
+        // The last row of the vase.
+        let is_last_row = scene.particles.position[p][1] > 0.85;
+        assert_eq!(is_last_row, rim.contains(&p), "particle {p}");
+    }
 }
 
 #[test]

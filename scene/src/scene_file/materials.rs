@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use cosplat_sim_core::materials::{
     Law, Material,
     laws::{self, LAWS},
-    presets::PRESETS,
 };
+
+use crate::materials::presets;
 
 use super::{
     error::{At, Finding, suggest},
@@ -197,10 +198,10 @@ fn by_name(entry: &Entry, name: &str, known: &Known) -> Option<Material> {
     if let Some(material) = known.get(name) {
         return material.clone();
     }
-    let preset = Material::preset(name).ok();
+    let preset = presets::find(name).ok();
     if preset.is_none() {
         let names = known.keys().map(String::as_str);
-        let hint = suggest(name, names.chain(PRESETS.iter().map(|p| p.name)));
+        let hint = suggest(name, names.chain(presets::PRESETS.iter().map(|p| p.name)));
         entry.error(format!("material `{name}` is not known: {hint}"));
     }
     preset
@@ -288,7 +289,7 @@ mod tests {
 
     #[test]
     fn a_preset_lends_the_numbers_of_its_law_and_no_others() {
-        let steel = Material::preset("steel").expect("listed");
+        let steel = presets::find("steel").expect("listed");
         let (found, _) = material("{ preset = \"steel\", yield_stress_pa = 4e8 }").expect("valid");
         let Law::VonMises { hardening, .. } = steel.law else {
             panic!("steel yields");

@@ -2,6 +2,7 @@
 //!
 //! `docs/scene.md` is the reference of the format. Every error of a file is reported at once.
 
+mod assembly;
 mod boundaries;
 mod build;
 mod checks;
@@ -29,10 +30,11 @@ mod shapes;
 mod solids;
 mod spec;
 mod view;
+mod words;
 
 pub(crate) use edit::{append, bounds_of};
 
-pub use build::{Load, LoadMesh, build, build_with_meshes};
+pub use build::{Load, LoadMesh, LoadObjects, build, build_with_files};
 pub use contact::ContactSpec;
 pub use drop::{DropOptions, drop_scene, guess_up};
 pub use error::{At, Finding, SceneErrors};
@@ -40,6 +42,7 @@ pub use quality::{Quality, QualityNumbers};
 pub use report::{AssetReport, BuildReport};
 pub use spec::*;
 pub use view::View;
+pub use words::{WORDS, WordTable, keeps_shape, material_text};
 
 impl SceneFile {
     /// Parses the text of a scene file and checks everything that can be checked without its assets.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use cosplat_sim_core::{
     materials::{Law, Material},
-    scene::Fidelity,
+    scene::{Fidelity, Solver},
 };
 
 use super::{
@@ -13,7 +13,7 @@ use super::{
     contact,
     error::{Finding, suggest},
     limits as l, materials,
-    parse::{asset_source, min_opacity},
+    parse::{asset_source, min_opacity, objects_file},
     placement,
     reader::{Entry, Table},
     regions,
@@ -21,7 +21,7 @@ use super::{
 };
 
 /// Longest name [bytes]; what the wire carries.
-const MAX_NAME: usize = 63;
+pub(super) const MAX_NAME: usize = 63;
 /// Keys that say what an object looks like.
 const GEOMETRY: [&str; 4] = ["asset", "path", "builtin", "shape"];
 
@@ -49,14 +49,11 @@ impl Names {
         Some(name.to_owned())
     }
 
-    /// Whether this is one of them, or one that splitting may make of them: with a number behind. Building
+    /// Whether this is one of them, or one that splitting may make of them: with a number or name behind. Building
     /// checks those.
     pub fn makes(&self, name: &str) -> bool {
-        let made_of = || {
-            let (of, number) = name.rsplit_once('_')?;
-            number.parse::<usize>().ok().map(|_| of)
-        };
-        self.0.contains_key(name) || made_of().is_some_and(|of| self.0.contains_key(of))
+        let mut prefixes = name.match_indices('_').map(|(at, _)| &name[..at]);
+        self.0.contains_key(name) || prefixes.any(|of| self.0.contains_key(of))
     }
 
     /// All of them, also those of tables with errors.
@@ -105,6 +102,8 @@ fn object(
         .get("fidelity")
         .and_then(|e| e.choice(&Fidelity::NAMES));
     let fidelity = fidelity.unwrap_or(Fidelity::Mpm);
+    let present = table.get("present").and_then(|e| e.boolean());
+    let solver = table.get("solver").and_then(|e| e.choice(&Solver::NAMES));
     let geometry = geometry(table, assets);
     let geometry_at = match table.get("select") {
         Some(entry) => entry.at,
@@ -163,7 +162,9 @@ fn object(
         regions: regions::read(table, known, warnings),
         surface,
         coherence,
+        present: present.unwrap_or(true),
         fidelity,
+        solver: solver.unwrap_or_default(),
         particles: particles.unwrap_or(filled),
         linear_velocity: linear_velocity.unwrap_or_default(),
         angular_velocity: angular_velocity.unwrap_or_default(),
@@ -187,7 +188,10 @@ fn static_material() -> Material {
 
 fn geometry(table: &Table, assets: &mut Vec<AssetSpec>) -> Option<Geometry> {
     if table.get_own("clone").is_some() {
-        for key in GEOMETRY.iter().chain(&["select", "split", "min_opacity"]) {
+        for key in GEOMETRY
+            .iter()
+            .chain(&["select", "split", "min_opacity", "objects"])
+        {
             if let Some(entry) = table.get_own(key) {
                 entry.error("cannot be given here: a clone takes its geometry from its source");
             }
@@ -201,11 +205,13 @@ fn geometry(table: &Table, assets: &mut Vec<AssetSpec>) -> Option<Geometry> {
     let select = table.get("select").map(|e| e.table().and_then(select));
     let split = table.get("split").map(|e| split(&e));
     let opacity = table.get("min_opacity");
+    let objects = table.get("objects");
     if key == "shape" {
         for (key, given) in [
             ("select", select.is_some()),
             ("split", split.is_some()),
             ("min_opacity", opacity.is_some()),
+            ("objects", objects.is_some()),
         ] {
             if given {
                 entry.error(format!("a shape has no `{key}`: it is for assets"));
@@ -214,8 +220,8 @@ fn geometry(table: &Table, assets: &mut Vec<AssetSpec>) -> Option<Geometry> {
         return shape(entry.table()?);
     }
     let asset = if key == "asset" {
-        if let Some(opacity) = &opacity {
-            opacity.error("belongs to the asset's own table");
+        for entry in opacity.iter().chain(&objects) {
+            entry.error("belongs to the asset's own table");
         }
         let name = entry.text()?;
         let found = assets.iter().position(|a| a.name == name);
@@ -228,11 +234,15 @@ fn geometry(table: &Table, assets: &mut Vec<AssetSpec>) -> Option<Geometry> {
     } else {
         inline_asset(table, &entry, assets)?
     };
+    // Given but wrong is not the same as absent.
+    let select = select.map_or(Some(None), |s| s.map(Some))?;
+    let split = split.map_or(Some(None), |s| s.map(Some))?;
+    // What belongs to no object is in no part.
+    let parted = (split == Some(Split::Objects)).then_some(Select::Objects);
     Some(Geometry::Asset {
         asset,
-        // Given but wrong is not the same as absent.
-        select: select.map_or(Some(None), |s| s.map(Some))?,
-        split: split.map_or(Some(None), |s| s.map(Some))?,
+        select: select.or(parted),
+        split,
     })
 }
 
@@ -241,12 +251,14 @@ fn inline_asset(table: &Table, entry: &Entry, assets: &mut Vec<AssetSpec>) -> Op
     let spec = AssetSpec {
         name: String::new(),
         at: entry.at.clone(),
+        objects: objects_file(table, asset_source(table).as_ref()),
         source: asset_source(table)?,
         min_opacity: min_opacity(table),
         placement: Placement::default(),
     };
     let same = |a: &AssetSpec| {
-        a.name.is_empty() && a.source == spec.source && a.min_opacity == spec.min_opacity
+        let same = (&a.source, &a.objects, a.min_opacity);
+        a.name.is_empty() && same == (&spec.source, &spec.objects, spec.min_opacity)
     };
     let found = assets.iter().position(same);
     Some(found.unwrap_or_else(|| {
@@ -256,7 +268,7 @@ fn inline_asset(table: &Table, entry: &Entry, assets: &mut Vec<AssetSpec>) -> Op
 }
 
 fn select(table: Table) -> Option<Select> {
-    let keys = ["ranges", "ids", "boxes", "component", "rest"];
+    let keys = ["ranges", "ids", "names", "boxes", "component", "rest"];
     let found = table.one_of(&keys);
     let link = link(&table, matches!(found, Some(("component", _))));
     let selected = match found {
@@ -266,6 +278,7 @@ fn select(table: Table) -> Option<Select> {
             let ids = ids.iter().map(|e| e.integer(0, 1 << 24));
             ids.collect::<Option<_>>().map(Select::Ids)
         }
+        Some(("names", entry)) => names(&entry).map(Select::Names),
         Some(("boxes", entry)) => {
             let boxes = entry.array()?;
             let boxes: Vec<_> = boxes.iter().map(|e| turned_box(e.table()?)).collect();
@@ -291,6 +304,12 @@ fn select(table: Table) -> Option<Select> {
     };
     table.finish();
     selected
+}
+
+/// Names of objects of a file.
+pub(super) fn names(entry: &Entry) -> Option<Vec<String>> {
+    let names = entry.array()?;
+    names.iter().map(|e| e.text().map(str::to_owned)).collect()
 }
 
 pub(super) fn ranges(entry: &Entry) -> Option<Vec<[u64; 2]>> {
@@ -337,8 +356,13 @@ fn split(entry: &Entry) -> Option<Split> {
     enum By {
         Components,
         Ids,
+        Objects,
     }
-    let choices = [("components", By::Components), ("ids", By::Ids)];
+    let choices = [
+        ("components", By::Components),
+        ("ids", By::Ids),
+        ("objects", By::Objects),
+    ];
     if entry.is_text() {
         return Some(match entry.choice(&choices)? {
             By::Components => Split::Components(Link {
@@ -346,15 +370,17 @@ fn split(entry: &Entry) -> Option<Split> {
                 min_gaussians: 50,
             }),
             By::Ids => Split::Ids,
+            By::Objects => Split::Objects,
         });
     }
     let table = entry.table()?;
     let by = table.required("by").and_then(|e| e.choice(&choices));
-    let link = link(&table, by != Some(By::Ids));
+    let link = link(&table, matches!(by, None | Some(By::Components)));
     table.finish();
     Some(match by? {
         By::Components => Split::Components(link),
         By::Ids => Split::Ids,
+        By::Objects => Split::Objects,
     })
 }
 

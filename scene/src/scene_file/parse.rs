@@ -189,6 +189,7 @@ fn assets(table: &Table) -> Vec<AssetSpec> {
         let asset = AssetSpec {
             name: name.unwrap_or_default(),
             at: table.at.clone(),
+            objects: objects_file(&table, source.as_ref()),
             source: source.unwrap_or(AssetSource::Builtin(String::new())),
             min_opacity: min_opacity(&table),
             placement: placement::read(&table),
@@ -213,6 +214,15 @@ pub(super) fn asset_source(table: &Table) -> Option<AssetSource> {
             AssetSource::Builtin(text)
         }
     })
+}
+
+/// The `objects` key of an asset.
+pub(super) fn objects_file(table: &Table, source: Option<&AssetSource>) -> Option<String> {
+    let entry = table.get("objects")?;
+    if matches!(source, Some(AssetSource::Builtin(_))) {
+        entry.error("belongs to a `path`: a generated asset has no file of objects");
+    }
+    entry.text().map(str::to_owned)
 }
 
 /// The `min_opacity` key.

@@ -11,7 +11,7 @@ use super::{
     boundaries::turned_box,
     error::{At, Finding},
     materials::{self, Known},
-    objects::ranges,
+    objects::{names, ranges},
     reader::Table,
 };
 use crate::binding;
@@ -34,6 +34,34 @@ pub enum RegionSelect {
     Box(TurnedBox),
     /// Those whose nearest Gaussian of the object has an index in one of these ranges `first..end`, from 0.
     Gaussians(Vec<[u64; 2]>),
+    /// Those whose nearest Gaussian of the object belongs to one of these objects of the asset's file, or to a part of one.
+    Names(Vec<String>),
+}
+
+impl RegionSpec {
+    /// The same with names replaced by the Gaussians that have them; `is_named` says which of an object's Gaussians do.
+    ///
+    /// # Errors
+    /// That of `is_named`, at the region's place.
+    pub(super) fn resolved(
+        &self,
+        is_named: impl FnOnce(&[String]) -> Result<Vec<bool>, String>,
+    ) -> Result<RegionSpec, Finding> {
+        let RegionSelect::Names(names) = &self.which else {
+            return Ok(self.clone());
+        };
+        let is_named = is_named(names).map_err(|why| Finding::new(&self.at, why))?;
+        let mut first = 0;
+        let ranges = is_named.chunk_by(|a, b| a == b).filter_map(|run| {
+            let range = [first, first + run.len() as u64];
+            first = range[1];
+            run[0].then_some(range)
+        });
+        Ok(RegionSpec {
+            which: RegionSelect::Gaussians(ranges.collect()),
+            ..self.clone()
+        })
+    }
 }
 
 /// Reads the regions of an object.
@@ -45,11 +73,12 @@ pub(super) fn read(table: &Table, known: &Known, warnings: &mut Vec<Finding>) ->
         let material = table
             .required("material")
             .and_then(|e| materials::from_entry(&e, known, warnings));
-        let which = match table.one_of(&["box", "gaussians"]) {
+        let which = match table.one_of(&["box", "gaussians", "names"]) {
             Some(("box", entry)) => entry.table().and_then(turned_box).map(RegionSelect::Box),
-            Some((_, entry)) => ranges(&entry).map(RegionSelect::Gaussians),
+            Some(("gaussians", entry)) => ranges(&entry).map(RegionSelect::Gaussians),
+            Some((_, entry)) => names(&entry).map(RegionSelect::Names),
             None => {
-                table.error("selects nothing: give `box` or `gaussians`");
+                table.error("selects nothing: give `box`, `gaussians` or `names`");
                 None
             }
         };
@@ -97,6 +126,8 @@ pub(super) fn arrange(scene: &mut Scene, specs: &[RegionSpec], spacing: f64) -> 
                 RegionSelect::Gaussians(ranges) => ranges
                     .iter()
                     .any(|[first, end]| (*first..*end).contains(&nearest[p])),
+                // Names are resolved before this.
+                RegionSelect::Names(_) => false,
             };
             if inside {
                 region_of[p] = n + 1;
@@ -255,6 +286,9 @@ material = "stiff"
         let error = scene(text).expect_err("nothing there");
         assert!(error.contains("region 0 holds none of"), "{error}");
         let error = scene("[[objects.regions]]\nmaterial = \"stiff\"\n").expect_err("no choice");
-        assert!(error.contains("give `box` or `gaussians`"), "{error}");
+        assert!(
+            error.contains("give `box`, `gaussians` or `names`"),
+            "{error}"
+        );
     }
 }

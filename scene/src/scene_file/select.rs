@@ -6,15 +6,26 @@ use cosplat_sim_core::scene::Aabb;
 
 use super::{
     edit::bounds,
+    error::suggest,
     spec::{Link, Select, Split},
 };
-use crate::assets::Gaussians;
+use crate::assets::{Gaussians, objects::Objects};
 
 /// An asset placed in the world, less its nearly transparent Gaussians.
 pub(super) struct Placed {
     pub gaussians: Gaussians,
     /// Index of each Gaussian in the asset.
     pub index: Vec<u64>,
+    /// Object of each Gaussian, where a file says them.
+    pub objects: Option<Objects>,
+}
+
+/// Parts that splitting makes, each with what is put behind the object's name.
+pub(super) type Parts = Vec<(String, Vec<usize>)>;
+
+fn numbered(parts: impl IntoIterator<Item = Vec<usize>>) -> Parts {
+    let named = |(n, part): (usize, Vec<usize>)| (n.to_string(), part);
+    parts.into_iter().enumerate().map(named).collect()
 }
 
 impl Placed {
@@ -30,6 +41,14 @@ impl Placed {
             Select::Ids(ids) => {
                 let id = self.ids()?;
                 all.filter(|&i| ids.contains(&id[i])).collect()
+            }
+            Select::Names(names) => {
+                let is_in = self.is_named(names)?;
+                all.filter(|&i| is_in[i]).collect()
+            }
+            Select::Objects => {
+                let object = &self.objects()?.labels.object;
+                all.filter(|&i| object[i] >= 0).collect()
             }
             Select::Boxes(boxes) => {
                 let inside = |p| boxes.iter().any(|b| b.contains(p));
@@ -69,18 +88,55 @@ impl Placed {
     }
 
     /// The parts of `chosen`, in a fixed order.
-    pub fn split(&self, chosen: &[usize], split: Split) -> Result<Vec<Vec<usize>>, String> {
+    pub fn split(&self, chosen: &[usize], split: Split) -> Result<Parts, String> {
         match split {
-            Split::Components(link) => self.components_of(chosen, &link),
+            Split::Components(link) => self.components_of(chosen, &link).map(numbered),
+            Split::Objects => self.by_object(chosen),
             Split::Ids => {
                 let id = self.ids()?;
                 let mut parts: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
                 for &i in chosen {
                     parts.entry(id[i]).or_default().push(i);
                 }
-                Ok(parts.into_values().collect())
+                Ok(numbered(parts.into_values()))
             }
         }
+    }
+
+    fn objects(&self) -> Result<&Objects, String> {
+        let missing =
+            "needs an asset with a file of objects (key `objects`), which `cosplat lift` writes";
+        self.objects.as_ref().ok_or_else(|| missing.to_owned())
+    }
+
+    /// Whether each Gaussian belongs to one of these objects or to a part of one.
+    pub fn is_named(&self, names: &[String]) -> Result<Vec<bool>, String> {
+        let objects = self.objects()?;
+        let is_in = objects.named(names).map_err(|name| {
+            let known = objects.names.iter().map(String::as_str);
+            let hint = suggest(name, known.filter(|n| !n.is_empty()));
+            format!("names `{name}`, which the file of objects does not have: {hint}")
+        })?;
+        let object = objects.labels.object.iter();
+        let of = |o: &i32| usize::try_from(*o).is_ok_and(|o| is_in[o]);
+        Ok(object.map(of).collect())
+    }
+
+    /// What of `chosen` belongs to each object that is no part of another, in their order.
+    fn by_object(&self, chosen: &[usize]) -> Result<Parts, String> {
+        let objects = self.objects()?;
+        let mut parts: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for &i in chosen {
+            if let Ok(object) = usize::try_from(objects.labels.object[i]) {
+                parts.entry(objects.root_of(object)).or_default().push(i);
+            }
+        }
+        let name = |object: usize| match objects.names[object].as_str() {
+            "" => object.to_string(),
+            name => name.to_owned(),
+        };
+        let named = parts.into_iter().map(|(object, part)| (name(object), part));
+        Ok(named.collect())
     }
 
     /// Semantic ids, rounded.

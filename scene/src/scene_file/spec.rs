@@ -7,7 +7,7 @@ use cosplat_sim_core::{
     materials::Material,
     scene::{
         Aabb, Coherence, Collider, ContactSurface, DomainPolicy, Fidelity, PinnedRegion,
-        PrescribedMotion, Region, RegionImpulse, SequentialRelease, Transfer, TurnedBox,
+        PrescribedMotion, Region, RegionImpulse, SequentialRelease, Solver, Transfer, TurnedBox,
     },
 };
 
@@ -80,6 +80,8 @@ pub struct AssetSpec {
     pub at: At,
     /// Where the Gaussians come from.
     pub source: AssetSource,
+    /// File that says which object each belongs to, relative to the scene file.
+    pub objects: Option<String>,
     /// Gaussians with less opacity are left out, 0..=1.
     pub min_opacity: f64,
     /// Asset units to world.
@@ -177,8 +179,12 @@ pub struct ObjectSpec {
     pub surface: ContactSurface,
     /// What holds it together besides its matter.
     pub coherence: Option<Coherence>,
+    /// Whether it is there from the beginning; otherwise it is away until a command brings it in.
+    pub present: bool,
     /// Whether it is simulated.
     pub fidelity: Fidelity,
+    /// Which grid its matter is on.
+    pub solver: Solver,
     /// Where its particles come from.
     pub particles: ParticleMode,
     /// Initial velocity of the centre of mass [m/s].
@@ -236,6 +242,10 @@ pub enum Select {
     Ranges(Vec<[u64; 2]>),
     /// Values of the asset's semantic id (a feature vector of length 1, `f_sem_0`).
     Ids(Vec<u64>),
+    /// Objects of the asset's file of objects, with all their parts.
+    Names(Vec<String>),
+    /// Whatever belongs to an object of that file.
+    Objects,
     /// Boxes in the world frame, after the asset's placement [m].
     Boxes(Vec<TurnedBox>),
     /// The n-th largest connected component, from 0.
@@ -251,6 +261,8 @@ pub enum Split {
     Components(Link),
     /// Per semantic id.
     Ids,
+    /// Per object of the asset's file of objects, parts with what they are part of.
+    Objects,
 }
 
 /// When Gaussians are connected.

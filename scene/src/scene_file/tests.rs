@@ -1,6 +1,6 @@
 //! Stories about scene files: what is wrong is all said at once, and what is right becomes a scene.
 
-use cosplat_sim_core::scene::{Fidelity, Scene};
+use cosplat_sim_core::scene::{Fidelity, Scene, Solver};
 
 use super::*;
 use crate::assets::{Gaussians, ReadReport};
@@ -57,6 +57,35 @@ fn a_short_file_is_a_scene_with_documented_defaults() {
     let exact = 4.0 / 3.0 * std::f64::consts::PI * 0.008;
     assert!((volume / exact - 1.0).abs() < 1e-10);
     assert_eq!(scene.objects[0].fidelity, Fidelity::Mpm);
+}
+
+/// By default with jitter, and volumes that are those of the ball.
+#[test]
+fn a_lagrangian_ball_of_a_file_falls_and_bounces() {
+    let floor = "solver = \"lagrangian\"\ntranslation = [0, 0.25, 0]\n[[colliders]]\nnormal = [0, 1, 0]\nname = \"floor\"\n";
+    let (scene, _) = built(&format!("{BALL}{floor}"));
+    assert_eq!(scene.objects[0].solver, Solver::Lagrangian);
+    let mut world = cosplat_sim_core::World::new(scene).unwrap_or_else(|e| panic!("{e}"));
+    let start = world.report().objects[0].mass;
+    let mut speeds = vec![];
+    for _ in 0..24 {
+        speeds.push(world.step(1.0 / 60.0, &[]).objects[0].linear_velocity[1]);
+    }
+    let report = world.report();
+    assert_eq!(report.objects[0].mass, start);
+    assert!((start / (1000.0 * 0.0335) - 1.0).abs() < 0.2, "{start}");
+    // Down at first, and up after it.
+    assert!(
+        speeds[3] < 0.0 && speeds.iter().any(|v| *v > 0.5),
+        "{speeds:?}"
+    );
+    assert_eq!(report.rollbacks, 0);
+    assert_one_error(
+        &BALL.replace("material =", "solver = \"eulerian\"\nmaterial ="),
+        6,
+        "objects[0].solver",
+        &["eulerian", "lagrangian"],
+    );
 }
 
 /// The ball without its `dx`, with other lines at the top.
@@ -289,6 +318,20 @@ max = [6, 6, 6]
         );
     }
     assert_eq!(all.len(), 5, "{all:#?}");
+}
+
+#[test]
+fn a_copy_may_be_absent_and_then_overlaps_with_nothing() {
+    let copy = |key: &str| format!("{BALL}[[objects]]\nname = 'copy'\nclone = 'ball'\n{key}\n");
+    let (scene, report) = built(&copy("present = false"));
+    let present: Vec<bool> = scene.objects.iter().map(|o| o.present).collect();
+    assert_eq!(present, [true, false]);
+    let overlaps = |report: &BuildReport| {
+        let mut all = report.warnings.iter().map(ToString::to_string);
+        all.any(|warning| warning.contains("overlap"))
+    };
+    assert!(!overlaps(&report));
+    assert!(overlaps(&built(&copy("")).1));
 }
 
 #[test]

@@ -9,13 +9,13 @@ use cosplat_ipc::{
     schema::{self as wire, Ack},
     server::Reply,
 };
-use cosplat_sim_core::{Action, Command, StepReport};
-
-use super::Server;
-use crate::{
+use cosplat_pacing::{
     lockstep::{Answer, Now, refusal},
     outcome::StepOutcome,
 };
+use cosplat_sim_core::{Action, Command, StepReport};
+
+use super::Server;
 
 impl Server<'_> {
     /// The state that was published last.
@@ -143,6 +143,8 @@ pub(super) fn events(
             Action::Restore { snapshot } => {
                 events.push(format!("the state was set back to snapshot {snapshot}"));
             }
+            Action::Undo => events.push("the newest edit was undone".into()),
+            Action::Redo => events.push("the edit that was undone was done again".into()),
             _ => {}
         }
     }

@@ -1,7 +1,10 @@
 //! A body in a step, and what it moves in.
 
+use std::cell::Cell;
+
 use super::{
     body::Body,
+    impact_time::SearchEffort,
     shape::Shape,
     vector::{Vec3, add},
 };
@@ -42,6 +45,13 @@ pub(crate) struct Actor<'a> {
     pub drive: Drive,
 }
 
+impl Actor<'_> {
+    /// Steps that its turn of `dt` [s] under a torque [N m] takes.
+    pub fn turn_steps(&self, torque: Vec3, dt: f64) -> f64 {
+        self.body.turn_steps(&self.shape.inertia, torque, dt)
+    }
+}
+
 /// What bodies move in.
 pub(crate) struct Setting<'a> {
     /// [m/s^2]
@@ -56,4 +66,6 @@ pub(crate) struct Setting<'a> {
     pub surface: &'a dyn Fn(usize, usize) -> (f64, f64),
     /// Friction that the surface of a body states for colliders.
     pub friction: &'a dyn Fn(usize) -> Option<f64>,
+    /// What the search for impacts takes, and may take.
+    pub effort: &'a Cell<SearchEffort>,
 }

@@ -4,12 +4,15 @@ use serde::{Deserialize, Serialize};
 
 use super::vector::{Vec3, add, along, length, scaled};
 use crate::{
-    colliders::pose::{conjugate, product, rotate},
     mat3::{Mat3, cross, dot},
+    rotation::{conjugate, product, rotate},
 };
 
 /// Largest turn per step of the rotation [rad].
 const MAX_TURN: f64 = 0.2;
+/// Most steps of a turn: a body that turns further, 16 times over, has an attitude that nothing resolves. Angular momentum
+/// does not depend on it.
+const MOST_STEPS: f64 = 512.0;
 /// Iterations for the turn of one step: it converges by a factor of `MAX_TURN` and better.
 const TURNS: usize = 24;
 
@@ -100,6 +103,12 @@ impl Body {
         next.angular_momentum = along(self.angular_momentum, dt, torque);
         next
     }
+
+    /// Steps that [`after`](Self::after) takes for the turn of `dt` [s].
+    pub fn turn_steps(&self, inertia: &Inertia, torque: Vec3, dt: f64) -> f64 {
+        let mean = along(self.angular_momentum, 0.5 * dt, torque);
+        steps_of_turn(self.rotation, mean, inertia.moments, dt)
+    }
 }
 
 fn over(a: Vec3, b: Vec3) -> Vec3 {
@@ -111,18 +120,10 @@ fn over(a: Vec3, b: Vec3) -> Vec3 {
 /// `P` along keeps the angular momentum in the world (Simo and Wong 1991). Neither needs a Cayley turn to be as long as
 /// the midpoint rule has it, which is late by `(h w)^2 / 12`: it is made to turn by `h w`, so that a steady spin is exact.
 fn turned(mut rotation: [f64; 4], momentum: Vec3, moments: Vec3, dt: f64) -> [f64; 4] {
-    let own = rotate(conjugate(rotation), momentum);
-    let fastest = over(own, moments)
-        .iter()
-        .fold(0.0_f64, |m, w| m.max(w.abs()));
-    let least = moments.into_iter().fold(f64::INFINITY, f64::min);
-    let bound = (dot(momentum, momentum).sqrt() / least)
-        .min(1e9)
-        .max(fastest);
-    if bound <= 0.0 || !bound.is_finite() {
+    let steps = steps_of_turn(rotation, momentum, moments, dt);
+    if steps == 0.0 {
         return rotation;
     }
-    let steps = (bound * dt / MAX_TURN).ceil().clamp(1.0, 1e4);
     let h = dt / steps;
     for _ in 0..steps as u32 {
         let before = rotate(conjugate(rotation), momentum);
@@ -143,6 +144,22 @@ fn turned(mut rotation: [f64; 4], momentum: Vec3, moments: Vec3, dt: f64) -> [f6
         rotation = product(rotation, [half[0], half[1], half[2], 1.0]);
     }
     rotation
+}
+
+/// Steps that a turn for `dt` [s] is made in; 0 where there is none.
+fn steps_of_turn(rotation: [f64; 4], momentum: Vec3, moments: Vec3, dt: f64) -> f64 {
+    let own = rotate(conjugate(rotation), momentum);
+    let fastest = over(own, moments)
+        .iter()
+        .fold(0.0_f64, |m, w| m.max(w.abs()));
+    let least = moments.into_iter().fold(f64::INFINITY, f64::min);
+    let bound = (dot(momentum, momentum).sqrt() / least)
+        .min(1e9)
+        .max(fastest);
+    if bound <= 0.0 || !bound.is_finite() {
+        return 0.0;
+    }
+    (bound * dt / MAX_TURN).ceil().clamp(1.0, MOST_STEPS)
 }
 
 /// Half the step, along the spin, of a Cayley turn by `|spin| h` [rad].

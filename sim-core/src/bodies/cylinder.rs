@@ -1,11 +1,11 @@
 //! Circular cylinders: how they are recognised, their distance, points of their surface, where their axis is.
 
 use super::{
-    shape::Grain,
+    grain::Grain,
     vector::{Vec3, along, length, scaled, unit},
 };
 use crate::{
-    colliders::shape::{Distance, cylinder_distance},
+    colliders::primitives::{Distance, cylinder_distance},
     mat3::{Mat3, cross, dot},
 };
 

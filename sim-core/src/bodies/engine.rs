@@ -1,14 +1,16 @@
 //! Bodies through time: impacts at their moment, forces that hold bodies apart in between, flight.
 
+use std::{cell::Cell, collections::HashMap};
+
 use serde::{Deserialize, Serialize};
 
 use super::{
     actor::{Actor, Drive, SLOP, Setting},
-    body::Inertia,
-    impact_time::first_contact,
+    body::{Body, Inertia},
+    feature::{Feature, Solid, gap},
+    impact_time::{SearchEffort, first_contact},
     meet::{CLOSE, Contact, Pair, contacts, is_free, pairs},
     solve::{Mover, Point, SWEEPS, impact, settle_energy, sweep, sweeps},
-    touch::{Feature, Solid, gap},
     vector::{Vec3, add, along, length, scaled, sub},
 };
 use crate::{
@@ -21,6 +23,8 @@ use crate::{
 const LONGEST: f64 = 1.0 / 240.0;
 /// Impacts that a step is cut at, at most: later ones in it are felt at the start of the next.
 const MOST_IMPACTS: usize = 64;
+/// Steps of a turn above which attitudes are kept for the other points of the search.
+const KEPT_TURN_STEPS: f64 = 8.0;
 /// Speed of approach below which nothing bounces, at least [m/s].
 const SLOWEST_BOUNCE: f64 = 1e-6;
 /// Share of the slowest bounce below which an approach is left to the forces of contact.
@@ -44,8 +48,6 @@ pub(crate) struct CachedImpulse {
 /// Who touches whom after a step, and what it took.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Outcome {
-    /// Pairs in contact: bodies first, then colliders.
-    pub pairs: Vec<[u32; 2]>,
     /// Points of contact that were solved for.
     pub points: u64,
     /// Impulses exchanged at them, in the order they happened.
@@ -131,10 +133,7 @@ fn piece(
     before: Outcome,
 ) -> Outcome {
     let bounce = (2.0 * length(setting.gravity) * h).max(SLOWEST_BOUNCE);
-    let mut outcome = Outcome {
-        pairs: vec![],
-        ..before
-    };
+    let mut outcome = before;
     let mut left = h;
     for n in 0..=MOST_IMPACTS {
         for actor in actors.iter_mut() {
@@ -175,8 +174,6 @@ fn piece(
         left -= until;
         if left <= 0.0 {
             part(actors, &contacts, setting.dx, bounce);
-            outcome.pairs = contacts.iter().map(|c| c.pair).collect();
-            outcome.pairs.dedup();
             break;
         }
     }
@@ -443,7 +440,25 @@ fn closing_speed(actors: &[Actor<'_>], pair: &Pair, loads: &[Load], left: f64) -
     (1.1 * (linear + 2.0 * turning) + pair.wall_speed).min(pair.speed)
 }
 
-/// When the first impact within `left` [s] happens under these loads; `left` if none does.
+/// Changes what is known of the search's effort.
+fn note_effort<T>(effort: &Cell<SearchEffort>, note: impl FnOnce(&mut SearchEffort) -> T) -> T {
+    let mut now = effort.get();
+    let noted = note(&mut now);
+    effort.set(now);
+    noted
+}
+
+/// How fast a gap, `now` at 0, closes at `t` [m/s] within a step of which so much is `left` [s].
+fn closing(gap: &mut dyn FnMut(f64) -> f64, now: f64, t: f64, left: f64) -> f64 {
+    let before = (t - 1e-3 * left).max(0.0);
+    if before < t {
+        (gap(before) - gap(t)) / (t - before)
+    } else {
+        now / t.max(f64::MIN_POSITIVE)
+    }
+}
+
+/// When the first impact within `left` [s] happens under these loads; `left` if none does, or where the search ends before.
 fn next_impact<'a>(
     actors: &[Actor<'a>],
     walls: &'a [Placed<'a>],
@@ -455,12 +470,30 @@ fn next_impact<'a>(
 ) -> f64 {
     let close = CLOSE * setting.dx;
     let mut until = left;
-    let body_at = |n: usize, t: f64| {
+    let turn_steps = |n: usize| {
+        let actor = actors.get(n);
+        actor.map_or(0.0, |actor| actor.turn_steps(loads[n].torque, left))
+    };
+    // Points of a pair are searched for at the same times. What is cheap is not kept.
+    let mut known: HashMap<(usize, u64), Body> = HashMap::new();
+    let mut body_at = |n: usize, t: f64| {
         let (actor, load) = (&actors[n], &loads[n]);
         let inertia = &actor.shape.inertia;
-        actor.body.after(inertia, load.acceleration, load.torque, t)
+        let steps = turn_steps(n);
+        let place = || {
+            note_effort(setting.effort, |effort| effort.place(steps));
+            actor.body.after(inertia, load.acceleration, load.torque, t)
+        };
+        match steps > KEPT_TURN_STEPS {
+            true => *known.entry((n, t.to_bits())).or_insert_with(place),
+            false => place(),
+        }
     };
     for pair in pairs {
+        if note_effort(setting.effort, SearchEffort::ends) {
+            return until;
+        }
+        let turn_steps = turn_steps(pair.a).max(turn_steps(pair.b));
         let a_end = Solid::Body(actors[pair.a].shape, body_at(pair.a, until));
         let wall_end;
         let b_end = match actors.get(pair.b) {
@@ -482,6 +515,9 @@ fn next_impact<'a>(
             if then > 0.0 && far || then <= 0.0 && slow {
                 continue;
             }
+            if note_effort(setting.effort, SearchEffort::ends) {
+                return until;
+            }
             let mut at = |t: f64| {
                 let a = Solid::Body(actors[pair.a].shape, body_at(pair.a, t));
                 match actors.get(pair.b) {
@@ -492,17 +528,11 @@ fn next_impact<'a>(
                     }
                 }
             };
-            let Some(t) = first_contact(&mut at, now, until, speed, close) else {
+            let Some(t) = first_contact(&mut at, now, until, speed, close, turn_steps) else {
                 continue;
             };
             // Those that come slowly rest: the start of the next step takes care of them.
-            let before = (t - 1e-3 * left).max(0.0);
-            let impact = if before < t {
-                (at(before) - at(t)) / (t - before)
-            } else {
-                now / t.max(f64::MIN_POSITIVE)
-            };
-            if impact > 0.5 * bounce && t > 0.0 {
+            if t > 0.0 && closing(&mut at, now, t, left) > 0.5 * bounce {
                 until = t;
             }
         }

@@ -2,20 +2,61 @@
 
 /// Halvings of an interval in which something may pass through and be out again.
 const HALVINGS: u32 = 12;
+/// Steps of a turn that the search has in full; it is the coarser, the more a body turns beyond that, so that what is searched
+/// for takes a bounded time at any spin.
+const TURN_STEPS: f64 = 32.0;
 /// Most steps of the root finder.
 const STEPS: usize = 80;
+/// Steps of turns that the search may take per body and [`SPAN`] of a frame.
+const ALLOWED: f64 = 100_000.0;
+/// Time for which those are [s]; a frame counts as one span at least.
+const SPAN: f64 = 1.0 / 240.0;
+
+/// What the search for impacts takes in a frame, tries that were undone included. A count, so that it ends at the same place
+/// on every machine. What it finds is late where it ends: bodies then touch where they are at the start of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct SearchEffort {
+    /// Steps of turns that it may take in the frame.
+    pub allowed: u64,
+    /// Those that it took: one at least per body that it placed at a moment.
+    pub taken: u64,
+    /// Searches that were left off, or not begun.
+    pub unfinished: u32,
+}
+
+impl SearchEffort {
+    /// Allows what so many bodies may take in a frame of this length [s].
+    pub fn allow(&mut self, bodies: usize, frame: f64) {
+        self.allowed = (ALLOWED * bodies as f64 * (frame / SPAN).max(1.0)) as u64;
+    }
+
+    /// Takes note of a body that was placed with so many steps of its turn.
+    pub fn place(&mut self, turn_steps: f64) {
+        self.taken += turn_steps.max(1.0) as u64;
+    }
+
+    /// Whether no search may begin; then that is noted.
+    pub fn ends(&mut self) -> bool {
+        let ends = self.taken >= self.allowed;
+        self.unfinished += u32::from(ends);
+        ends
+    }
+}
 
 /// Earliest time in `0..=end` at which `gap`, positive at 0, vanishes up to `close`, if it does. `speed` bounds how
-/// fast it changes.
+/// fast it changes; `turn_steps` is what a value of it takes.
 pub(super) fn first_contact(
     gap: &mut dyn FnMut(f64) -> f64,
     at_start: f64,
     end: f64,
     speed: f64,
     close: f64,
+    turn_steps: f64,
 ) -> Option<f64> {
     let at_end = gap(end);
-    search(gap, [0.0, end], [at_start, at_end], speed, close, HALVINGS)
+    let coarser = (turn_steps / TURN_STEPS).max(1.0).log2().ceil();
+    let halvings = HALVINGS.saturating_sub(coarser as u32);
+    search(gap, [0.0, end], [at_start, at_end], speed, close, halvings)
 }
 
 fn search(

@@ -2,10 +2,11 @@
 
 use super::{
     actor::{Actor, Drive, SLOP, Setting, TOUCH},
+    feature::{Feature, Solid, Spot, spot},
     overlap::only_facing,
     rims::choose,
     solve::Point,
-    touch::{Feature, Solid, Spot, near, reduce, spot},
+    touch::{near, reduce},
     vector::{Vec3, add, length, sub},
 };
 use crate::{

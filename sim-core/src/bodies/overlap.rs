@@ -5,11 +5,11 @@
 
 use super::{
     actor::TOUCH,
+    feature::{Feature, Solid, Spot, place},
     shape::Form,
-    touch::{Feature, Solid, Spot, place},
     vector::{Vec3, add, along, length, scaled, sub, unit},
 };
-use crate::{colliders::pose::rotate, mat3::dot};
+use crate::{mat3::dot, rotation::rotate};
 
 /// Depth from which on only points count whose surfaces face each other [cells]: twice what bodies at rest may overlap by.
 const DEEP: f64 = 4e-3;

@@ -6,13 +6,14 @@
 use super::{
     body::Body,
     cylinder::{Circle, Cylinder, crossing},
+    feature::{FACE, Feature, Solid, Spot, gap},
     shape::{Form, Shape},
-    touch::{FACE, Feature, Solid, Spot, gap},
     vector::{Vec3, add, along, length, scaled, sub, unit},
 };
 use crate::{
-    colliders::{pose::rotate, shape::Shape as Wall},
+    colliders::shape::Shape as Wall,
     mat3::{cross, dot},
+    rotation::rotate,
 };
 
 /// Sine of the angle between the axis and a normal below which a lid lies flat, and the cosine below which a side does.

@@ -5,41 +5,22 @@ use super::{
     body::{Body, Inertia},
     cylinder::{Cylinder, upright},
     field::Field,
+    grain::Grain,
     points::{Cluster, cluster, of_cuboid},
     surface::Surface,
     vector::{Vec3, add, along, length, scaled, solve, sub},
 };
 use crate::{
-    colliders::{
-        pose::{conjugate, product, rotate},
-        shape::box_distance,
-    },
+    colliders::primitives::box_distance,
     mat3::Mat3,
     moments::quaternion,
+    rotation::{conjugate, product, rotate},
 };
 
 /// Largest relative difference between the volume of a cuboid and what its moments say about it.
 const FILLED: f64 = 0.015;
 /// Difference of two second moments, in units of their sum, up to which their axes mean nothing.
 const ALIKE: f64 = 5e-3;
-
-/// Inertia per mass of the cubes that particles stand for [m^2].
-pub(crate) fn of_cubes(grains: &[Grain]) -> f64 {
-    let (mut mass, mut sum) = (0.0, 0.0);
-    for g in grains {
-        mass += g.mass;
-        sum += g.mass * g.volume.cbrt().powi(2) / 6.0;
-    }
-    sum / mass
-}
-
-/// A particle of a body: place [m], mass [kg], volume [m^3].
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Grain {
-    pub x: Vec3,
-    pub mass: f64,
-    pub volume: f64,
-}
 
 /// Mass, inertia and surface of a body, in its own frame.
 #[derive(Clone, Debug)]

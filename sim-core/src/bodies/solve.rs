@@ -4,7 +4,7 @@ use super::vector::{Vec3, add, along, length, scaled, solve, sub};
 use crate::mat3::{Mat3, cross, dot};
 
 /// Most sweeps over the points of bodies.
-pub(super) const SWEEPS: usize = 40;
+pub(crate) const SWEEPS: usize = 40;
 /// Points below which more sweeps are allowed, as many as cost the same: the two rims of a disk that lies on its side
 /// and what rubs on them depend on each other so much that each sweep leaves 0.87 of the error.
 const FEW: usize = 20;
@@ -13,7 +13,7 @@ const DONE: f64 = 1e-11;
 
 /// How a body answers to impulses, and how it moves.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Mover {
+pub(crate) struct Mover {
     /// 0 of what nothing moves.
     pub inverse_mass: f64,
     pub inverse_inertia: Mat3<f64>,
@@ -23,7 +23,7 @@ pub(super) struct Mover {
 
 /// A point where body `a` meets body `b`, or a wall.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Point {
+pub(crate) struct Point {
     pub a: usize,
     pub b: Option<usize>,
     /// Out of `b` into `a`.
@@ -101,7 +101,7 @@ impl Point {
 
 /// A single impact by the bilinear law of Chatterjee and Ruina (1998): restitution `e` along the normal, friction
 /// within Coulomb's cone, and never a gain of energy wherever the point is.
-pub(super) fn impact(point: &mut Point, movers: &mut [Mover]) {
+pub(crate) fn impact(point: &mut Point, movers: &mut [Mover]) {
     let u = point.relative(movers);
     let n = point.normal;
     let u_n = dot(u, n);
@@ -144,14 +144,14 @@ pub(super) fn impact(point: &mut Point, movers: &mut [Mover]) {
 }
 
 /// Most sweeps over so many points.
-pub(super) fn sweeps(points: usize) -> usize {
+pub(crate) fn sweeps(points: usize) -> usize {
     SWEEPS * (FEW / points.max(1)).max(1)
 }
 
 /// Several points together: each in turn gets the impulse that brings its normal velocity to its
 /// target or more; sums of impulses press and never pull, and rub no more than Coulomb's law allows.
 /// Starts from the impulses that the points hold already.
-pub(super) fn sweep(points: &mut [Point], movers: &mut [Mover], sweeps: usize) {
+pub(crate) fn sweep(points: &mut [Point], movers: &mut [Mover], sweeps: usize) {
     let yields: Vec<f64> = points
         .iter()
         .map(|p| p.inverse_effective_mass(movers, p.normal))
@@ -218,7 +218,7 @@ fn apply_friction(point: &mut Point, movers: &mut [Mover], limit: f64) -> f64 {
 
 /// Work of the impulses in the frames of what the bodies meet: what kinetic energy they add. The second part of the
 /// pair is that of impulses of the same size on bodies at rest.
-pub(super) fn work(points: &[Point], movers: &[Mover]) -> (f64, f64) {
+pub(crate) fn work(points: &[Point], movers: &[Mover]) -> (f64, f64) {
     let (mut given, mut bend) = (0.0, 0.0);
     for point in points {
         let j = point.impulse();
@@ -229,7 +229,7 @@ pub(super) fn work(points: &[Point], movers: &[Mover]) -> (f64, f64) {
 }
 
 /// Scales all impulses back to where they add no kinetic energy, if they do.
-pub(super) fn settle_energy(points: &mut [Point], movers: &mut [Mover]) {
+pub(crate) fn settle_energy(points: &mut [Point], movers: &mut [Mover]) {
     let (gain, bend) = work(points, movers);
     if gain <= 0.0 || bend <= 0.0 {
         return;

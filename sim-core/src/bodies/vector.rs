@@ -1,30 +1,30 @@
 //! Short names for what is done to 3-vectors and rotations in `f64`.
 
-pub(super) use crate::mat3::length;
+pub(crate) use crate::mat3::length;
 
 use crate::mat3::Mat3;
 
-pub(super) type Vec3 = [f64; 3];
+pub(crate) type Vec3 = [f64; 3];
 
-pub(super) fn add(a: Vec3, b: Vec3) -> Vec3 {
+pub(crate) fn add(a: Vec3, b: Vec3) -> Vec3 {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-pub(super) fn sub(a: Vec3, b: Vec3) -> Vec3 {
+pub(crate) fn sub(a: Vec3, b: Vec3) -> Vec3 {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-pub(super) fn scaled(a: Vec3, s: f64) -> Vec3 {
+pub(crate) fn scaled(a: Vec3, s: f64) -> Vec3 {
     a.map(|x| s * x)
 }
 
 /// `a + s b`.
-pub(super) fn along(a: Vec3, s: f64, b: Vec3) -> Vec3 {
+pub(crate) fn along(a: Vec3, s: f64, b: Vec3) -> Vec3 {
     [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
 }
 
 /// `a` over its length, or `or` where it has none.
-pub(super) fn unit(a: Vec3, or: Vec3) -> Vec3 {
+pub(crate) fn unit(a: Vec3, or: Vec3) -> Vec3 {
     let size = length(a);
     if size > 0.0 {
         scaled(a, 1.0 / size)
@@ -34,7 +34,7 @@ pub(super) fn unit(a: Vec3, or: Vec3) -> Vec3 {
 }
 
 /// Solves `m x = b` by Cramer's rule; zero where `m` is singular.
-pub(super) fn solve(m: &Mat3<f64>, b: Vec3) -> Vec3 {
+pub(crate) fn solve(m: &Mat3<f64>, b: Vec3) -> Vec3 {
     let x = scaled(m.cofactor().transpose().mul_vec(b), 1.0 / m.det());
     if x.iter().all(|x| x.is_finite()) {
         x

@@ -29,7 +29,7 @@ const FACING: f64 = 0.7;
 
 /// The nearest to a collider of the particles that reach a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct GapSample {
+pub struct GapSample {
     /// Its distance, less half the spacing of particles; negative when it is too deep [units].
     pub gap: f32,
     /// Normal of the collider there.
@@ -71,7 +71,7 @@ impl Placed<'_> {
         self.nearest_of(x, half_spacing(volume, cell), cell)
     }
 
-    /// The same for a particle of this [`half_spacing`].
+    /// The same for a particle of this `half_spacing`.
     pub fn nearest_of(&self, x: [f64; 3], half_spacing: f64, cell: f64) -> Option<GapSample> {
         let found = self.distance(x);
         if found.value >= (RANGE + RADIUS_MAX) * cell {
@@ -90,7 +90,7 @@ impl Placed<'_> {
         is_flat.then(|| self.distance(self.start.translation).normal)
     }
 
-    /// Signed distances of points, given axis by axis, from a half-space that is not turned, as [`distance`](Self::distance)
+    /// Signed distances of points, given axis by axis, from a half-space that is not turned, as `distance`
     /// has them, but many at once; none for other colliders.
     #[inline(always)]
     pub fn heights<const N: usize>(&self, x: &[[f64; N]; 3]) -> Option<[f64; N]> {

@@ -25,8 +25,8 @@
 use super::{
     FixedRegion, Placed, THIN,
     approach::{RANGE, TOUCHING},
+    contact::coefficient,
     edge,
-    friction::coefficient,
     shape::Shape,
 };
 use crate::{
@@ -43,7 +43,7 @@ const SLACK: f64 = 1e-6;
 
 /// Whose face it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Owner {
+pub enum Owner {
     /// A collider, by its number.
     Body(usize),
     /// A held region, by its number.
@@ -52,7 +52,7 @@ pub(crate) enum Owner {
 
 /// A flat boundary along the axes that matter stays attached to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Face {
+pub struct Face {
     /// Whose it is.
     owner: Owner,
     axis: usize,
@@ -78,7 +78,7 @@ pub(crate) struct Face {
 }
 
 /// Velocities on the way from forces to boundaries.
-pub(crate) trait Nodes {
+pub trait Nodes {
     /// Mass and velocity of a node by its place in the grid; none where there is no matter.
     fn node(&self, index: [i32; 3]) -> Option<(f64, [f64; 3])>;
 
@@ -96,7 +96,7 @@ pub(crate) trait Nodes {
 
 /// What boundaries along the axes made of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Attached {
+pub struct Attached {
     /// Its velocity.
     pub velocity: [f64; 3],
     owners: [Option<Owner>; 6],
@@ -411,7 +411,7 @@ fn line(along: &[Option<&Face>; 2], q: usize, i: i32) -> Option<Line> {
 }
 
 /// Velocity of a node near flat boundaries during `dt`; none where none of them acts on it.
-pub(crate) fn attached(
+pub fn attached(
     faces: &[Face],
     index: [i32; 3],
     nodes: &impl Nodes,

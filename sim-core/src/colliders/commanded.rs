@@ -7,7 +7,7 @@ const THIN: f64 = 1e-9;
 
 /// A force and a torque on an object during the frame at hand.
 #[derive(Clone, Debug)]
-pub(crate) struct CommandedForce {
+pub struct CommandedForce {
     /// The object.
     pub object: usize,
     /// The force [N].
@@ -20,7 +20,7 @@ pub(crate) struct CommandedForce {
 
 /// A particle that a force may act on.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Loaded {
+pub struct Loaded {
     /// Where it is [m].
     pub place: [f64; 3],
     /// Its mass [kg]; 0 where the force does not act.

@@ -1,13 +1,18 @@
 //! Velocity conditions at surfaces: sticky, slip, separate, with Coulomb friction and restitution.
 
-use super::{
-    Placed,
-    approach::{GapSample, Reaction},
+use crate::{
+    mat3::dot,
+    scene::{Surface, mean_friction},
 };
-use crate::{mat3::dot, scene::Surface};
 
-/// Rounds of projection before a node that several colliders squeeze moves with the last of them.
-const ROUNDS: usize = 8;
+/// Coulomb coefficient of a collider and an object by what each of them states.
+pub(super) fn coefficient(collider: Option<f64>, object: Option<f64>) -> f64 {
+    match (collider, object) {
+        (Some(a), Some(b)) => mean_friction(a, b),
+        (Some(one), None) | (None, Some(one)) => one,
+        (None, None) => 0.0,
+    }
+}
 
 /// What a surface does to matter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,13 +24,13 @@ pub(crate) struct Contact {
     pub restitution: f64,
 }
 
-fn tangential(v: [f64; 3], normal: [f64; 3], v_n: f64) -> [f64; 3] {
+pub(super) fn tangential(v: [f64; 3], normal: [f64; 3], v_n: f64) -> [f64; 3] {
     std::array::from_fn(|a| v[a] - v_n * normal[a])
 }
 
 impl Contact {
     /// Whether the normal velocity `v_n` needs no change, up to `slack`, when `max_closing_speed` towards the surface is allowed.
-    fn allows(&self, v_n: f64, max_closing_speed: f64, slack: f64) -> bool {
+    pub fn allows(&self, v_n: f64, max_closing_speed: f64, slack: f64) -> bool {
         match self.surface {
             Surface::Sticky => false,
             Surface::Slip => v_n <= slack && v_n >= -max_closing_speed - slack,
@@ -82,72 +87,6 @@ impl Contact {
         }
         std::array::from_fn(|a| kept * v_t[a] - self.restitution * v_n * normal[a])
     }
-}
-
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-fn plus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] + b[i])
-}
-
-/// Velocity that a node at `x` may have near some bodies during `dt`, each with the matter near it; `cell` is the cell
-/// size.
-pub(crate) fn constrain<'a>(
-    acting: impl Iterator<Item = (&'a Placed<'a>, &'a GapSample)> + Clone,
-    x: [f64; 3],
-    mut v: [f64; 3],
-    dt: f64,
-    cell: f64,
-) -> [f64; 3] {
-    let mut touched = 0;
-    for (body, nearest) in acting.clone() {
-        let Some(reaction) = body.reaction(x, nearest, cell) else {
-            continue;
-        };
-        let u = body.velocity(x);
-        let max_closing_speed = reaction.clearance / dt;
-        let allowed = reaction
-            .contact
-            .resolve_at(minus(v, u), reaction.normal, max_closing_speed);
-        v = plus(u, allowed);
-        touched += 1;
-    }
-    if touched < 2 {
-        return v;
-    }
-    let slack = 1e-6 * dot(v, v).sqrt();
-    let mut last = v;
-    for _ in 0..ROUNDS {
-        let mut obeyed = true;
-        for (body, nearest) in acting.clone() {
-            let Some(Reaction {
-                contact,
-                normal,
-                clearance,
-            }) = body.reaction(x, nearest, cell)
-            else {
-                continue;
-            };
-            let u = body.velocity(x);
-            let relative = minus(v, u);
-            if contact.surface == Surface::Sticky {
-                return plus(u, contact.resolve_at(relative, normal, clearance / dt));
-            }
-            let v_n = dot(relative, normal);
-            if !contact.allows(v_n, clearance / dt, slack) {
-                let kept = v_n.clamp(-clearance / dt, 0.0);
-                v = plus(u, tangential(relative, normal, v_n - kept));
-                obeyed = false;
-            }
-            last = u;
-        }
-        if obeyed {
-            return v;
-        }
-    }
-    last
 }
 
 #[cfg(test)]

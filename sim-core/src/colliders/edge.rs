@@ -15,11 +15,7 @@
 //! Only matter that keeps its shape and has one density is looked at so. Where a line of nodes is nowhere inside, in
 //! films and grains, the nearest particle decides as before: matter never ends nearer than it.
 
-use super::{
-    NodeConditions, Placed,
-    approach::{GapSample, RANGE},
-    attach::{Attached, Nodes, Owner},
-};
+use super::approach::RANGE;
 use crate::materials::Law;
 
 /// Nodes in front of the one that is looked at, one of which is inside matter.
@@ -100,7 +96,7 @@ pub(crate) fn gap(nearest: f64, edge: f64) -> f64 {
 
 /// Per grid field, of `count`, whether the masses of nodes tell where matter ends: it keeps its shape and has one density.
 /// Parts by field, density [kg/m^3] and law.
-pub(crate) fn reconstructs_surface(
+pub fn reconstructs_surface(
     count: usize,
     parts: impl Iterator<Item = (usize, f64, Law)>,
 ) -> Vec<bool> {
@@ -110,51 +106,6 @@ pub(crate) fn reconstructs_surface(
         tell[field] &= law.is_solid() && density == *first[field].get_or_insert(density);
     }
     tell
-}
-
-impl Placed<'_> {
-    /// The same of a collider; `cell` is the cell size.
-    fn edge(&self, index: [i32; 3], nodes: &impl Nodes, cell: f64) -> f64 {
-        let surface = |index: [i32; 3]| {
-            let found = self.distance(index.map(|i| f64::from(i) * cell));
-            (found.value / cell, found.normal)
-        };
-        edge(index, surface, |at| nodes.matter(at))
-    }
-}
-
-impl NodeConditions<'_> {
-    /// How near matter is to every collider at a node that is about to move with a velocity: where it ends, for those that
-    /// it does not obey yet and would reach in a substep of `dt` as far as the nearest particle says; none where that is
-    /// all there is to say.
-    pub fn ends(
-        &self,
-        index: [i32; 3],
-        nearest: &[GapSample],
-        dt: f64,
-        cell: f64,
-        obeyed: &Attached,
-        nodes: &impl Nodes,
-    ) -> Option<Vec<GapSample>> {
-        if !nodes.reconstructs_surface() {
-            return None;
-        }
-        let mut ends: Option<Vec<GapSample>> = None;
-        for (b, body) in self.bodies().iter().enumerate() {
-            if body.holds() || obeyed.obeys(Owner::Body(body.id)) {
-                continue;
-            }
-            let u = body.velocity(index.map(|i| f64::from(i) * cell));
-            let way: f64 = (0..3).map(|a| (obeyed.velocity[a] - u[a]).abs()).sum();
-            let seen = f64::from(nearest[b].gap);
-            if seen < dt * way {
-                let edge = body.edge(index, nodes, cell);
-                let ends = ends.get_or_insert_with(|| nearest.to_vec());
-                ends[b].gap = (gap(seen / cell, edge) * cell) as f32;
-            }
-        }
-        ends
-    }
 }
 
 #[cfg(test)]

@@ -2,8 +2,12 @@
 
 use std::borrow::Cow;
 
-use super::{Boundaries, NodeConditions, Placed, attach::Face, contact::Contact};
-use crate::scene::{Aabb, Collider, ColliderShape, Fidelity, Pose, Scene, Surface, mean_friction};
+use super::{
+    Boundaries, NodeConditions, Placed,
+    attach::Face,
+    contact::{Contact, coefficient},
+};
+use crate::scene::{Aabb, Collider, ColliderShape, Fidelity, Pose, Scene, Surface};
 
 /// What the surfaces of objects state.
 #[derive(Clone, Debug, Default)]
@@ -42,15 +46,6 @@ impl Frictions {
     }
 }
 
-/// Coulomb coefficient of a collider and an object by what each of them states.
-pub(super) fn coefficient(collider: Option<f64>, object: Option<f64>) -> f64 {
-    match (collider, object) {
-        (Some(a), Some(b)) => mean_friction(a, b),
-        (Some(one), None) | (None, Some(one)) => one,
-        (None, None) => 0.0,
-    }
-}
-
 /// The faces of the domain as walls without friction, whatever meets them.
 pub(super) fn domain_walls(domain: &Aabb) -> impl Iterator<Item = Collider> {
     let Aabb { min, max } = *domain;
@@ -81,7 +76,7 @@ impl Boundaries {
 
 impl Placed<'_> {
     /// What happens at its surface.
-    pub fn contact(&self) -> Contact {
+    pub(crate) fn contact(&self) -> Contact {
         Contact {
             friction: self.friction,
             ..self.body.contact

@@ -8,7 +8,7 @@ use parry3d_f64::{
     shape::{TriMesh, TriMeshFlags},
 };
 
-use super::shape::Distance;
+use super::primitives::Distance;
 use crate::scene::TriangleMesh;
 
 /// Triangles with a search tree.

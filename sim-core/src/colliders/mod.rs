@@ -5,28 +5,40 @@
 pub(crate) mod approach;
 pub(crate) mod attach;
 pub(crate) mod commanded;
+mod constrain;
 mod contact;
 pub(crate) mod edge;
+mod ends;
 pub(crate) mod friction;
 mod held;
 pub(crate) mod mesh;
 pub(crate) mod pose;
+pub(crate) mod primitives;
 pub(crate) mod rules;
 pub(crate) mod shape;
+pub(crate) mod springs;
 pub(crate) mod sweep;
 pub(crate) mod touch;
 
-use approach::GapSample;
-use attach::{Attached, Face, Owner};
+pub use approach::GapSample;
+pub use attach::{Attached, Face, Nodes, Owner, attached};
+pub use commanded::{CommandedForce, Loaded};
+pub use edge::reconstructs_surface;
+pub use rules::{Members, Pins, Rules};
+pub use sweep::Way;
+pub use touch::{ANCHOR, ConditionedParticle, Ghost, ParticleConditions};
+
 use contact::Contact;
 use friction::{Frictions, domain_walls};
 use held::{FixedRegion, has_faces};
-use pose::{conjugate, from_rotation_vector, pose_at, product, rotate, rotation_vector};
+use pose::pose_at;
+use primitives::Distance;
 use serde::{Deserialize, Serialize};
-use shape::{Distance, Shape};
+use shape::Shape;
 
 use crate::{
     mat3::{cross, dot},
+    rotation::{conjugate, from_rotation_vector, product, rotate, rotation_vector},
     scene::{Collider, ColliderMotion, DomainPolicy, PinnedRegion, Pose, Scene, Surface, TimeSpan},
 };
 
@@ -46,7 +58,7 @@ const BODY_SKIN: f64 = 0.05;
 
 /// A moment of simulated time: what a substep needs to know to place a collider.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Substep {
+pub struct Substep {
     /// Simulated time at its start [s].
     pub time: f64,
     /// Its size [s]: how long everything moves.
@@ -77,7 +89,7 @@ impl Substep {
 
 /// The way of a collider through one frame, once a command has moved it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Path {
+pub struct Path {
     /// Pose at the start of the frame.
     pub from: Pose,
     /// Pose at its end.
@@ -85,11 +97,11 @@ pub(crate) struct Path {
 }
 
 /// What commands made of each collider; plain data, part of the world's state.
-pub(crate) type Paths = Vec<Option<Path>>;
+pub type Paths = Vec<Option<Path>>;
 
 /// All boundaries of a scene, ready to be placed.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Boundaries {
+pub struct Boundaries {
     bodies: Vec<Body>,
     regions: Vec<PinnedRegion>,
     /// Whether matter is attached to the faces of a region.
@@ -103,7 +115,7 @@ pub(crate) struct Boundaries {
 
 /// A collider without a place.
 #[derive(Clone, Debug)]
-pub(crate) struct Body {
+pub struct Body {
     shape: Shape,
     rest: Pose,
     motion: ColliderMotion,
@@ -123,10 +135,10 @@ pub(crate) struct Body {
 
 /// A collider during one substep.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Placed<'a> {
+pub struct Placed<'a> {
     /// Place among all bodies.
     pub id: usize,
-    pub body: &'a Body,
+    pub(crate) body: &'a Body,
     /// Pose at the start of the substep, in units.
     pub start: Pose,
     /// Pose at its end.
@@ -141,7 +153,7 @@ pub(crate) struct Placed<'a> {
 
 /// Everything that acts on grid nodes in one substep.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct NodeConditions<'a> {
+pub struct NodeConditions<'a> {
     bodies: Vec<Placed<'a>>,
     regions: Vec<FixedRegion>,
     faces: Vec<Face>,
@@ -386,7 +398,7 @@ impl Body {
 
 impl Placed<'_> {
     /// Signed distance of a world point at the start of the substep [units].
-    pub fn distance(&self, x: [f64; 3]) -> Distance {
+    pub(crate) fn distance(&self, x: [f64; 3]) -> Distance {
         if let Shape::HalfSpace { normal } = self.body.shape
             && self.start.rotation == Pose::IDENTITY.rotation
         {
@@ -406,7 +418,7 @@ impl Placed<'_> {
     }
 
     /// What it is in its own frame [units].
-    pub fn shape(&self) -> &Shape {
+    pub(crate) fn shape(&self) -> &Shape {
         &self.body.shape
     }
 
@@ -571,7 +583,7 @@ impl NodeConditions<'_> {
         }
         let free = |(body, _): &(&Placed<'_>, &GapSample)| !obeyed.obeys(Owner::Body(body.id));
         let acting = self.bodies.iter().zip(nearest).filter(free);
-        contact::constrain(acting, x, obeyed.velocity, dt, cell)
+        constrain::constrain(acting, x, obeyed.velocity, dt, cell)
     }
 }
 

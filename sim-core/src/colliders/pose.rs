@@ -1,57 +1,9 @@
-//! Rigid motion: quaternions, rotation vectors, and where a collider is at a moment.
+//! Where a collider is at a moment.
 
 use crate::{
-    mat3::{cross, dot},
+    rotation::{conjugate, from_rotation_vector, product, rotate, rotation_vector},
     scene::{ColliderMotion, Pose},
 };
-
-/// Rotation of a vector by a unit quaternion xyzw; exact for the identity.
-pub(crate) fn rotate([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
-    let q = [x, y, z];
-    let t = cross(q, v);
-    let s = cross(q, std::array::from_fn(|a| t[a] + w * v[a]));
-    std::array::from_fn(|a| v[a] + 2.0 * s[a])
-}
-
-/// Inverse of a unit quaternion.
-pub(crate) fn conjugate([x, y, z, w]: [f64; 4]) -> [f64; 4] {
-    [-x, -y, -z, w]
-}
-
-/// The rotation `b` followed by `a`, normalised.
-pub(crate) fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-    let (u, v) = ([a[0], a[1], a[2]], [b[0], b[1], b[2]]);
-    let c = cross(u, v);
-    let q = [
-        a[3] * v[0] + b[3] * u[0] + c[0],
-        a[3] * v[1] + b[3] * u[1] + c[1],
-        a[3] * v[2] + b[3] * u[2] + c[2],
-        a[3] * b[3] - dot(u, v),
-    ];
-    let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
-    q.map(|x| x / length)
-}
-
-/// The rotation by `|r|` about `r` [rad].
-pub(crate) fn from_rotation_vector(r: [f64; 3]) -> [f64; 4] {
-    let angle = dot(r, r).sqrt();
-    if angle == 0.0 {
-        return Pose::IDENTITY.rotation;
-    }
-    let (s, c) = (0.5 * angle).sin_cos();
-    [s * r[0] / angle, s * r[1] / angle, s * r[2] / angle, c]
-}
-
-/// The shorter rotation vector of a unit quaternion [rad].
-pub(crate) fn rotation_vector([x, y, z, w]: [f64; 4]) -> [f64; 3] {
-    let sign = if w < 0.0 { -1.0 } else { 1.0 };
-    let s = dot([x, y, z], [x, y, z]).sqrt();
-    if s == 0.0 {
-        return [0.0; 3];
-    }
-    let factor = sign * 2.0 * s.atan2(sign * w) / s;
-    [factor * x, factor * y, factor * z]
-}
 
 impl Pose {
     /// World position of a point of the collider's frame.

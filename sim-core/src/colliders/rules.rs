@@ -1,15 +1,18 @@
 //! What is prescribed for chosen particles: held, moved, pushed, let go one layer after the other.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use super::{
     Substep,
     commanded::CommandedForce,
-    pose::{from_rotation_vector, rotate},
+    springs::{Kick, Spring},
 };
 use crate::{
     expression::{Formulas, Snapshot, VectorField},
     mat3::{cross, dot},
+    rotation::{from_rotation_vector, rotate},
     scene::{ImpulseAmount, Scene, TimeSpan},
 };
 
@@ -18,9 +21,10 @@ const SHORTEST: f64 = 1e-9;
 
 /// A set of particles, one bit each; plain data.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Members(Vec<u64>);
+pub struct Members(Vec<u64>);
 
 impl Members {
+    /// Those with these ids.
     pub fn new(ids: &[u32]) -> Self {
         let mut members = Self::default();
         members.extend(ids);
@@ -144,6 +148,7 @@ pub(crate) struct Pushes<'a> {
     impulses: Vec<(&'a Members, [f64; 3])>,
     forces: Vec<(&'a Acceleration, Force)>,
     commanded: &'a [CommandedForce],
+    springs: Vec<(&'a Spring, Kick)>,
     /// How long forces act [s].
     kick: f64,
     /// Length of the substep [s].
@@ -187,6 +192,30 @@ impl Pushes<'_> {
         }
         change
     }
+
+    /// Velocity that springs give to a particle at `x` with the velocity `v`, in units of `unit` metres.
+    pub fn pull(&self, id: u32, x: [f64; 3], v: [f64; 3], unit: f64) -> [f64; 3] {
+        let mut change = [0.0; 3];
+        for (spring, kick) in &self.springs {
+            if let Some(member) = spring.number(id) {
+                let [x, v] = [x, v].map(|u| u.map(|u| unit * u));
+                let pulled = spring.pull(kick, member, x, v);
+                for a in 0..3 {
+                    change[a] += pulled[a] / unit;
+                }
+            }
+        }
+        change
+    }
+
+    /// Tells springs the velocity that a particle has after their kick, in units of `unit` metres.
+    pub fn settle(&self, id: u32, v: [f64; 3], unit: f64) {
+        for (spring, _) in &self.springs {
+            if let Some(member) = spring.number(id) {
+                spring.settle(member, v.map(|v| unit * v));
+            }
+        }
+    }
 }
 
 impl Acceleration {
@@ -198,17 +227,19 @@ impl Acceleration {
 
 /// Everything prescribed for particles of a scene.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Rules {
+pub struct Rules {
     prescribed: Vec<Prescribed>,
     releases: Vec<Release>,
     impulses: Vec<Impulse>,
     accelerations: Vec<Acceleration>,
     /// Forces of the frame at hand. Each is given in every substep for all of its length: all of it is.
     pub commanded: Vec<CommandedForce>,
+    /// Springs of the frame at hand.
+    pub(crate) springs: Arc<Vec<Spring>>,
 }
 
 /// What commands hold at present, per object; plain data, part of the world's state.
-pub(crate) type Pins = Vec<Option<Members>>;
+pub type Pins = Vec<Option<Members>>;
 
 /// How long a span and a substep overlap [s].
 fn overlap(span: &TimeSpan, start: f64, end: f64) -> f64 {
@@ -290,6 +321,7 @@ impl Rules {
             releases: releases.collect(),
             impulses: impulses.collect(),
             commanded: vec![],
+            springs: Arc::default(),
         }
     }
 
@@ -324,7 +356,7 @@ impl Rules {
     }
 
     /// Velocity field that a particle follows in a substep, if one is prescribed.
-    pub fn field(&self, pins: &Pins, substep: &Substep, id: u32) -> Option<Field> {
+    pub(crate) fn field(&self, pins: &Pins, substep: &Substep, id: u32) -> Option<Field> {
         if pins.iter().flatten().any(|pin| pin.contains(id)) {
             return Some(Field::REST);
         }
@@ -346,7 +378,7 @@ impl Rules {
     /// What impulses and body forces add to velocities in a substep: a force acts as long as forces do, an impulse is given
     /// in the substeps in which it lasts, so that all of it is. Formulas are worked out here as far as they do not
     /// depend on the particle.
-    pub fn pushes(&self, substep: &Substep) -> Pushes<'_> {
+    pub(crate) fn pushes(&self, substep: &Substep) -> Pushes<'_> {
         let impulses = self.impulses.iter().filter_map(|impulse| {
             let lasts = overlap(&impulse.span, substep.time, substep.time + substep.dt);
             (lasts > 0.0).then(|| (&impulse.members, impulse.rate.map(|rate| lasts * rate)))
@@ -364,6 +396,13 @@ impl Rules {
             impulses: impulses.collect(),
             forces: forces.collect(),
             commanded: &self.commanded,
+            springs: {
+                let [time, kick] = [substep.time, substep.kick];
+                let springs = self.springs.iter();
+                springs
+                    .map(|spring| (spring, spring.kick_of_particles(time, kick)))
+                    .collect()
+            },
             kick: substep.kick,
             dt: substep.dt,
         }
@@ -373,7 +412,27 @@ impl Rules {
     pub fn push_in(&self, substep: &Substep) -> bool {
         let acts = |i: &Impulse| overlap(&i.span, substep.time, substep.time + substep.dt) > 0.0;
         let forces = !self.accelerations.is_empty() || !self.commanded.is_empty();
-        forces || self.impulses.iter().any(acts)
+        forces || !self.springs.is_empty() || self.impulses.iter().any(acts)
+    }
+
+    /// Moments within a span at which something begins or ends to be prescribed, or pushed [s].
+    pub(crate) fn changes(&self, start: f64, end: f64) -> Vec<f64> {
+        let ends = |span: &TimeSpan| [span.start, span.end];
+        let prescribed = self.prescribed.iter().flat_map(|rule| ends(&rule.span));
+        let impulses = self.impulses.iter().flat_map(|rule| ends(&rule.span));
+        let releases = self.releases.iter().flat_map(|rule| {
+            let layer = (rule.span.end - rule.span.start) / rule.layers;
+            let layers = (0..=rule.layers as u32).map(move |n| f64::from(n) * layer);
+            layers.map(|passed| rule.span.start + passed)
+        });
+        let all = prescribed.chain(impulses).chain(releases);
+        all.filter(|time| start < *time && *time < end).collect()
+    }
+
+    /// Whether what is prescribed, or pushes, may vary between such moments.
+    pub(crate) fn vary(&self) -> bool {
+        let turns = |rule: &Prescribed| rule.field.angular != [0.0; 3];
+        self.prescribed.iter().any(turns) || !self.accelerations.is_empty()
     }
 
     /// Momentum that impulses and commanded forces give to every object from `start` to `end` [kg m/s].

@@ -3,8 +3,9 @@
 //! In the collider's frame the particle goes straight from where it was to where it wants to be. Where that
 //! segment meets the surface, the velocity condition acts and the rest of the way is gone with what is left.
 
-use super::{Placed, pose::rotate, shape::Shape};
+use super::{Placed, shape::Shape};
 use crate::mat3::dot;
+use crate::rotation::rotate;
 
 /// Distance that particles keep from surfaces [cells]: a thousand times the round-off of positions.
 pub(crate) const SKIN: f64 = 1e-3;
@@ -15,7 +16,7 @@ const BOUNCES: usize = 4;
 
 /// A particle during a substep, in units of the solver.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Way {
+pub struct Way {
     /// Where it was.
     pub from: [f64; 3],
     /// Where it goes.
@@ -137,7 +138,7 @@ impl Placed<'_> {
         let normal = rotate(self.end.rotation, normal);
         let relative = self.contact().resolve(minus(way.v, u), normal);
         way.v = std::array::from_fn(|a| u[a] + relative[a]);
-        rotate(super::pose::conjugate(self.end.rotation), relative)
+        rotate(crate::rotation::conjugate(self.end.rotation), relative)
     }
 }
 

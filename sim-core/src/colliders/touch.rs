@@ -20,11 +20,11 @@ const ROUNDS: usize = 3;
 
 /// How much heavier particles with a prescribed velocity are on the grid: nodes that they reach then move as
 /// prescribed, whatever hangs on them. Below the inverse of single precision, so that nothing is lost.
-pub(crate) const ANCHOR: f64 = 1e4;
+pub const ANCHOR: f64 = 1e4;
 
 /// Everything that acts on particles around one transfer.
 #[derive(Clone, Debug)]
-pub(crate) struct ParticleConditions<'a> {
+pub struct ParticleConditions<'a> {
     bodies: Vec<Placed<'a>>,
     frictions: &'a Frictions,
     rules: &'a Rules,
@@ -38,6 +38,8 @@ pub(crate) struct ParticleConditions<'a> {
     /// What impulses and body forces give in the next substep, when any acts.
     pushes: Option<Arc<Pushes<'a>>>,
     cell: f64,
+    /// Metres per unit.
+    unit: f64,
     /// Approach speed below which nothing is given back: that of a fall through one cell [units/s].
     resting_speed: f64,
 }
@@ -46,7 +48,7 @@ pub(crate) struct ParticleConditions<'a> {
 /// whatever is there, and have no more velocity than its surface allows. After the compatible particle-in-cell method
 /// of Hu et al. 2018, with the wall's condition in place of the particle's own velocity.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Ghost<'a> {
+pub struct Ghost<'a> {
     wall: Placed<'a>,
     point: [f64; 3],
     normal: [f64; 3],
@@ -73,8 +75,10 @@ impl Ghost<'_> {
 
 /// A particle after what acted on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ConditionedParticle {
+pub struct ConditionedParticle {
+    /// Its position.
     pub x: [f64; 3],
+    /// Its velocity.
     pub v: [f64; 3],
     /// New affine velocity, where motion is prescribed.
     pub affine: Option<[f64; 9]>,
@@ -108,6 +112,7 @@ impl<'a> ParticleConditions<'a> {
             holds_next,
             pushes: pushed.then(|| Arc::new(rules.pushes(&next))),
             cell: boundaries.cell,
+            unit: boundaries.unit,
             resting_speed: {
                 let g = dot(gravity, gravity).sqrt() / boundaries.unit;
                 (2.0 * g * boundaries.cell).sqrt()
@@ -177,6 +182,9 @@ impl<'a> ParticleConditions<'a> {
 
     /// What becomes of a particle that the grid moves along `way`; none when nothing acts on it.
     pub fn after(&self, id: u32, mut way: Way) -> Option<ConditionedParticle> {
+        if let Some(pushes) = &self.pushes {
+            pushes.settle(id, way.v, self.unit);
+        }
         if self.holds_now
             && let Some(field) = self.rules.field(self.pins, &self.now, id)
         {
@@ -219,7 +227,9 @@ impl<'a> ParticleConditions<'a> {
                 affine: Some(field.gradient()),
             });
         }
-        let push = self.pushes.as_ref()?.on(id);
+        let pushes = self.pushes.as_ref()?;
+        let (push, pull) = (pushes.on(id), pushes.pull(id, x, v, self.unit));
+        let push: [f64; 3] = std::array::from_fn(|a| push[a] + pull[a]);
         (push != [0.0; 3]).then(|| ConditionedParticle {
             x,
             v: std::array::from_fn(|a| v[a] + push[a]),

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    ledger::Ledger,
+    ledger::{Ledger, PairExchange},
     motion::Motion,
     sites::{ContactBlock, unit},
     solve::{Exchange, Solved},
@@ -97,9 +97,6 @@ pub(crate) struct Episodes {
     pub ledger: Ledger,
 }
 
-/// What a pair of fields exchanged.
-pub(crate) type PairExchange = ([u32; 2], Exchange);
-
 /// Exchanges per pair of fields, by fields.
 pub(super) fn by_pair(sites: &[ContactBlock], solved: &[Solved]) -> Vec<PairExchange> {
     let exchanged = solved.iter().flat_map(|place| &place.exchanged);
@@ -122,6 +119,12 @@ pub(super) fn by_pair(sites: &[ContactBlock], solved: &[Solved]) -> Vec<PairExch
 }
 
 impl Episodes {
+    /// The objects of all pairs.
+    pub fn fields(&self) -> impl Iterator<Item = u32> {
+        let open = self.open.iter().flat_map(|episode| episode.fields);
+        open.chain(self.closed.iter().flat_map(|closed| closed.fields))
+    }
+
     /// Takes what is to be reported.
     pub fn take_closed(&mut self) -> Vec<Closed> {
         std::mem::take(&mut self.closed)

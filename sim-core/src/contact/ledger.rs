@@ -1,12 +1,16 @@
-//! Who exchanged which impulse during a frame: sums over its substeps, per pair.
+//! Who exchanged which impulse during a frame: sums over its substeps, per pair, and what springs gave.
 
 use std::collections::BTreeMap;
 
-use super::episodes::PairExchange;
+use super::solve::Exchange;
 use crate::{
+    colliders::springs::Given,
     mat3::length,
     report::{Contact, ContactPartner},
 };
+
+/// What a pair of fields exchanged.
+pub(crate) type PairExchange = ([u32; 2], Exchange);
 
 /// What one of a pair received from the other, once or in sum [N s, m].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,12 +48,16 @@ impl Received {
 
 /// The sums of a frame, by pairs: of two objects the lower one comes first.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Ledger(BTreeMap<(ContactPartner, usize), Received>);
+pub(crate) struct Ledger {
+    pairs: BTreeMap<(ContactPartner, usize), Received>,
+    /// Per object what springs gave it.
+    springs: BTreeMap<usize, Given>,
+}
 
 impl Ledger {
     /// Forgets all.
     pub fn clear(&mut self) {
-        self.0.clear();
+        *self = Self::default();
     }
 
     /// Adds what an object received from another, or from a collider.
@@ -64,13 +72,26 @@ impl Ledger {
             }
             other => ((other, object), 1.0),
         };
-        self.0.entry(key).or_default().add(received, sign);
+        self.pairs.entry(key).or_default().add(received, sign);
+    }
+
+    /// Adds what a spring gave to an object.
+    pub fn add_spring(&mut self, object: usize, given: &Given) {
+        self.springs.entry(object).or_default().add(given);
+    }
+
+    /// What springs gave, by the numbers of objects.
+    pub fn springs(&self) -> impl Iterator<Item = (usize, Given)> + '_ {
+        self.springs.iter().map(|(object, given)| (*object, *given))
     }
 
     /// Adds all of another.
     pub fn merge(&mut self, other: &Self) {
-        for (key, received) in &other.0 {
-            self.0.entry(*key).or_default().add(received, 1.0);
+        for (key, received) in &other.pairs {
+            self.pairs.entry(*key).or_default().add(received, 1.0);
+        }
+        for (object, given) in &other.springs {
+            self.add_spring(*object, given);
         }
     }
 
@@ -91,7 +112,7 @@ impl Ledger {
     /// Impulse that an object received from all others [N s].
     pub fn received(&self, object: usize) -> [f64; 3] {
         let mut sum = Received::default();
-        for ((other, first), received) in &self.0 {
+        for ((other, first), received) in &self.pairs {
             if *first == object {
                 sum.add(received, 1.0);
             } else if *other == ContactPartner::Object(object) {
@@ -103,7 +124,7 @@ impl Ledger {
 
     /// The pairs: of objects, then with colliders.
     pub fn contacts(&self) -> Vec<Contact> {
-        let contacts = self.0.iter().map(|(&(other, object), sum)| {
+        let contacts = self.pairs.iter().map(|(&(other, object), sum)| {
             let size = length(sum.normal_impulse);
             Contact {
                 object,

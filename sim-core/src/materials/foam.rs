@@ -9,7 +9,7 @@
 
 use super::{
     Coefficients,
-    hencky::{Flow, Strain, bulk_modulus},
+    strain::{Flow, Strain, bulk_modulus},
     von_mises::EQUIVALENT,
 };
 use crate::num::Real;

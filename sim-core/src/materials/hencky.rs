@@ -14,6 +14,7 @@ use super::{
     limits::max_stretch_squared_of,
     plasticine,
     series::{LOG_BOUND, TRACE_BOUND, exp_minus_identity, half_log},
+    strain::{Flow, STRETCH_MIN, Strain, bulk_modulus},
     svd::svd,
     von_mises,
 };
@@ -21,44 +22,6 @@ use crate::{
     mat3::{Mat3, Sym3},
     num::Real,
 };
-
-/// Smallest principal stretch whose logarithm is taken. Smaller and negative ones (an inverted element) are set
-/// to it, in the stored state as well: the way back starts from there.
-pub const STRETCH_MIN: f64 = 0.05;
-
-/// A strain as flow rules see it.
-#[derive(Clone, Copy, Debug)]
-pub struct Strain<R> {
-    /// `tr eps`.
-    pub trace: R,
-    /// `|dev eps|` (Frobenius).
-    pub deviator: R,
-    /// The law's own number before the flow.
-    pub memory: R,
-    /// Length of the substep [s].
-    pub dt: R,
-}
-
-/// What a flow rule makes of a strain.
-#[derive(Clone, Copy, Debug)]
-pub struct Flow<R: Real> {
-    /// `tr eps` after the flow.
-    pub trace: R,
-    /// `|dev eps|` after the flow.
-    pub deviator: R,
-    /// The law's own number after the flow.
-    pub memory: R,
-    /// Mean Kirchhoff stress `tr(tau) / 3` [Pa].
-    pub mean: R,
-    /// Lanes whose strain has changed.
-    pub flows: R::Mask,
-}
-
-/// `K = lambda + 2 mu / 3` [Pa].
-#[inline(always)]
-pub fn bulk_modulus<R: Real>(k: &Coefficients<R>) -> R {
-    k.mu.mul_add(R::splat(2.0 / 3.0), k.lambda)
-}
 
 /// The law's rule; laws that do not belong here stay elastic.
 #[inline(always)]

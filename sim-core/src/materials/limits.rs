@@ -1,6 +1,6 @@
 //! Largest stable time step of a material in closed form.
 
-use super::{Law, Material, fluid, hencky};
+use super::{Law, Material, fluid, strain};
 use crate::{
     mat3::{Mat3, Sym3},
     num::Real,
@@ -66,7 +66,7 @@ pub fn critical_dt(material: &Material, rho0: f64, dx: f64, bounds: &Deformation
         | Law::Foam { .. }
         | Law::Plasticine { .. } => {
             // Shear between axes whose logarithmic stretches differ by x turns them: 2 mu x coth(x).
-            let least = (bounds.min_j / (s * s)).max(hencky::STRETCH_MIN);
+            let least = (bounds.min_j / (s * s)).max(strain::STRETCH_MIN);
             let x = (s / least).ln().max(1e-6);
             3.0 * lambda + 2.0 * mu * x / x.tanh()
         }

@@ -8,12 +8,12 @@ pub mod hencky;
 pub mod laws;
 pub mod limits;
 pub mod neo_hookean;
+pub mod piola;
 pub mod plasticine;
 pub mod polar;
-pub mod presets;
 pub mod series;
 pub mod snow;
-pub mod stated;
+pub mod strain;
 pub mod svd;
 pub mod von_mises;
 

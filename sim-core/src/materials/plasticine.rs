@@ -8,7 +8,7 @@
 
 use super::{
     Coefficients,
-    hencky::{Flow, Strain, bulk_modulus},
+    strain::{Flow, Strain, bulk_modulus},
     von_mises,
 };
 use crate::num::Real;

@@ -6,7 +6,7 @@
 
 use super::{
     Coefficients,
-    hencky::{Flow, Strain, bulk_modulus},
+    strain::{Flow, Strain, bulk_modulus},
 };
 use crate::num::Real;
 

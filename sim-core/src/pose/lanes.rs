@@ -45,6 +45,8 @@ impl RestGroup {
 pub(super) struct Shared<'a> {
     /// Particles' shares.
     pub carriers: &'a [F32x16],
+    /// The particle that the first of them belongs to.
+    pub first: u32,
     /// Rotations, xyzw.
     pub placements: &'a [[F32x16; 4]],
     /// Whether poses are written past the caches.
@@ -134,7 +136,9 @@ fn kernel<V: Lanes>(
     for lane in 0..LANES {
         let mut sum = V::broadcast(0.0);
         for k in 0..BINDING_NEIGHBORS {
-            let carrier = V::load(&carriers[group.particle[lane][k] as usize]);
+            // Lanes of other objects follow particles that are not here; nobody reads them.
+            let particle = group.particle[lane][k].wrapping_sub(shared.first);
+            let carrier = V::load(carriers.get(particle as usize).unwrap_or(&F32x16::ZERO));
             sum = carrier.mul_add(V::broadcast(group.weight[lane][k]), sum);
         }
         sum.store(&mut deformation[lane]);

@@ -205,6 +205,23 @@ fn labels_come_back_and_nothing_is_written_beyond_the_scene() {
 }
 
 #[test]
+fn parts_of_a_frame_have_the_bits_of_the_whole() {
+    let scene = scene(333);
+    let position: Vec<_> = (0..64_u16).map(|i| [f32::from(i).sin(); 3]).collect();
+    let deformation: Vec<[f32; 9]> = (0..64_u16)
+        .map(|i| std::array::from_fn(|j| f32::from(i + 7 * j as u16).cos()))
+        .collect();
+    let poses = Poses::new(&scene, labels);
+    let mut whole = vec![GaussianPose::default(); 333];
+    poses.write(&position, &deformation, &mut whole);
+    for range in [0..7, 7..8, 8..32, 32..48, 47..300, 300..333, 5..5, 0..333] {
+        let mut part = vec![GaussianPose::default(); range.len()];
+        poses.write_part(range.clone(), 0, &position, &deformation, &mut part);
+        assert_eq!(part, whole[range.clone()], "{range:?}");
+    }
+}
+
+#[test]
 fn every_instruction_set_gives_the_same_bits() {
     // The last group is not full, and the larger scene is written past the caches.
     for count in [333, STREAMED / size_of::<GaussianPose>() + 5] {

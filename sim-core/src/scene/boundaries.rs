@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::{Scene, TurnedBox};
-use crate::{colliders::pose::from_rotation_vector, mat3::dot};
+use crate::{mat3::dot, rotation::from_rotation_vector};
 
 /// Part of the simulated time, `start <= t < end` [s].
 #[derive(Clone, Copy, Debug, PartialEq)]

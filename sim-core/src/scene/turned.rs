@@ -1,7 +1,7 @@
 //! A box that need not lie along the axes.
 
 use super::{Aabb, Pose};
-use crate::colliders::pose::{conjugate, rotate};
+use crate::rotation::{conjugate, rotate};
 
 /// Box turned about its middle.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -74,6 +74,33 @@ impl Avx2 {
     }
 }
 
+/// [`Lanes::shift_in_quarters`] of eight lanes.
+///
+/// # Safety
+/// AVX2 must be there.
+#[inline(always)]
+unsafe fn shift_in_quarters<const N: i32>(a: __m256, b: __m256) -> __m256 {
+    // SAFETY: the caller vouches for AVX2.
+    unsafe {
+        let (a, b) = (_mm256_castps_si256(a), _mm256_castps_si256(b));
+        _mm256_castsi256_ps(match N {
+            1 => _mm256_alignr_epi8::<4>(b, a),
+            2 => _mm256_alignr_epi8::<8>(b, a),
+            _ => _mm256_alignr_epi8::<12>(b, a),
+        })
+    }
+}
+
+/// The second half of `a` and the first of `b`.
+///
+/// # Safety
+/// AVX2 must be there.
+#[inline(always)]
+unsafe fn middle(a: __m256, b: __m256) -> __m256 {
+    // SAFETY: the caller vouches for AVX2.
+    unsafe { _mm256_permute2f128_ps::<0x21>(a, b) }
+}
+
 impl Real for Avx2 {
     type Mask = Mask;
 
@@ -293,6 +320,27 @@ impl Lanes for Avx2 {
                 Self(lo[2], hi[2]),
                 Self(lo[3], hi[3]),
             ]
+        }
+    }
+    #[inline(always)]
+    fn shift_in_quarters<const N: i32>(self, next: Self) -> Self {
+        // SAFETY: AVX2 was detected (module text).
+        unsafe {
+            Self(
+                shift_in_quarters::<N>(self.0, next.0),
+                shift_in_quarters::<N>(self.1, next.1),
+            )
+        }
+    }
+    #[inline(always)]
+    fn shift_quarters<const N: i32>(self, next: Self) -> Self {
+        // SAFETY: AVX2 was detected (module text).
+        unsafe {
+            match N {
+                1 => Self(middle(self.0, self.1), middle(self.1, next.0)),
+                2 => Self(self.1, next.0),
+                _ => Self(middle(self.1, next.0), middle(next.0, next.1)),
+            }
         }
     }
     #[inline(always)]

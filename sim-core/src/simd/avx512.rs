@@ -241,6 +241,30 @@ impl Lanes for Avx512 {
         }
     }
     #[inline(always)]
+    fn shift_in_quarters<const N: i32>(self, next: Self) -> Self {
+        // SAFETY: AVX-512 was detected (module text).
+        Self(unsafe {
+            let (a, b) = (_mm512_castps_si512(self.0), _mm512_castps_si512(next.0));
+            _mm512_castsi512_ps(match N {
+                1 => _mm512_alignr_epi8::<4>(b, a),
+                2 => _mm512_alignr_epi8::<8>(b, a),
+                _ => _mm512_alignr_epi8::<12>(b, a),
+            })
+        })
+    }
+    #[inline(always)]
+    fn shift_quarters<const N: i32>(self, next: Self) -> Self {
+        // SAFETY: AVX-512 was detected (module text).
+        Self(unsafe {
+            let (a, b) = (_mm512_castps_si512(self.0), _mm512_castps_si512(next.0));
+            _mm512_castsi512_ps(match N {
+                1 => _mm512_alignr_epi32::<4>(b, a),
+                2 => _mm512_alignr_epi32::<8>(b, a),
+                _ => _mm512_alignr_epi32::<12>(b, a),
+            })
+        })
+    }
+    #[inline(always)]
     fn transpose(rows: &[F32x16; LANES]) -> [Self; LANES] {
         // Rows 4g..4g+4 are transposed within quarters, then the 4x4 matrix of quarters across g.
         let mut inner = [[Self::broadcast(0.0); 4]; 4];

@@ -4,8 +4,10 @@
 //! lanes have one fixed order, so the choice of instruction set never shows in a result.
 
 mod dispatch;
+mod fused;
 mod isa;
 mod pair;
+mod peak;
 mod portable;
 
 #[cfg(target_arch = "x86_64")]
@@ -21,8 +23,10 @@ pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::Avx512;
 pub(crate) use dispatch::on_isa;
+pub(crate) use fused::fused;
 pub use isa::{Isa, UnknownIsa};
 pub(crate) use pair::Pair;
+pub use peak::multiply_adds;
 pub(crate) use portable::Portable;
 
 use bytemuck::{Pod, Zeroable};
@@ -90,6 +94,10 @@ pub(crate) trait Lanes: Real {
     /// Transposes the 4x4 matrix that each quarter position forms across four vectors: vector `r`, quarter `q`
     /// of the result holds lane `4 q + r` of the four arguments.
     fn transpose_quarters(rows: [Self; 4]) -> [Self; 4];
+    /// In every quarter, lanes `N..4` and then the first `N` lanes of that quarter of `next`; `N` is 1, 2 or 3.
+    fn shift_in_quarters<const N: i32>(self, next: Self) -> Self;
+    /// Quarters `N..4` and then the first `N` quarters of `next`; `N` is 1, 2 or 3.
+    fn shift_quarters<const N: i32>(self, next: Self) -> Self;
     /// Transposes a 16x16 matrix of rows in memory.
     fn transpose(rows: &[F32x16; LANES]) -> [Self; LANES];
     /// Bits of the lanes as integers, written to memory.

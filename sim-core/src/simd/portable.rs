@@ -210,6 +210,22 @@ impl Lanes for Portable {
         array::from_fn(|r| Self(array::from_fn(|i| rows[i % 4].0[i / 4 * 4 + r])))
     }
     #[inline(always)]
+    fn shift_in_quarters<const N: i32>(self, next: Self) -> Self {
+        let n = N as usize;
+        Self(array::from_fn(|i| {
+            let from = if i % 4 + n < 4 { &self } else { &next };
+            from.0[i / 4 * 4 + (i + n) % 4]
+        }))
+    }
+    #[inline(always)]
+    fn shift_quarters<const N: i32>(self, next: Self) -> Self {
+        let n = 4 * N as usize;
+        Self(array::from_fn(|i| {
+            let from = if i + n < LANES { &self } else { &next };
+            from.0[(i + n) % LANES]
+        }))
+    }
+    #[inline(always)]
     fn transpose(rows: &[F32x16; LANES]) -> [Self; LANES] {
         array::from_fn(|r| Self(array::from_fn(|i| rows[i].0[r])))
     }

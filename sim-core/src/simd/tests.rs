@@ -33,6 +33,12 @@ fn exercise<V: Lanes>() -> Vec<u32> {
         v[5].larger_magnitude(v[6]),
         V::broadcast(f32::NAN).larger_magnitude(v[6]),
         V::sum_quarters([v[0], v[1], v[2], v[3]]),
+        v[0].shift_in_quarters::<1>(v[1]),
+        v[0].shift_in_quarters::<2>(v[1]),
+        v[0].shift_in_quarters::<3>(v[1]),
+        v[0].shift_quarters::<1>(v[1]),
+        v[0].shift_quarters::<2>(v[1]),
+        v[0].shift_quarters::<3>(v[1]),
         // SAFETY: one element is 16 floats long.
         unsafe { V::repeat_quarter(rows[7].0.as_ptr().add(3)) },
         // SAFETY: two neighbouring elements are 32 floats long.
@@ -69,6 +75,14 @@ fn portable_shuffles_do_what_their_names_say() {
     // Lane 4 q + r = 4 * 2 + 1 = 9 of the four arguments.
     assert_eq!(lanes(quads[1])[8..12], [9.0, 109.0, 209.0, 309.0]);
     assert_eq!(lanes(v(0).spread())[4..9], [5.0, 5.0, 5.0, 5.0, 10.0]);
+    assert_eq!(
+        lanes(v(0).shift_in_quarters::<3>(v(1)))[4..8],
+        [7.0, 104.0, 105.0, 106.0]
+    );
+    assert_eq!(
+        lanes(v(0).shift_quarters::<1>(v(1)))[10..14],
+        [14.0, 15.0, 100.0, 101.0]
+    );
     assert_eq!(
         lanes(Portable::sum_quarters([v(0), v(1), v(2), v(3)]))[4],
         100.0 + 104.0 + 108.0 + 112.0

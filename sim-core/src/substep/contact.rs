@@ -21,7 +21,7 @@ pub(super) fn contact(
     motion: &GridMotion,
     grid: &mut Grid,
     episodes: &mut Episodes,
-    Tally { timings, work }: &mut Tally,
+    Tally { timings, work, .. }: &mut Tally,
 ) -> f32 {
     let (given, now) = (&at.given, &at.now);
     let model = given.model;

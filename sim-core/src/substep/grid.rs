@@ -62,7 +62,7 @@ pub(super) fn field_passes(
                 dt,
                 elapsed,
                 is_inactive,
-                keep: scene.conditions.damping_factor(kick) as f32,
+                keep: given.model.velocity_kept(kick) as f32,
                 frame_velocity: own,
                 shift: match (is_inactive, at.ends_coarse()) {
                     (false, _) => shift(own),
@@ -150,7 +150,7 @@ pub(super) fn grid_pass(
     at: &Context<'_>,
     input: &NodeInput<'_>,
     grid: &mut Grid,
-    Tally { timings, work }: &mut Tally,
+    Tally { timings, work, .. }: &mut Tally,
 ) -> f32 {
     let active = grid.nodes.iter();
     let active = active.filter(|node| !input.passes[node.field as usize].is_inactive);

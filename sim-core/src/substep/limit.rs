@@ -88,10 +88,12 @@ pub(super) fn limit_of(given: &Given<'_>, part: usize, extremes: &Extremes) -> L
     limit
 }
 
-/// Smallest substep that is planned in a frame of this length [s]: beyond it, what demands it is left to the guard.
+/// Smallest substep that is planned or tried in a frame of this length [s]: beyond it, what demands it is left to the guard.
+/// A step that is shorter than the scene's frame takes none that are smaller for that.
 pub(crate) fn smallest_dt(given: &Given<'_>, length: f64) -> f64 {
     let at_rest = given.model.constants.rest_dt.iter().enumerate();
     let at_rest = at_rest.filter(|(id, _)| given.is_simulated(*id));
     let shortest = at_rest.map(|(_, dt)| *dt).fold(f64::INFINITY, f64::min);
-    (given.model.scene.cfl * shortest / 64.0).min(length / 65_536.0)
+    let frame = length.max(1.0 / given.model.scene.frame_rate);
+    (given.model.scene.cfl * shortest / 64.0).min(frame / 65_536.0)
 }

@@ -44,7 +44,7 @@ pub(crate) fn choose_rates(
 ) -> Rates {
     let given = &Given::new(model, state);
     let objects = model.scene.objects.len();
-    if !(0..objects).any(|id| model.is_automatic(id)) {
+    if !(0..objects).any(|id| given.is_automatic(id)) {
         return Rates::fine();
     }
     let Demand {
@@ -54,7 +54,7 @@ pub(crate) fn choose_rates(
     } = Demand::of_objects(given, &state.matter);
     let total: f64 = counts.iter().sum();
     for (object, own) in own_dt.iter_mut().enumerate() {
-        let is_free = || model.is_automatic(object) && !given.is_ruled(object);
+        let is_free = || given.is_automatic(object) && !given.is_ruled(object);
         if *own < 2.0 * shortest || counts[object] == 0.0 || !is_free() {
             *own = 0.0;
         }

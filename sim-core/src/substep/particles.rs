@@ -5,6 +5,7 @@ use super::{
     limit::{MAX_STRAIN, MAX_TRAVEL},
     rates::Rate,
     schedule::{Context, Schedule},
+    springs::forget_springs,
     tally::{Tally, timed},
 };
 use crate::{
@@ -75,9 +76,10 @@ pub(super) fn scatter(
     matter: &mut Matter,
     motion: &GridMotion,
     workspace: &mut Workspace,
-    Tally { timings, work }: &mut Tally,
+    Tally { timings, work, .. }: &mut Tally,
 ) -> Result<(), Failure> {
     timed(&mut timings.particles, || {
+        forget_springs(&at.given);
         let groups = Groups::new(at, None, motion);
         let findings = pass(at, Stage::Scatter, &groups, matter, motion, workspace);
         work.particle_to_grid += moved(at, matter, &groups.of);
@@ -98,7 +100,7 @@ pub(super) fn gather(
     matter: &mut Matter,
     motion: &GridMotion,
     workspace: &mut Workspace,
-    Tally { timings, work }: &mut Tally,
+    Tally { timings, work, .. }: &mut Tally,
 ) -> Result<(), Failure> {
     timed(&mut timings.particles, || {
         let groups = Groups::new(at, Some(next), motion);
@@ -150,7 +152,7 @@ fn pass(
         kick: next.kick,
         frame_velocity: motion.frame_velocity,
         next_frame_velocity: given.frame_velocity_after(motion.frame_velocity, next.kick),
-        next_keep: conditions.damping_factor(next.kick),
+        next_keep: model.velocity_kept(next.kick),
         affine_kept: conditions.affine_kept(),
         // Of coupled objects those forces that do not depend on velocities come by themselves.
         laws: match rate {

@@ -2,7 +2,11 @@
 
 use std::time::Instant;
 
-use crate::report::{Timings, Work};
+use super::limit::Limit;
+use crate::{
+    bodies::impact_time::SearchEffort,
+    report::{Timings, Work},
+};
 
 /// Time and operations of a frame, those taken back included.
 #[derive(Clone, Copy, Debug, Default)]
@@ -11,6 +15,31 @@ pub(crate) struct Tally {
     pub timings: Timings,
     /// Operations.
     pub work: Work,
+    /// What moving solids came to.
+    pub solids: Moved,
+    /// What the search for impacts of rigid bodies took.
+    pub effort: SearchEffort,
+}
+
+/// What moving solids came to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Moved {
+    /// Substeps of the one that took most.
+    pub substeps: u64,
+    /// The smallest substep, where there is more than one.
+    pub limit: Limit,
+    /// Spans that were undone.
+    pub rollbacks: u32,
+}
+
+impl Default for Moved {
+    fn default() -> Self {
+        Self {
+            substeps: 0,
+            limit: Limit::FRAME,
+            rollbacks: 0,
+        }
+    }
 }
 
 /// Adds the wall time of a phase to a sum [s].

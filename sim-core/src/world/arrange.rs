@@ -44,9 +44,15 @@ impl World {
         let particles = &self.state.matter.particles;
         let concerned = &mut self.workspace.concerned;
         concerned.clear();
-        if !self.model.rules.are_empty(&self.state.commanded.pins) {
+        let (pins, grabs) = (&self.state.commanded.pins, &self.state.commanded.grabs);
+        if !self.model.rules.are_empty(pins) || !grabs.is_empty() {
+            let is_held = |id: &u32| {
+                grabs
+                    .iter()
+                    .any(|grab| grab.particles.binary_search(id).is_ok())
+            };
             let named = |id: &u32| {
-                *id != NO_PARTICLE && self.model.rules.concern(&self.state.commanded.pins, *id)
+                *id != NO_PARTICLE && (self.model.rules.concern(pins, *id) || is_held(id))
             };
             concerned.extend(particles.blocks.iter().map(|block| {
                 let mut fixed = particles.fixed[block.groups.clone()].iter();

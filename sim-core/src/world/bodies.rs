@@ -5,26 +5,19 @@ use super::{World, frame::Frame};
 use crate::{
     bodies::{
         body::Body,
-        shape::{Grain, Shape, frame as frame_of, of_cubes},
+        grain::{Grain, of_cubes},
+        shape::{Shape, frame as frame_of},
     },
     mat3::{Mat3, cross},
     particles::{BLOCK, Block},
     report::ObjectState,
     scene::{Fidelity, Part},
-    state::rigid::{Member, RigidBody},
+    state::{
+        RigidBodies,
+        away::Loose,
+        rigid::{Member, RigidBody},
+    },
 };
-
-/// A particle on its way into a body or out of it, in the world [m, s].
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Loose {
-    pub id: u32,
-    pub x: [f64; 3],
-    pub v: [f64; 3],
-    pub c: [f64; 9],
-    pub visible: [f32; 9],
-    pub elastic: [f32; 9],
-    pub memory: f32,
-}
 
 /// `r m` for a rotation and a row-major matrix.
 pub(super) fn turned(r: &Mat3<f64>, m: &[f32; 9]) -> [f32; 9] {
@@ -40,14 +33,14 @@ pub(super) fn attitude(body: &Body) -> Mat3<f64> {
     let column = |a: usize| {
         let mut axis = [0.0; 3];
         axis[a] = 1.0;
-        crate::colliders::pose::rotate(body.rotation, axis)
+        crate::rotation::rotate(body.rotation, axis)
     };
     Mat3::from_columns(column(0), column(1), column(2))
 }
 
 impl World {
     /// The shape of an object's body, from its members alone: the same whenever it is made.
-    fn shape_of(&self, object: usize, rigid: &RigidBody) -> Shape {
+    pub(super) fn shape_of(&self, object: usize, rigid: &RigidBody) -> Shape {
         let grains = rigid.members.iter();
         let grains: Vec<Grain> = grains
             .map(|member| self.model.grain(object, member.id, member.place))
@@ -55,10 +48,24 @@ impl World {
         Shape::new(&grains, rigid.own)
     }
 
-    /// Makes the shapes of all bodies anew.
-    pub(super) fn reshape(&mut self) {
+    /// Makes the shapes of all bodies, or takes those that the same particles had before: whoever goes back and forth
+    /// between states of a run need not wait for distances.
+    pub(super) fn reshape(&mut self, mut before: RigidBodies) {
         let objects = 0..self.model.scene.objects.len();
-        let shape = |id: usize| Some(self.shape_of(id, self.state.bodies.of[id].as_ref()?));
+        let shape = |id: usize| {
+            let rigid = self.state.bodies.of[id].as_ref()?;
+            let is_same = |old: &RigidBody| old.has_shape_of(rigid);
+            let is_same = before
+                .of
+                .get(id)
+                .is_some_and(|old| old.as_ref().is_some_and(is_same));
+            let known = before
+                .shapes
+                .get_mut(id)
+                .and_then(Option::take)
+                .filter(|_| is_same);
+            Some(known.unwrap_or_else(|| self.shape_of(id, rigid)))
+        };
         self.state.bodies.shapes = objects.map(shape).collect();
     }
 
@@ -108,6 +115,7 @@ impl World {
         };
         self.state.bodies.shapes[object] = Some(self.shape_of(object, &rigid));
         self.state.bodies.of[object] = Some(rigid);
+        self.sight.formed(object);
     }
 
     /// The particles of a body, with its momentum and angular momentum.
@@ -241,21 +249,21 @@ impl World {
         self.publish_body(object);
     }
 
-    /// The blocks of cells that a body may reach into, sorted.
-    pub(super) fn blocks_of_body(&self, object: usize) -> Option<Vec<Block>> {
-        let (rigid, shape) = (
-            self.state.bodies.of[object].as_ref()?,
-            self.state.bodies.shapes[object].as_ref()?,
-        );
+    /// Box around the ball that holds a body [m].
+    pub(super) fn box_of_body(&self, object: usize) -> Option<[[f64; 3]; 2]> {
+        let (rigid, shape) = self.state.bodies.get(object)?;
+        let com = rigid.body.com;
+        Some([com.map(|x| x - shape.radius), com.map(|x| x + shape.radius)])
+    }
+
+    /// The blocks of cells of an object in a box [m], sorted.
+    pub(super) fn blocks_in(&self, object: usize, bounds: [[f64; 3]; 2]) -> Vec<Block> {
         let edge = f64::from(BLOCK) * self.model.scene.dx;
-        let at = |a: usize, sign: f64| {
-            let x = (rigid.body.com[a] + sign * shape.radius) / edge;
-            x.floor().clamp(-1e6, 1e6) as i32
-        };
+        let [low, high] = bounds.map(|x| x.map(|x| (x / edge).floor().clamp(-1e6, 1e6) as i32));
         let mut blocks = Vec::new();
-        for i in at(0, -1.0)..=at(0, 1.0) {
-            for j in at(1, -1.0)..=at(1, 1.0) {
-                for k in at(2, -1.0)..=at(2, 1.0) {
+        for i in low[0]..=high[0] {
+            for j in low[1]..=high[1] {
+                for k in low[2]..=high[2] {
                     blocks.push(Block {
                         field: object as u32,
                         index: [i, j, k],
@@ -266,7 +274,7 @@ impl World {
                 }
             }
         }
-        Some(blocks)
+        blocks
     }
 
     /// Takes bodies out whose centre of mass has left the domain, or is nowhere.

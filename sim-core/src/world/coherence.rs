@@ -72,6 +72,43 @@ impl World {
         self.survey_speeds([0.0; 3]);
     }
 
+    /// Does the same for solids after `dt` [s]: for their nodes.
+    pub(super) fn cohere_solids(&mut self, dt: f64) {
+        let moving: Vec<usize> = (0..self.state.solids.len())
+            .filter(|&id| self.is_moving_solid(id))
+            .collect();
+        for id in moving {
+            let state = &mut self.state.solids[id];
+            let wanted = self.model.scene.objects[id].coherence;
+            let (Some(wanted), Some(solid), Some(state)) =
+                (wanted, &self.model.lagrangian[id], state)
+            else {
+                continue;
+            };
+            let grid = &solid.grid;
+            let about = state.shift;
+            let at: Vec<[f64; 3]> = (0..grid.mass.len())
+                .map(|n| {
+                    let x = state.position(grid, n);
+                    std::array::from_fn(|a| (x[a] - about[a]) / grid.dx)
+                })
+                .collect();
+            let mut sums = Sums::default();
+            for n in grid.nodes() {
+                let v = state.velocity_of(grid, n).map(|v| v / grid.dx);
+                sums.add_node(grid.mass[n], at[n], v);
+            }
+            let Some(mode) = Mode::nearest(&sums, wanted.mode) else {
+                continue;
+            };
+            let step = wanted.part(dt);
+            state.change_velocities(grid, |n, v| {
+                let goal = mode.at(at[n]);
+                std::array::from_fn(|a| v[a] + step * (grid.dx * goal[a] - v[a]))
+            });
+        }
+    }
+
     /// A fixed point of every object [cells].
     fn centers(&self) -> Vec<[f64; 3]> {
         let objects = self.report.objects.iter();

@@ -2,53 +2,25 @@
 
 use std::borrow::Cow;
 
-use super::World;
+use super::{
+    World,
+    bounds::{MAX_LENGTH, finite, within},
+    grab::Grasp,
+};
 use crate::{
     colliders::Path,
     command::{Action, Command, CommandError},
     mat3::{cross, length},
-    materials::{
-        Law, Material,
-        limits::{DeformationBounds, critical_dt},
-    },
+    materials::Material,
     particles::{NO_PARTICLE, position_in_cells},
-    scene::{ContactMethod, Fidelity, Pose},
+    scene::{Fidelity, Pose},
     simd::LANES,
 };
 
 /// Substeps of a frame that the fastest commanded motion may need.
 const MOTION_SUBSTEPS: f64 = 4096.0;
-/// Substeps of a frame that the stiffest commanded material may need at rest.
-const MATERIAL_SUBSTEPS: f64 = 65_536.0;
 /// Largest commanded gravity [m/s^2].
 const MAX_GRAVITY: f64 = 1e4;
-/// Largest coordinate of a commanded point, and radius [m].
-pub(super) const MAX_LENGTH: f64 = 1e6;
-
-pub(super) fn finite(field: &'static str, values: &[f64]) -> Result<(), CommandError> {
-    match values.iter().find(|value| !value.is_finite()) {
-        Some(&value) => Err(CommandError::NotFinite { field, value }),
-        None => Ok(()),
-    }
-}
-
-pub(super) fn within(
-    field: &'static str,
-    value: f64,
-    min: f64,
-    max: f64,
-) -> Result<(), CommandError> {
-    finite(field, &[value])?;
-    if (min..=max).contains(&value) {
-        return Ok(());
-    }
-    Err(CommandError::OutOfRange {
-        field,
-        value,
-        min,
-        max,
-    })
-}
 
 /// What an accepted action does to particles.
 pub(super) enum Effect<'a> {
@@ -87,6 +59,30 @@ pub(super) enum Effect<'a> {
         torque: [f64; 3],
         particles: Option<Vec<u32>>,
     },
+    /// A patch is taken hold of, dragged or let go.
+    Grasp {
+        object: usize,
+        grasp: Grasp,
+    },
+    /// A rigid motion of the object.
+    Place {
+        object: usize,
+        way: Pose,
+    },
+    Fidelity {
+        object: usize,
+        fidelity: Fidelity,
+    },
+    Remove {
+        object: usize,
+    },
+    /// The object is brought in after a rigid motion.
+    BringIn {
+        object: usize,
+        way: Pose,
+    },
+    Undo,
+    Redo,
     Save(u32),
     Restore(u32),
     Reset,
@@ -107,6 +103,9 @@ impl World {
         order.sort_by_key(|c| (c.apply_at_step, c.client, c.sequence));
         for command in order {
             if let Ok(effect) = self.effect(&command.action) {
+                if command.action.is_edit() {
+                    self.remember();
+                }
                 self.enact(effect);
             }
         }
@@ -140,10 +139,12 @@ impl World {
                 self.mass_of(object)?;
                 self.check_region(object, region)?;
                 self.check_material(object, material)?;
+                self.check_keeps_shape(object, material)?;
+                let material = Cow::Borrowed(material);
                 Ok(Effect::Material {
                     object,
                     region,
-                    material: Cow::Borrowed(material),
+                    material,
                 })
             }
             Action::SetGravity { gravity } => {
@@ -168,13 +169,13 @@ impl World {
                 point,
                 radius,
             } => self.force_at(object, force, point, radius),
-            Action::Save { snapshot } => {
-                let room = self.has_room_for(snapshot);
-                room.map(|()| Effect::Save(snapshot))
-            }
-            Action::Restore { snapshot } => {
-                let known = self.has_snapshot(snapshot);
-                known.map(|()| Effect::Restore(snapshot))
+            Action::Hold {
+                holder,
+                object,
+                ref change,
+            } => {
+                let grasp = self.checked_hold(holder, object, change)?;
+                Ok(Effect::Grasp { object, grasp })
             }
             Action::Pin {
                 object,
@@ -186,6 +187,47 @@ impl World {
                 Ok(Effect::Release { object })
             }
             Action::Reset => Ok(Effect::Reset),
+            Action::SetPose { .. }
+            | Action::SetFidelity { .. }
+            | Action::Remove { .. }
+            | Action::BringIn { .. }
+            | Action::Undo
+            | Action::Redo
+            | Action::Save { .. }
+            | Action::Restore { .. } => self.whole(action),
+        }
+    }
+
+    /// The same of what edits objects as a whole, and of what goes back to states.
+    fn whole<'a>(&self, action: &'a Action) -> Result<Effect<'a>, CommandError> {
+        match *action {
+            Action::SetPose { object, ref place } => {
+                let way = self.checked_place(object, place)?;
+                Ok(Effect::Place { object, way })
+            }
+            Action::BringIn { object, ref place } => {
+                let way = self.checked_entry(object, place)?;
+                Ok(Effect::BringIn { object, way })
+            }
+            Action::Remove { object } => {
+                self.check_present(object)?;
+                Ok(Effect::Remove { object })
+            }
+            Action::SetFidelity { object, fidelity } => {
+                self.check_fidelity(object, fidelity)?;
+                Ok(Effect::Fidelity { object, fidelity })
+            }
+            Action::Undo => self.can_go(true).map(|()| Effect::Undo),
+            Action::Redo => self.can_go(false).map(|()| Effect::Redo),
+            Action::Save { snapshot } => {
+                self.has_room_for(snapshot)?;
+                Ok(Effect::Save(snapshot))
+            }
+            Action::Restore { snapshot } => {
+                self.has_snapshot(snapshot)?;
+                Ok(Effect::Restore(snapshot))
+            }
+            ref other => self.effect(other),
         }
     }
 
@@ -305,6 +347,9 @@ impl World {
             return Err(CommandError::UnknownObject { object, count });
         };
         let mass = self.report.objects[object].mass;
+        if self.is_removed(object) {
+            return Err(CommandError::Removed { object });
+        }
         if o.fidelity == Fidelity::Static {
             return Err(CommandError::StaticObject { object });
         }
@@ -338,57 +383,6 @@ impl World {
         }
     }
 
-    fn check_material(&self, object: usize, material: &Material) -> Result<(), CommandError> {
-        material.check().map_err(|found| CommandError::OutOfRange {
-            field: found.key,
-            value: found.value,
-            min: found.min,
-            max: found.max,
-        })?;
-        let current = &self.model.scene.objects[object].material;
-        let (density, dx) = (current.density, self.model.scene.dx);
-        let room = self.model.scene.cfl * self.model.scene.frame_rate * MATERIAL_SUBSTEPS;
-        // The critical step goes with one over the square root of the moduli.
-        let stiffest = |soft: &Material| {
-            let substeps = room * critical_dt(soft, density, dx, &DeformationBounds::REST);
-            substeps * substeps
-        };
-        match material.law {
-            Law::Rigid if self.model.scene.contact.method == ContactMethod::ComSphere => {
-                Err(CommandError::RigidSphere { object })
-            }
-            Law::Rigid => Ok(()),
-            Law::Fluid {
-                bulk_modulus,
-                viscosity,
-            } => {
-                let soft = Material {
-                    law: Law::Fluid {
-                        bulk_modulus: 1.0,
-                        viscosity: 0.0,
-                    },
-                    ..material.clone()
-                };
-                let stiffest = stiffest(&soft).max(current.lambda());
-                within("bulk_modulus_pa", bulk_modulus, 0.0, stiffest)?;
-                within(
-                    "viscosity_pa_s",
-                    viscosity,
-                    0.0,
-                    room * density * dx * dx / 4.0,
-                )
-            }
-            _ => {
-                let soft = Material {
-                    youngs_modulus: 1.0,
-                    ..material.clone()
-                };
-                let stiffest = stiffest(&soft).max(current.youngs_modulus);
-                within("youngs_modulus", material.youngs_modulus, 0.0, stiffest)
-            }
-        }
-    }
-
     /// Simulated particles of an object within `radius` of `point` [m], ascending; the nearest when there are
     /// none.
     pub(super) fn within_reach(&self, object: usize, point: [f64; 3], radius: f64) -> Vec<u32> {
@@ -417,13 +411,15 @@ impl World {
             | Effect::Material { object, .. }
             | Effect::Pin { object, .. }
             | Effect::Force { object, .. }
+            | Effect::Grasp { object, .. }
             | Effect::Release { object } => {
                 self.wake(object);
                 self.restore_particles(object);
             }
             Effect::Gravity(_) => self.wake_all(),
             // What a collider comes near is woken when the frame begins; a reset forgets all sleep.
-            Effect::Path { .. } | Effect::Save(_) | Effect::Restore(_) | Effect::Reset => {}
+            // Edits of objects wake what they must.
+            _ => {}
         }
         match effect {
             Effect::Push {
@@ -440,7 +436,7 @@ impl World {
                 object,
                 region,
                 material,
-            } => self.set_material(object, region, &material),
+            } => self.change_material(object, region, &material),
             Effect::Gravity(gravity) => self.state.commanded.gravity = gravity,
             Effect::Path { collider, path } => {
                 self.state.commanded.paths[collider] = Some(path);
@@ -462,6 +458,13 @@ impl World {
                 torque,
                 particles,
             } => self.hold_force(object, force, torque, particles.as_deref()),
+            Effect::Grasp { grasp, .. } => self.change_grabs(grasp),
+            Effect::Place { object, way } => self.put_elsewhere(object, &way),
+            Effect::Fidelity { object, fidelity } => self.recast(object, fidelity),
+            Effect::Remove { object } => self.remove(object),
+            Effect::BringIn { object, way } => self.bring_in(object, &way),
+            Effect::Undo => self.go(true),
+            Effect::Redo => self.go(false),
             Effect::Save(snapshot) => self.save(snapshot),
             Effect::Restore(snapshot) => self.bring_back_snapshot(snapshot),
             Effect::Reset => {
@@ -475,6 +478,7 @@ impl World {
     /// Adds `change` [m/s] to the velocity of an object's particles, all or those listed.
     fn push(&mut self, object: usize, change: [f64; 3], particles: Option<&[u32]>) {
         self.push_body(object, change, particles);
+        self.push_solid(object, change, particles);
         let cells = change.map(|v| (v / self.model.scene.dx) as f32);
         self.add_velocity(object, cells, particles);
         let mass = match particles {
@@ -515,6 +519,7 @@ impl World {
     fn set_velocity(&mut self, object: usize, linear: [f64; 3], angular: [f64; 3]) {
         let dx = self.model.scene.dx;
         let state = self.report.objects[object];
+        self.set_solid_velocity(object, linear, angular);
         if let Some(body) = self.state.bodies.of[object].as_ref().map(|r| r.body) {
             let r = std::array::from_fn(|a| body.com[a] - state.com[a]);
             let turn = cross(angular, r);

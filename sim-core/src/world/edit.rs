@@ -2,24 +2,104 @@
 
 use std::collections::BTreeMap;
 
-use super::{World, bodies::Loose};
+use super::{World, bounds::within};
 use crate::{
+    command::CommandError,
     mat3::Mat3,
-    materials::{Law, Material},
+    materials::{
+        Law, Material,
+        limits::{DeformationBounds, critical_dt},
+    },
     particles::{Extremes, NO_PARTICLE, Particles, Run, position_in_cells},
-    scene::Part,
+    scene::{ContactMethod, Part},
     simd::LANES,
+    state::away::Loose,
     step::sort::{Newcomer, place},
 };
 
+/// Substeps of a frame that the stiffest commanded material may need at rest.
+const MATERIAL_SUBSTEPS: f64 = 65_536.0;
+
 impl World {
-    /// Gives an object, or one of its regions, a new material.
-    pub(super) fn set_material(
+    pub(super) fn check_material(
+        &self,
+        object: usize,
+        material: &Material,
+    ) -> Result<(), CommandError> {
+        material.check().map_err(|found| CommandError::OutOfRange {
+            field: found.key,
+            value: found.value,
+            min: found.min,
+            max: found.max,
+        })?;
+        if self.model.lagrangian[object].is_some() && !material.law.has_piola() {
+            let law = material.law.name();
+            return Err(CommandError::NotElastic { object, law });
+        }
+        let current = &self.model.scene.objects[object].material;
+        let (density, dx) = (current.density, self.model.scene.dx);
+        let room = self.model.scene.cfl * self.model.scene.frame_rate * MATERIAL_SUBSTEPS;
+        // The critical step goes with one over the square root of the moduli.
+        let stiffest = |soft: &Material| {
+            let substeps = room * critical_dt(soft, density, dx, &DeformationBounds::REST);
+            substeps * substeps
+        };
+        match material.law {
+            Law::Rigid if self.model.scene.contact.method == ContactMethod::ComSphere => {
+                Err(CommandError::RigidSphere { object })
+            }
+            Law::Rigid => Ok(()),
+            Law::Fluid {
+                bulk_modulus,
+                viscosity,
+            } => {
+                let soft = Material {
+                    law: Law::Fluid {
+                        bulk_modulus: 1.0,
+                        viscosity: 0.0,
+                    },
+                    ..material.clone()
+                };
+                let stiffest = stiffest(&soft).max(current.lambda());
+                within("bulk_modulus_pa", bulk_modulus, 0.0, stiffest)?;
+                within(
+                    "viscosity_pa_s",
+                    viscosity,
+                    0.0,
+                    room * density * dx * dx / 4.0,
+                )
+            }
+            _ => {
+                let soft = Material {
+                    youngs_modulus: 1.0,
+                    ..material.clone()
+                };
+                let stiffest = stiffest(&soft).max(current.youngs_modulus);
+                within("youngs_modulus", material.youngs_modulus, 0.0, stiffest)
+            }
+        }
+    }
+
+    /// Gives an object, or one of its regions, a new material, and keeps it one body where a command wants that.
+    pub(super) fn change_material(
         &mut self,
         object: usize,
         region: Option<usize>,
         material: &Material,
     ) {
+        let is_made_rigid = self.is_made_rigid(object);
+        if is_made_rigid {
+            self.loosen(object);
+        }
+        self.set_material(object, region, material);
+        if is_made_rigid && !self.is_one_body(object) {
+            self.publish();
+            self.stiffen(object);
+        }
+    }
+
+    /// Gives an object, or one of its regions, a new material.
+    fn set_material(&mut self, object: usize, region: Option<usize>, material: &Material) {
         let touched: Vec<usize> = (0..self.model.parts.len())
             .filter(|&p| {
                 let part = &self.model.parts[p];
@@ -56,7 +136,10 @@ impl World {
                 }
             }
         }
-        self.model.set_materials(&self.state.commanded.materials);
+        let commanded = &self.state.commanded;
+        self.model
+            .set_materials(&commanded.materials, &commanded.fidelity);
+        self.reconsider_solid(object);
         self.freeze(object);
     }
 

@@ -61,6 +61,18 @@ pub enum WorldError {
         /// Object id.
         object: usize,
     },
+    /// A solid on a grid of its own is asked for what such solids do not do.
+    #[error(
+        "object {object} has solver = \"lagrangian\", which does not go with {what}; expected {expected}, or solver = \"spatial\""
+    )]
+    Solid {
+        /// Object id.
+        object: usize,
+        /// What does not go with it.
+        what: String,
+        /// What would.
+        expected: &'static str,
+    },
     /// A scene cannot come to rest while something in it moves by itself.
     #[error(
         "settle is for scenes in which nothing moves by itself: no moving collider or held region, no rule, no body_force"

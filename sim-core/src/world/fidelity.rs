@@ -72,7 +72,8 @@ pub(super) fn are_near(one: &[Block], other: &[Block], reach: i32) -> bool {
 impl World {
     /// How an object of which this mass is left [kg] is modelled.
     pub(super) fn level(&self, object: usize, mass: f64) -> Level {
-        match self.model.scene.objects[object].fidelity {
+        match self.given().fidelity_of(object) {
+            _ if self.is_removed(object) => Level::Removed,
             Fidelity::Static => Level::Static,
             _ if mass <= 0.0 => Level::Gone,
             _ if self.state.sleeps(object) => Level::Asleep,
@@ -86,7 +87,7 @@ impl World {
         let objects = 0..self.model.scene.objects.len();
         // What a checkpoint brought along of a scene that asked for less.
         for object in objects.clone() {
-            if self.model.is_automatic(object) {
+            if self.given().is_automatic(object) {
                 continue;
             }
             if self.state.sleeps(object) {
@@ -96,12 +97,13 @@ impl World {
                 self.restore_particles(object);
             }
         }
-        if !objects.clone().any(|id| self.model.is_automatic(id)) {
+        if !objects.clone().any(|id| self.given().is_automatic(id)) {
             return;
         }
+        self.find_solid_boxes();
         self.wake_disturbed(frame);
         for object in objects.clone() {
-            if self.model.is_automatic(object) && !self.state.sleeps(object) {
+            if self.given().is_automatic(object) && !self.state.sleeps(object) {
                 self.watch(object, frame.length);
             }
         }
@@ -120,10 +122,13 @@ impl World {
         frame.asleep = asleep.map(count).sum();
     }
 
-    /// Blocks of an object, awake or not, as of the last sort; those around a body.
+    /// Blocks of an object, awake or not, as of the last sort; those around a body or a solid.
     pub(super) fn blocks_of(&self, object: usize) -> Cow<'_, [Block]> {
-        if let Some(blocks) = self.blocks_of_body(object) {
-            return Cow::Owned(blocks);
+        if let Some(bounds) = self
+            .box_of_body(object)
+            .or_else(|| self.box_of_solid(object))
+        {
+            return Cow::Owned(self.blocks_in(object, bounds));
         }
         Cow::Borrowed(self.state.blocks_of_particles(object))
     }
@@ -187,7 +192,7 @@ impl World {
     /// Whether nothing speaks against an object's sleep but its neighbours.
     fn may_sleep(&self, object: usize) -> bool {
         let limit = self.model.scene.tolerance * self.report.objects[object].radius;
-        self.model.is_automatic(object)
+        self.given().is_automatic(object)
             && self.state.levels[object].is_still(limit)
             && !self.given().is_ruled(object)
     }
@@ -218,6 +223,7 @@ impl World {
         let mut particles = self.state.matter.particles.take_field(object as u32);
         particles.motion.fill(Motion::REST);
         self.stop_body(object);
+        self.stop_solid(object);
         for fixed in &particles.fixed {
             for &id in fixed.id.iter().filter(|&&id| id != NO_PARTICLE) {
                 self.published.halt(id);

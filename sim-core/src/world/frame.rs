@@ -1,10 +1,13 @@
 //! What happens during one frame.
 
 use crate::{
-    report::{DtLimit, StepReport},
+    report::{DtLimit, StepReport, Work},
     state::State,
     substep::{Limit, Schedule, Tally},
 };
+
+/// Times that a failing substep is halved before its bad particles are quarantined.
+const RETRIES: u32 = 6;
 
 /// What happens during one frame.
 #[derive(Clone, Debug)]
@@ -21,7 +24,7 @@ pub(super) struct Frame {
     rollbacks: u32,
     last_dt: f64,
     smallest: Limit,
-    /// Smallest substep that is planned [s].
+    /// Smallest substep that is planned or tried [s].
     pub smallest_dt: f64,
     /// Particles that sleep through it.
     pub asleep: usize,
@@ -142,7 +145,11 @@ impl Frame {
             stopped: self.stopped,
             quarantined: self.quarantined.clone(),
             timings: self.tally.timings,
-            work: self.tally.work,
+            work: Work {
+                body_turns: self.tally.effort.taken,
+                ..self.tally.work
+            },
+            unfinished_searches: self.tally.effort.unfinished,
             ..StepReport::default()
         }
     }
@@ -158,6 +165,25 @@ impl Frame {
         }
     }
 
+    /// Takes note of what moving solids came to: of their substeps, where they took more than all else.
+    pub fn count_solids(&mut self) {
+        let solids = self.tally.solids;
+        self.rollbacks += solids.rollbacks;
+        if solids.substeps > u64::from(self.substeps) {
+            self.substeps = u32::try_from(solids.substeps).unwrap_or(u32::MAX);
+            self.last_dt = self.length / solids.substeps as f64;
+        }
+        if solids.limit.dt < self.smallest.dt {
+            self.smallest = solids.limit;
+        }
+    }
+
+    /// Whether a failing substep is not halved again: it was often, or no smaller one is tried. Without the latter halves and
+    /// successes could take turns until a frame is no longer in sight.
+    pub fn is_last_try(&self) -> bool {
+        self.retry.failures >= RETRIES || self.retry.cap.dt <= self.smallest_dt
+    }
+
     /// Goes back to where so many substeps were taken, and so much was left [s].
     pub fn roll_back(&mut self, substeps: u32, remaining: f64) {
         self.rollbacks += 1;
@@ -170,10 +196,10 @@ impl Frame {
         self.substeps
     }
 
-    /// Takes note that the substep `at` failed for a `cause`: half of it is tried next.
+    /// Takes note that the substep `at` failed for a `cause`: half of it is tried next, and none below the smallest.
     pub fn halve(&mut self, at: &Schedule, cause: DtLimit, object: Option<usize>) {
         self.retry.cap = Limit {
-            dt: 0.5 * at.dt,
+            dt: (0.5 * at.dt).max(self.smallest_dt),
             cause,
             object,
         };

@@ -63,6 +63,7 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
             hash.update(bytes_of(&body.angular_momentum));
         }
     }
+    hash_solids(&mut hash, state);
     // Zeros where versions with affine objects said more: the same motion keeps the hash it had.
     hash.update(&vec![0; state.bodies.of.len()]);
     for known in &state.bodies.warm_start {
@@ -87,5 +88,50 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
         hash.update(bytes_of(&(bits.len() as u64)));
         hash.update(bytemuck::cast_slice(bits));
     }
+    hash_grabs(&mut hash, state);
     hash.digest()
+}
+
+/// Adds the patches that clients hold, and what they edited.
+fn hash_grabs(hash: &mut Xxh3, state: &State) {
+    for grab in &state.commanded.grabs {
+        hash.update(bytes_of(&[grab.object as u64, grab.holder]));
+        hash.update(bytemuck::cast_slice(&grab.particles));
+        hash.update(bytes_of(&[grab.offset, grab.from, grab.target]));
+        hash.update(bytes_of(&[grab.steps, grab.steps_left]));
+    }
+    hash_edits(hash, state);
+}
+
+/// Adds what edits made of objects; nothing where there was none, so that the same motion keeps the hash it had.
+fn hash_edits(hash: &mut Xxh3, state: &State) {
+    let commanded = &state.commanded;
+    for object in 0..commanded.fidelity.len() {
+        if let Some(fidelity) = commanded.fidelity[object] {
+            hash.update(bytes_of(&[object as u64, fidelity as u64]));
+        }
+        if let Some(away) = &commanded.away[object] {
+            hash.update(bytes_of(&(object as u64)));
+            hash.update(bytes_of(&away.com));
+            hash.update(bytes_of(&away.rotation));
+        }
+        if let Some(pose) = &commanded.shown[object] {
+            hash.update(bytes_of(&(object as u64)));
+            hash.update(bytes_of(&pose.translation));
+            hash.update(bytes_of(&pose.rotation));
+        }
+    }
+}
+
+/// Adds the nodes of solids.
+fn hash_solids(hash: &mut Xxh3, state: &State) {
+    for solid in state.solids.iter().flatten() {
+        hash.update(bytemuck::cast_slice(&solid.nodes));
+        hash.update(bytes_of(&[solid.shift, solid.velocity]));
+        hash.update(bytes_of(&[solid.tangent, solid.rate]));
+        for grip in &solid.springs {
+            hash.update(bytes_of(&grip.with));
+            hash.update(bytes_of(&grip.stretch));
+        }
+    }
 }

@@ -2,15 +2,14 @@
 
 use super::{
     World,
-    commands::{Effect, MAX_LENGTH, finite, within},
+    bounds::{MAX_LENGTH, finite, within},
+    commands::Effect,
 };
 use crate::{
-    colliders::{
-        commanded::{CommandedForce, Loaded, angular_acceleration},
-        pose::{from_rotation_vector, product},
-    },
+    colliders::commanded::{CommandedForce, Loaded, angular_acceleration},
     command::CommandError,
     mat3::length,
+    rotation::{from_rotation_vector, product},
     scene::Pose,
 };
 
@@ -159,13 +158,7 @@ impl World {
         let Some(bytes) = self.snapshots.remove(&snapshot) else {
             return;
         };
-        let steps = self.state.progress.steps;
-        // It was made here, of this scene: it fits. One that does not changes nothing.
-        if self.restore(&bytes).is_ok() {
-            self.state.progress.steps = steps;
-            self.report.step = steps;
-            self.model.rules.commanded.clear();
-        }
+        self.go_to(&bytes);
         self.snapshots.insert(snapshot, bytes);
     }
 

@@ -16,6 +16,7 @@ use crate::{
 impl World {
     /// Back to the initial state; the count of steps goes on.
     pub(super) fn reset(&mut self) {
+        self.sight.forget();
         let (model, newcomers) = (&self.model, self.newcomers());
         let (scene, parts) = (&model.scene, &model.parts);
         let objects = scene.objects.len();
@@ -30,6 +31,10 @@ impl World {
                 materials: parts.iter().map(|p| p.material.clone()).collect(),
                 paths: vec![None; scene.colliders.len()],
                 pins: vec![None; objects],
+                grabs: vec![],
+                fidelity: vec![None; objects],
+                away: vec![None; objects],
+                shown: vec![None; objects],
             },
             levels: vec![SleepState::default(); objects],
             matter: Matter {
@@ -48,15 +53,25 @@ impl World {
             },
             episodes: Default::default(),
             bodies: RigidBodies::default(),
+            solids: vec![],
         };
         self.workspace = Workspace::default();
         self.published = Published::new(scene);
-        self.model.set_materials(&self.state.commanded.materials);
+        let commanded = &self.state.commanded;
+        self.model
+            .set_materials(&commanded.materials, &commanded.fidelity);
         self.flag_outside();
         self.take_out(|flags| flags.outside);
         self.form_bodies();
         self.publish_bodies();
+        self.form_solids();
+        self.publish_solids();
         self.report = StepReport::default();
+        for object in 0..objects {
+            if !self.model.scene.objects[object].present {
+                self.remove(object);
+            }
+        }
         if self.model.scene.conditions.settle > 0.0 {
             self.come_to_rest(&newcomers);
             self.report = StepReport::default();
@@ -84,29 +99,22 @@ impl World {
         let mut newcomers = Vec::with_capacity(scene.particles.position.len());
         for (id, part) in self.model.parts.iter().enumerate() {
             let object = &scene.objects[part.object];
-            // Rigid matter becomes a body.
+            // Rigid matter becomes a body, and solids have nodes.
             if object.fidelity == Fidelity::Static
                 || object.fidelity == Fidelity::Rigid
                 || part.material.law.is_rigid()
+                || self.model.lagrangian[part.object].is_some()
             {
                 continue;
             }
-            let com = centre_of_mass(scene, object);
-            let g = object.velocity_gradient;
+            let velocity = self.initial_velocity(part.object);
+            let (field, g) = (object.velocity.as_ref(), object.velocity_gradient);
             for p in part.particles.clone() {
                 let x = scene.particles.position[p];
-                let r: [f64; 3] = std::array::from_fn(|a| x[a] - com[a]);
-                let field = object.velocity.as_ref();
-                let (own, grown) = field.map_or(([0.0; 3], [[0.0; 3]; 3]), |field| {
-                    (
-                        field.at(x, 0.0),
-                        field.gradient(x, 0.0, GRADIENT_STEP * scene.dx),
-                    )
+                let grown = field.map_or([[0.0; 3]; 3], |field| {
+                    field.gradient(x, 0.0, GRADIENT_STEP * scene.dx)
                 });
-                let v = std::array::from_fn(|a| {
-                    let turn: f64 = (0..3).map(|b| g[a][b] * r[b]).sum();
-                    ((object.linear_velocity[a] + own[a] + turn) / scene.dx) as f32
-                });
+                let v = velocity(x).map(|v| (v / scene.dx) as f32);
                 newcomers.push(Newcomer {
                     id: p as u32,
                     part: id as u32,
@@ -118,6 +126,25 @@ impl World {
             }
         }
         newcomers
+    }
+}
+
+impl World {
+    /// Velocity [m/s] that an object begins with, over the position at rest [m].
+    pub(super) fn initial_velocity(&self, object: usize) -> impl Fn([f64; 3]) -> [f64; 3] + '_ {
+        let scene = &self.model.scene;
+        let object = &scene.objects[object];
+        let com = centre_of_mass(scene, object);
+        move |x| {
+            let r: [f64; 3] = std::array::from_fn(|a| x[a] - com[a]);
+            let own = object.velocity.as_ref();
+            let own = own.map_or([0.0; 3], |field| field.at(x, 0.0));
+            let g = object.velocity_gradient;
+            std::array::from_fn(|a| {
+                let turn: f64 = (0..3).map(|b| g[a][b] * r[b]).sum();
+                object.linear_velocity[a] + own[a] + turn
+            })
+        }
     }
 }
 

@@ -3,27 +3,22 @@
 use super::{World, frame::Frame, hash};
 use crate::{
     contact::Closed,
-    moments::{bodies_of, object_moments, total_momentum},
+    moments::total_momentum,
     report::{ContactEpisode, StepReport},
 };
 
 impl World {
     /// Report of the current state and of what `frame` did.
     pub(super) fn measure(&mut self, frame: &Frame) -> StepReport {
-        let arrays = self.published.arrays();
         let mut report = frame.report(&self.state);
         let before = &self.report.objects;
         for id in 0..self.model.scene.objects.len() {
-            let bodies = bodies_of(id, &self.model.parts, &self.state.commanded.materials);
             let mut state = match before.get(id) {
                 Some(old) if self.state.sleeps(id) => *old,
-                _ => match self.body_state(id) {
-                    Some(state) => state,
-                    None => object_moments(&arrays, &bodies, self.model.scene.dx),
-                },
+                _ => self.measured(id),
             };
             state.level = self.level(id, state.mass);
-            let whole = self.mass_of_body(id);
+            let whole = self.mass_of_body(id) + self.mass_of_solid(id);
             let kicked = frame.kicked.get(id).copied().unwrap_or(0.0);
             // What left with particles that were taken out is no contact.
             let kept = match before.get(id) {
@@ -46,6 +41,10 @@ impl World {
             report.elastic_energy += state.elastic_energy;
             report.objects.push(state);
         }
+        let ledgers = [&self.state.episodes.ledger, &self.state.bodies.ledger];
+        let springs = ledgers.into_iter().flat_map(|ledger| ledger.springs());
+        report.spring_work = springs.map(|(_, given)| given.work).sum();
+        [report.edit_energy, report.edit_mass] = self.workspace.edited;
         report.particle_updates_full = self
             .updates_of_full_mpm(frame.length, report.substeps)
             .max(report.particle_updates);
@@ -62,12 +61,21 @@ impl World {
     /// asleep, as often as matter at rest needs.
     fn updates_of_full_mpm(&self, length: f64, substeps: u32) -> u64 {
         let at_rest = self.model.constants.rest_dt.iter().enumerate();
-        let at_rest = at_rest.filter(|(id, _)| self.model.has_particles(*id));
+        let on_grid = |part: usize| {
+            let object = self.model.parts[part].object;
+            self.model.has_particles(part) && self.model.lagrangian[object].is_none()
+        };
+        let at_rest = at_rest.filter(|(id, _)| on_grid(*id));
         let shortest = at_rest.map(|(_, dt)| *dt).fold(f64::INFINITY, f64::min);
         let needed = (length / (self.model.scene.cfl * shortest)).ceil() as u64;
-        let rigid = self.state.bodies.of.iter().flatten();
-        let rigid: usize = rigid.map(|rigid| rigid.members.len()).sum();
-        (self.state.matter.live + rigid) as u64 * needed.max(u64::from(substeps))
+        let bodies = self.state.bodies.of.iter().zip(&self.model.lagrangian);
+        let rigid = bodies.filter(|(_, solid)| solid.is_none());
+        let rigid: usize = rigid
+            .filter_map(|(r, _)| Some(r.as_ref()?.members.len()))
+            .sum();
+        let matter = (self.state.matter.live + rigid) as u64 * needed.max(u64::from(substeps));
+        let solids = (0..self.state.solids.len()).map(|id| self.updates_of_full_solid(id, length));
+        matter + solids.sum::<u64>()
     }
 }
 

@@ -3,6 +3,7 @@
 mod arrange;
 mod bodies;
 mod boundary_checks;
+mod bounds;
 mod checkpoint;
 mod coherence;
 mod commands;
@@ -11,20 +12,29 @@ mod error;
 mod extremes;
 mod fidelity;
 mod frame;
+mod grab;
 mod hash;
 mod holding;
 mod initial;
 mod measure;
 mod outside;
+mod overlap;
 mod pieces;
+mod place;
 mod proxy;
 mod published;
 mod quarantine;
+mod recast;
 mod scene_checks;
 mod segment;
 mod settling;
+mod solid_checks;
+mod solid_levels;
+mod solids;
 mod spheres;
 mod touching;
+mod undo;
+mod visible;
 
 #[cfg(test)]
 mod tests;
@@ -33,6 +43,7 @@ use std::{collections::BTreeMap, time::Instant};
 
 pub use checkpoint::CheckpointError;
 pub use error::WorldError;
+pub use visible::{Form, Placed, Visible};
 
 use crate::{
     colliders::Substep,
@@ -47,6 +58,8 @@ use crate::{
 };
 use frame::Frame;
 use published::Published;
+use undo::History;
+use visible::Sight;
 
 /// A scene in motion: 3D MLS-MPM with APIC transfers, quadratic B-splines and leapfrog steps in `f32`, on
 /// the current rayon pool. Same scene and commands give the same bits on any thread count and instruction set.
@@ -64,9 +77,19 @@ pub struct World {
     report: StepReport,
     /// States that commands keep, as checkpoints.
     snapshots: BTreeMap<u32, Vec<u8>>,
+    /// States before edits, and those that undoing left.
+    history: History,
+    /// What was seen of the objects.
+    sight: Sight,
 }
 
 impl World {
+    /// Per object of a scene, whether it may have a grid of its own, whatever [`solver`](crate::scene::Object::solver) it has;
+    /// [`WorldError::Solid`] says what does not go with it.
+    pub fn check_lagrangian(scene: &Scene) -> Vec<Result<(), WorldError>> {
+        solid_checks::check_all(scene)
+    }
+
     /// The scene at time 0, on the best instruction set of this processor.
     ///
     /// # Errors
@@ -92,6 +115,7 @@ impl World {
             return Err(WorldError::NoSuchIsa(isa));
         }
         scene_checks::validate(&scene)?;
+        let objects = scene.objects.len();
         let mut world = Self {
             model: Model::new(scene, isa),
             state: State::default(),
@@ -99,8 +123,11 @@ impl World {
             published: Published::default(),
             report: StepReport::default(),
             snapshots: BTreeMap::new(),
+            history: History::default(),
+            sight: Sight::new(objects),
         };
         world.reset();
+        world.update_sight();
         world.report = world.measure(&Frame::new(0.0));
         Ok(world)
     }
@@ -124,6 +151,7 @@ impl World {
         let mut frame = Frame::new(frame_dt);
 
         // The one place where the outside acts on the state.
+        self.workspace.edited = [0.0; 2];
         self.apply(commands);
         frame.tally.timings.commands = start.elapsed().as_secs_f64();
 
@@ -134,6 +162,7 @@ impl World {
         let before = self.before_stop();
         self.state.episodes.ledger.clear();
         self.state.bodies.ledger.clear();
+        self.set_springs(frame.length);
         self.advance(&mut frame);
         self.stop(before, &mut frame);
 
@@ -142,6 +171,7 @@ impl World {
         self.publish();
         self.end_frame(&frame);
         self.model.rules.commanded.clear();
+        self.end_springs();
         self.state.progress.steps += 1;
         self.state.progress.sim_time += frame.length;
         let mut report = self.measure(&frame);
@@ -160,6 +190,8 @@ impl World {
         self.published
             .update(particles, frame_velocity, self.model.scene.dx);
         self.publish_bodies();
+        self.publish_solids();
+        self.update_sight();
     }
 
     /// The latest report; before the first step that of the initial state, step 0.
@@ -178,8 +210,7 @@ impl World {
     }
 
     /// Substeps of the latest frame [s].
-    #[cfg(test)]
-    pub(crate) fn substeps(&self) -> &[f64] {
+    pub fn substeps(&self) -> &[f64] {
         &self.workspace.substeps
     }
 

@@ -41,7 +41,13 @@ impl World {
             };
         }
         let start = self.state.progress.sim_time;
-        for (object, impulse) in self.model.rules.given(start, start + frame.length) {
+        let ledgers = [&self.state.episodes.ledger, &self.state.bodies.ledger];
+        let springs = ledgers.into_iter().flat_map(|ledger| ledger.springs());
+        let springs: Vec<_> = springs
+            .map(|(object, given)| (object, given.impulse))
+            .collect();
+        let given = self.model.rules.given(start, start + frame.length);
+        for (object, impulse) in given.into_iter().chain(springs) {
             for a in 0..3 {
                 self.state.progress.momentum[object][a] += impulse[a];
             }

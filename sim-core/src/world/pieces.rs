@@ -11,6 +11,7 @@ use super::World;
 use crate::{
     report::{Level, Torn},
     scene::Object,
+    solid::object::SolidObject,
 };
 
 /// What an object consists of.
@@ -78,9 +79,13 @@ pub(super) fn pieces(particles: impl Iterator<Item = ([f64; 3], f64)>) -> Pieces
 impl World {
     /// Lets [`torn`](Self::torn) look at every object: of what happened before nothing is known.
     pub(super) fn suspect_all(&mut self) {
-        let elastic = |object: &Object| object.yielding_matter().is_none();
+        // Solids on grids of their own keep their neighbours.
+        let tears = |(object, solid): (&Object, &Option<SolidObject>)| {
+            object.yielding_matter().is_none() && solid.is_none()
+        };
         let objects = self.model.scene.objects.iter();
-        self.workspace.strained = objects.map(elastic).collect();
+        let objects = objects.zip(&self.model.lagrangian);
+        self.workspace.strained = objects.map(tears).collect();
     }
 
     /// The objects that are in more pieces than at rest, in the order of their numbers.
@@ -88,7 +93,7 @@ impl World {
         let mut torn = Vec::new();
         for object in 0..self.workspace.strained.len() {
             if !self.workspace.strained[object]
-                || matches!(levels(object), Level::Static | Level::Gone)
+                || matches!(levels(object), Level::Static | Level::Gone | Level::Removed)
             {
                 continue;
             }

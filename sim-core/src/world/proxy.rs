@@ -22,7 +22,8 @@ impl World {
     /// Restores the particles of what is about to be touched, and makes proxies of what flies and keeps its shape.
     pub(super) fn update_rigid_proxies(&mut self, frame: &mut Frame) {
         for object in 0..self.model.scene.objects.len() {
-            if !self.model.is_automatic(object) || self.state.sleeps(object) {
+            let is_idle = self.state.sleeps(object) || self.is_removed(object);
+            if !self.given().is_automatic(object) || is_idle {
                 continue;
             }
             if self.meets_something(object, frame) {
@@ -33,18 +34,31 @@ impl World {
                     let state = &self.report.objects[object];
                     frame.fidelity_loss += vibration(state);
                     self.state.levels[object].proxy = Some(state.elastic_energy);
-                    self.freeze(object);
+                    match self.model.lagrangian[object] {
+                        Some(_) => self.freeze_solid(object),
+                        None => self.freeze(object),
+                    }
                 }
             }
         }
     }
 
-    /// Gives an object its particles back, if it is a rigid proxy.
+    /// Gives an object its particles back, if it is a rigid proxy and nobody wants it to be one.
     pub(super) fn restore_particles(&mut self, object: usize) {
+        if !self.is_made_rigid(object) {
+            self.loosen(object);
+        }
+    }
+
+    /// Gives an object its particles back, if it is a rigid proxy.
+    pub(super) fn loosen(&mut self, object: usize) {
         let level = &mut self.state.levels[object];
         (level.steady, level.shape) = (0.0, vec![]);
         if level.proxy.take().is_some() {
-            self.thaw(object);
+            match self.model.lagrangian[object] {
+                Some(_) => self.thaw_solid(object),
+                None => self.thaw(object),
+            }
         }
     }
 
@@ -98,7 +112,7 @@ impl World {
         let here: Vec<[f32; 3]> = samples(&self.model.scene.objects[object])
             .map(|p| {
                 let r = std::array::from_fn(|a| f64::from(position[p][a]) - state.com[a]);
-                crate::colliders::pose::rotate(turn, r).map(|r| r as f32)
+                crate::rotation::rotate(turn, r).map(|r| r as f32)
             })
             .collect();
         let limit = self.model.scene.tolerance * state.radius;

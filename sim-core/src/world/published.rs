@@ -8,8 +8,9 @@ use crate::{
     moments::ParticleArrays,
     particles::{NO_PARTICLE, Particles, position_in_cells},
     scene::{Fidelity, Scene},
-    simd::LANES,
-    state::rigid::RigidBody,
+    simd::{Isa, LANES},
+    solid::{object::SolidObject, state::SolidState},
+    state::{away::Loose, rigid::RigidBody},
 };
 
 /// Blocks per task at least.
@@ -202,6 +203,44 @@ impl Published {
                 }
             }
         });
+    }
+
+    /// Writes the particles of a solid, of which `first` is the first.
+    pub fn update_solid(
+        &mut self,
+        isa: Isa,
+        first: usize,
+        solid: &SolidObject,
+        state: &SolidState,
+    ) {
+        let sampling = &solid.sampling;
+        let samples = sampling.sample(isa, &solid.grid, &solid.particles, state);
+        let apart = !self.elastic.is_empty();
+        for sample in &samples {
+            let id = first + sample.particle as usize;
+            for a in 0..3 {
+                self.cells[id][a] = sample.x[a] / solid.grid.dx;
+                self.position[id][a] = sample.x[a] as f32;
+            }
+            self.velocity[id] = sample.v;
+            self.affine[id] = sample.gradient;
+            self.deformation[id] = sample.f;
+            if apart {
+                self.elastic[id] = sample.f;
+            }
+        }
+    }
+
+    /// Writes a particle that is in no array and no body.
+    pub fn update_loose(&mut self, particle: &Loose, dx: f64) {
+        let id = particle.id as usize;
+        self.cells[id] = particle.x.map(|x| x / dx);
+        self.position[id] = particle.x.map(|x| x as f32);
+        self.deformation[id] = particle.visible;
+        self.memory[id] = particle.memory;
+        if !self.elastic.is_empty() {
+            self.elastic[id] = particle.elastic;
+        }
     }
 
     /// Stops a particle where it is.

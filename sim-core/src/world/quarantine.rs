@@ -13,6 +13,10 @@ impl World {
             self.flag_fastest_run();
         }
         let bad = self.take_out(|flags| flags.bad);
+        if bad.is_empty() {
+            // What fails is not of particles: without their empty places there is no grid that could fail again.
+            self.sort(frame);
+        }
         frame.quarantined.extend(bad);
     }
 
@@ -27,13 +31,19 @@ impl World {
         Some(self.model.parts[run.part].object)
     }
 
-    /// Blames the run with the largest speed: the way out when the grid fails and no particle shows why.
+    /// Blames the run with the largest speed that holds a particle: the way out when the grid fails and none shows why.
     fn flag_fastest_run(&mut self) {
         let particles = &mut self.state.matter.particles;
         let speed = |run: &Run| run.extremes.speed_squared;
+        let fixed = &particles.fixed;
+        let is_filled = |run: &&Run| {
+            let mut groups = fixed[run.groups.clone()].iter();
+            groups.any(|group| group.id.iter().any(|&id| id != NO_PARTICLE))
+        };
         let fastest = particles
             .runs
             .iter()
+            .filter(is_filled)
             .max_by(|a, b| speed(a).total_cmp(&speed(b)));
         if let Some(run) = fastest {
             for flags in &mut particles.flags[run.groups.clone()] {

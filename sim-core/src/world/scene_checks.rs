@@ -3,6 +3,7 @@
 use super::{
     boundary_checks,
     error::{WorldError, within},
+    solid_checks,
 };
 use crate::{
     model::MAX_CELLS,
@@ -35,7 +36,8 @@ pub(super) fn validate(scene: &Scene) -> Result<(), WorldError> {
     }
     boundary_checks::validate(scene)?;
     validate_particles(scene)?;
-    validate_objects(scene)
+    validate_objects(scene)?;
+    solid_checks::validate(scene)
 }
 
 fn validate_particles(scene: &Scene) -> Result<(), WorldError> {

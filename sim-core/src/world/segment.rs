@@ -7,22 +7,22 @@ use crate::{
     contact::{Episodes, ledger::Ledger},
     kinematics::kick,
     particles::Extremes,
+    solid::state::SolidState,
     state::GridMotion,
     step::{shapes::limit_shapes, volume::average_volume},
     substep::{
-        Failure, Limit, Rates, Schedule, Segment, choose_rates, move_bodies, smallest_dt, substep,
-        timed,
+        Failure, Limit, OffGrid, Rates, Schedule, Segment, choose_rates, move_bodies, smallest_dt,
+        substep, timed,
     },
 };
 
 /// Drift beyond which a new segment sorts first [cells].
 const SORT_DRIFT: f64 = 0.5;
-/// Times that a failing substep is halved before its bad particles are quarantined.
-const RETRIES: u32 = 6;
 
 /// What a rollback returns to, besides the particles in the workspace.
 struct Start {
     bodies: Vec<Option<Body>>,
+    solids: Vec<Option<SolidState>>,
     warm_start: Vec<CachedImpulse>,
     ledger: Ledger,
     remaining: f64,
@@ -36,7 +36,6 @@ struct Start {
 impl World {
     /// Advances by one frame, segment after segment.
     pub(super) fn advance(&mut self, frame: &mut Frame) {
-        #[cfg(test)]
         self.workspace.substeps.clear();
         if frame.remaining == 0.0 {
             return;
@@ -50,12 +49,13 @@ impl World {
         }
         self.join_offsets();
         let offsets = self.state.motion.velocity_offsets.clone();
+        let solids: Vec<bool> = self.state.solids.iter().map(Option::is_some).collect();
         while frame.remaining > 0.0 {
             if !self.state.matter.particles.groups.is_empty() {
                 self.meet_as_spheres(frame);
                 self.segment(frame);
-            } else if self.state.bodies.any() {
-                self.bodies_alone(frame);
+            } else if self.state.bodies.any() || self.has_solids() {
+                self.off_grid_alone(frame);
             } else {
                 break;
             }
@@ -66,19 +66,35 @@ impl World {
             .collect();
         self.join_offsets();
         self.take_out_bodies(frame);
+        self.cohere_solids(frame.length);
+        self.take_out_solids(&solids, frame);
+        frame.count_solids();
         let laws = &self.model.constants.laws;
         let particles = &mut self.state.matter.particles;
         limit_shapes(self.model.isa, particles, laws, frame.length);
     }
 
-    /// What is left of a frame in which there are rigid bodies and nothing else.
-    fn bodies_alone(&mut self, frame: &mut Frame) {
+    /// What is left of a frame in which nothing is on the grid: rigid bodies and solids.
+    fn off_grid_alone(&mut self, frame: &mut Frame) {
         let dt = frame.remaining;
         let now = self.fine_substep(frame, dt);
         let (given, moving) = self.state.split(&self.model);
-        let (matter, motion, bodies) = (moving.matter, moving.motion, moving.bodies);
+        let (matter, motion) = (moving.matter, moving.motion);
+        let off_grid = OffGrid {
+            bodies: moving.bodies,
+            solids: moving.solids,
+        };
         let (workspace, tally) = (&mut self.workspace, &mut frame.tally);
-        move_bodies(&given, &now, &[], matter, motion, bodies, workspace, tally);
+        move_bodies(
+            &given,
+            &now,
+            &[],
+            matter,
+            motion,
+            off_grid,
+            workspace,
+            tally,
+        );
         frame.accept(dt, Limit::FRAME);
     }
 
@@ -148,7 +164,7 @@ impl World {
             cap: frame.retry.cap,
             replay: std::mem::take(&mut frame.retry.replay),
             taken: vec![],
-            last_try: frame.retry.failures >= RETRIES,
+            last_try: frame.is_last_try(),
             asleep: frame.asleep,
         }
     }
@@ -185,7 +201,6 @@ impl World {
     /// Writes velocities out, and does what is done between segments.
     fn end_segment(&mut self, frame: &mut Frame, segment: &Segment) {
         let elapsed = segment.taken.iter().sum();
-        #[cfg(test)]
         self.workspace.substeps.extend(&segment.taken);
         let particles = &mut self.state.matter.particles;
         std::mem::swap(&mut particles.motion, &mut self.workspace.motion);
@@ -234,6 +249,7 @@ impl World {
         let state = &self.state;
         Start {
             bodies: state.bodies.places(),
+            solids: state.solids.clone(),
             warm_start: state.bodies.warm_start.clone(),
             ledger: state.bodies.ledger.clone(),
             remaining: frame.remaining,
@@ -257,6 +273,10 @@ impl World {
             if let (Some(rigid), Some(body)) = (rigid, body) {
                 rigid.body = *body;
             }
+        }
+        state.solids.clone_from(&to.solids);
+        for scratch in self.workspace.solids.iter_mut().flatten() {
+            scratch.search.restart();
         }
         state.bodies.warm_start.clone_from(&to.warm_start);
         state.bodies.ledger.clone_from(&to.ledger);

@@ -24,8 +24,9 @@ impl World {
         for object in objects.clone() {
             self.set_body_velocity(object, [0.0; 3], [0.0; 3]);
         }
-        let own = self.model.scene.conditions.damping;
-        self.model.scene.conditions.damping = own + DECAY / span;
+        self.start_solids(false);
+        let own = self.model.damping;
+        self.model.damping = own + DECAY / span;
         self.publish();
         self.report = self.measure(&Frame::new(0.0));
         let frames = (span * self.model.scene.frame_rate).ceil().max(1.0);
@@ -35,12 +36,12 @@ impl World {
             self.publish();
             self.report = self.measure(&frame);
             for object in objects.clone() {
-                if self.model.is_automatic(object) {
+                if self.given().is_automatic(object) {
                     self.watch(object, frame.length);
                 }
             }
         }
-        self.model.scene.conditions.damping = own;
+        self.model.damping = own;
         self.begin(newcomers);
         self.publish();
     }
@@ -75,6 +76,7 @@ impl World {
         for object in 0..self.model.scene.objects.len() {
             self.start_body(object);
         }
+        self.start_solids(true);
         self.state.matter.extremes.fill(Extremes::NONE);
         self.state.motion.frame_velocity = [0.0; 3];
         self.state.motion.max_speed = 0.0;

@@ -214,13 +214,14 @@ const STANDING: f64 = 2.0;
 const TOE: &str = "the toe is thinner than a cell and stops early on a floor that it sticks to: the runout grows \
      towards the reference as cells shrink (docs/validation.md has the numbers).";
 const HIGH: &str = "the toe is too high, by 13 % with 10 cells along the height and 7 % with 20, while front, back and middle are right.";
-const CELLS: &str = "how far sand runs is proportional to the height of the column, as it should be, and grows with the cells along that height, \
-     whatever the column: 1.1 to 1.2, 1.5 to 1.6, 1.8 and 2 a with 10, 20, 30 and 40 cells. At the same dx the taller column has more of them. \
+const CELLS: &str = "how far sand runs is proportional to the height of the column, as it should be. It grows with the \
+     cells along that height, whatever the column: 1.1 to 1.2, 1.5 to 1.6, 1.8 and 2 a with 10, 20, 30 and 40 cells. \
+     At the same dx the taller column has more of them. \
      The 1.2 a are of a channel with sides.";
 const FALL: &str = "what falls from high runs on with all that friction at a constant angle leaves it: grains lose more to each other the faster they are sheared, \
      and nothing in the law does. Transfers hide a part of it: with 15 MPa in place of 0.3 MPa, or as many substeps, it runs 0.7 times as far.";
-const ROUND: &str = "the cone of 32 degrees in triaxial compression is one of 48 where sand is sheared in a plane, which takes 0.2 radii off, and transfers \
-     damp what is sheared within the five cells of a radius.";
+const ROUND: &str = "the cone of 32 degrees in triaxial compression is one of 48 where sand is sheared in a plane. That \
+     takes 0.2 radii off, and transfers damp what is sheared within the five cells of a radius.";
 
 /// Twice as long as such a flow takes, `3.3 sqrt(H / g)` [s].
 fn flow_time(height: f64) -> f64 {

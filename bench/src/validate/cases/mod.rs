@@ -21,7 +21,7 @@ macro_rules! group {
 
 /// All of them.
 #[rustfmt::skip]
-pub const ALL: [Group; 24] = [
+pub const ALL: [Group; 25] = [
     group!(1, elastic::cluster, "particles alone and in clusters are stable just below the closed-form limit, and not above"),
     group!(2, rigid::free_fall, "a cube thrown up and forwards flies a parabola"),
     group!(3, elastic::spinning_cube, "a cube that turns once keeps its angular momentum and its energy"),
@@ -46,4 +46,5 @@ pub const ALL: [Group; 24] = [
     group!(22, contact::hertz, "an elastic ball stays on a plane for as long as Hertz and finite elements say"),
     group!(23, flow::floating, "a block floats as deep as its weight in water"),
     group!(24, contact::oblique, "friction turns balls that meet obliquely as Coulomb says, wherever the grid lies"),
+    group!(25, elastic::multirate, "soft matter with substeps of its own keeps what those of a stiff object would take"),
 ];

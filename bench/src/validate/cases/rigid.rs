@@ -99,8 +99,9 @@ const ROLLING_RADIUS: f64 = 0.5;
 /// Height of the fall before the slope is met: 1.1 cells [m].
 const DROP: f64 = 0.055;
 
-const FOOT: &str = "friction acts in the plane, with the sum that it should have, but the foot is half a cell to either side, and what presses the \
-     disk lies up to 0.2 cells in front of its middle where it turns and 0.1 cells behind where it slides";
+const FOOT: &str = "friction acts in the plane, with the sum that it should have, but the foot is half a cell to either \
+     side. What presses the disk lies up to 0.2 cells in front of its middle where it turns. Where it \
+     slides that lies 0.1 cells behind";
 
 /// One body on the slope.
 struct Roller {

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from . import wire
+from .assembly import Assembly
 from .domain import Domain
 from .errors import (
     BadName,
@@ -23,42 +24,55 @@ from .errors import (
     Refused,
     ServerLost,
     StepRefused,
+    SweepFailed,
     TimedOut,
     TooManyHeld,
     TransportFailed,
     Unanswered,
 )
 from .launch import LaunchedSession, launch
-from .lockstep import Cause, Done, Participant
+from .lockstep import Cause, Done, Participant, Submitted
 from .orders import (
+    FIDELITIES,
     LAWS,
     Ack,
+    BringIn,
     Checkpoint,
     ColliderVelocity,
+    Drag,
     Force,
+    Grab,
+    LetGo,
     MoveCollider,
     Order,
     Pause,
     Pin,
     Push,
+    Redo,
     Release,
+    Remove,
     Reset,
     Restore,
     Resume,
     Save,
+    SetFidelity,
     SetGravity,
     SetMaterial,
+    SetPose,
     SetVelocity,
     Step,
     Stop,
+    Undo,
 )
 from .recording import Recording
 from .scene import Scene
 from .session import Session, connect
-from .streams import Contacts, Frame, Journal, Objects, Reader
+from .streams import Changes, ChangesReader, Contacts, Frame, Journal, Objects, Reader
+from .sweep import Report, Row, sweep, write_csv
 
 if TYPE_CHECKING:
     from .env import Env
+    from .vector import VectorEnv
 
 __version__ = version("cosplat")
 
@@ -69,14 +83,21 @@ def __getattr__(name: str) -> Any:
         from .env import Env
 
         return Env
+    if name == "VectorEnv":
+        from .vector import VectorEnv
+
+        return VectorEnv
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 __all__ = [
-    "LAWS",
     "Ack",
+    "Assembly",
     "BadName",
+    "BringIn",
     "Cause",
+    "Changes",
+    "ChangesReader",
     "Checkpoint",
     "ColliderVelocity",
     "Contacts",
@@ -84,12 +105,17 @@ __all__ = [
     "Domain",
     "DomainUnusable",
     "Done",
+    "Drag",
     "Env",
+    "FIDELITIES",
     "Force",
     "Frame",
+    "Grab",
     "Journal",
-    "LaunchFailed",
     "LaunchedSession",
+    "LaunchFailed",
+    "LAWS",
+    "LetGo",
     "Malformed",
     "MoveCollider",
     "NoServer",
@@ -104,26 +130,38 @@ __all__ = [
     "Reader",
     "Recording",
     "RecordingDamaged",
+    "Redo",
     "Refused",
     "Release",
+    "Remove",
+    "Report",
     "Reset",
     "Restore",
     "Resume",
+    "Row",
     "Save",
     "Scene",
     "ServerLost",
     "Session",
+    "SetFidelity",
     "SetGravity",
     "SetMaterial",
+    "SetPose",
     "SetVelocity",
     "Step",
     "StepRefused",
     "Stop",
+    "Submitted",
+    "SweepFailed",
     "TimedOut",
     "TooManyHeld",
     "TransportFailed",
     "Unanswered",
+    "Undo",
+    "VectorEnv",
     "connect",
     "launch",
+    "sweep",
     "wire",
+    "write_csv",
 ]

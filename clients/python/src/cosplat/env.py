@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Generator, Mapping, Sequence
+from typing import Any, TypeAlias, TypeVar
 
 import gymnasium
 import numpy as np
@@ -19,6 +19,10 @@ from .streams import Objects
 
 Observation = NDArray[np.float64]
 Action = NDArray[np.float64]
+
+T = TypeVar("T")
+Course: TypeAlias = Generator[None, None, T]
+"""Something that pauses while a server works, and then has a result."""
 
 OBSERVED = ("com", "rotation", "linear_velocity", "angular_velocity")
 """What is observed of an object: 3 + 4 + 3 + 3 numbers, in SI units."""
@@ -101,19 +105,30 @@ class Env(gymnasium.Env[Observation, Action]):
 
         `options["orders"]` are orders for its start, after those of `randomise`.
         """
-        super().reset(seed=seed)
-        self._actions = 0
-        orders = [*self._randomise(self.np_random), *(options or {}).get("orders", ())]
-        done = self._participant.step(Reset(), *orders)
-        objects = self._objects.at(done.step)
-        return self._observe(objects), _info(done)
+        return _finish(self.beginning(seed, options))
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Applies an action for `steps_per_action` steps: observation, reward, terminated, truncated, info."""
+        return _finish(self.acting(action))
+
+    def beginning(self, seed: int | None, options: dict[str, Any] | None) -> Course[tuple[Observation, dict[str, Any]]]:
+        """`reset` in parts: it pauses wherever the server works, so that several environments can take turns."""
+        super().reset(seed=seed)
+        self._actions = 0
+        orders = [*self._randomise(self.np_random), *(options or {}).get("orders", ())]
+        submitted = self._participant.submit(Reset(), *orders)
+        yield
+        done = submitted.done()
+        return self._observe(self._objects.at(done.step)), _info(done)
+
+    def acting(self, action: Action) -> Course[tuple[Observation, float, bool, bool, dict[str, Any]]]:
+        """`step` in parts, like `beginning`."""
         parts = np.asarray(action, np.float64).reshape(-1, 3)
         for _ in range(self._steps):
             # Forces and velocities act for one step each.
-            done = self._participant.step(*self._orders(parts))
+            submitted = self._participant.submit(*self._orders(parts))
+            yield
+            done = submitted.done()
             if done.cause is Cause.TERMINATE:
                 break
         objects = self._objects.at(done.step)
@@ -139,5 +154,15 @@ class Env(gymnasium.Env[Observation, Action]):
         return rows.ravel()
 
 
+def _finish(course: Course[T]) -> T:
+    while True:
+        try:
+            next(course)
+        except StopIteration as end:
+            result: T = end.value
+            return result
+
+
 def _info(done: Done) -> dict[str, Any]:
-    return {"sim_time": done.sim_time, "state_hash": done.state_hash, "cause": done.cause.name}
+    # A text, as Gymnasium's vectors have no room for 64 bits without sign.
+    return {"sim_time": done.sim_time, "state_hash": f"{done.state_hash:016x}", "cause": done.cause.name}

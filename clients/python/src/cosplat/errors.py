@@ -78,5 +78,9 @@ class LaunchFailed(CosplatError):
     """A server of one's own did not start; the sentence holds its words."""
 
 
+class SweepFailed(CosplatError):
+    """Simulations of a sweep were ended from outside, or its table cannot be used; what is done is in the table."""
+
+
 class RecordingDamaged(CosplatError, ValueError):
     """A file is no recording, or one that is damaged."""

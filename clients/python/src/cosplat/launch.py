@@ -12,7 +12,7 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Literal
 
@@ -76,20 +76,13 @@ def launch(
             scene = file.name
         # A pipe that nobody reads would stop the server when it is full.
         words = tempfile.TemporaryFile()
-        command = [_program(program), "serve", os.fspath(scene), "--session", name]
+        command = [program_path(program), "serve", os.fspath(scene), "--session", name]
         command += ["--participants", ",".join(participants)] if participants else []
         command += ["--pace", "lockstep" if participants else pace]
         command += ["--threads", str(threads), *(["--paused"] if paused else []), *arguments]
         environment = {**os.environ, "COSPLAT_DOMAIN": str(domain.root)}
         try:
-            process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=words,
-                stderr=words,
-                env=environment,
-                preexec_fn=_end_with_parent if threading.current_thread() is threading.main_thread() else None,
-            )
+            process = start_process(command, words, words, environment)
         except OSError as error:
             raise LaunchFailed(f"cannot start {command[0]}: {error}") from None
         try:
@@ -100,11 +93,26 @@ def launch(
             raise
 
 
-def _program(program: str | os.PathLike[str] | None) -> str:
+def program_path(program: str | os.PathLike[str] | None) -> str:
+    """The command `cosplat`: as named, as COSPLAT names it, or on the path. Raises LaunchFailed when there is none."""
     named = program or os.environ.get("COSPLAT") or shutil.which("cosplat")
     if not named:
         raise LaunchFailed("no command `cosplat` on the path: `cargo install --path .`, or name it by COSPLAT or `program`")
     return os.fspath(named)
+
+
+def start_process(
+    command: Sequence[str], output: IO[bytes], words: IO[bytes], environment: Mapping[str, str] | None = None
+) -> subprocess.Popen[bytes]:
+    """Starts a process that ends with this one, however it ends, where the main thread starts it. Raises OSError."""
+    return subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=output,
+        stderr=words,
+        env=environment,
+        preexec_fn=_end_with_parent if threading.current_thread() is threading.main_thread() else None,
+    )
 
 
 def _attach(

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import enum
+import os
 import re
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
-
+import struct
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 from . import transport, wire
 from .errors import BadName, CosplatError, Refused, StepRefused
 from .orders import Ack, Order
-from .requests import RequestPort
+from .packing import packer, text
+from .requests import RequestPort, Sent
 from .wire import StepDone, StepRequest
 
 if TYPE_CHECKING:
@@ -37,8 +38,12 @@ class Cause(enum.IntEnum):
     """The time was over; `reason` names who was waited for."""
 
 
-@dataclass(frozen=True, slots=True)
-class Done:
+_REQUEST = packer(StepRequest)
+_DONE = packer(StepDone)
+_NO_CONDITION = (0, 0, 0, 0)
+
+
+class Done(NamedTuple):
     """What came of a step request."""
 
     step: int
@@ -69,12 +74,13 @@ class Participant:
             raise BadName(f"{name!r} is not a participant's name: expected 1 to 48 of the characters a-z A-Z 0-9 - _ .")
         self.name = name
         """Name among the participants; it orders the commands of one step among theirs."""
+        self._name = name.encode()
         self._session = session
         session.look_after()
         self._port: RequestPort | None = RequestPort(session, "step", StepRequest, StepDone)
         # The order among participants is the same in every run.
-        self._client = _fnv1a(name.encode())
-        self.attached_at = self._ask(wire.STEP_ATTACH, (), 10.0).step
+        self._client = _fnv1a(self._name)
+        self.attached_at = self._asked(wire.STEP_ATTACH, 10.0).step
         """The last step that was made without it."""
 
     def step(
@@ -95,24 +101,35 @@ class Participant:
         Raises Refused when an order is refused (the steps are made, and `error.done` tells), StepRefused when the request
         is, BadName for names that the scene does not have, ServerLost.
         """
-        until: dict[str, Any] = {"frames": frames, "timeout_ns": 0 if timeout is None else max(1, round(timeout * 1e9))}
-        if contact is not None:
-            scene = self._session.scene()
-            other, kind = _object_or_collider(scene, contact[1])
-            until |= {"pair": (scene.object_id(contact[0]), other), "pair_kind": kind}
-        conditions = (contact is not None, wire.UNTIL_CONTACT), (event, wire.UNTIL_EVENT), (quarantine, wire.UNTIL_QUARANTINE)
-        until["until"] = sum(flag for wanted, flag in conditions if wanted)
-        done = self._ask(wire.STEP_ADVANCE, orders, None, **until)
-        if not all(ack.accepted for ack in done.acks):
-            raise Refused(done.acks, done)
-        return done
+        return self.submit(
+            *orders, frames=frames, contact=contact, event=event, quarantine=quarantine, timeout=timeout
+        ).done()
+
+    def submit(
+        self,
+        *orders: Order,
+        frames: int = 1,
+        contact: tuple[str | int, str | int] | None = None,
+        event: bool = False,
+        quarantine: bool = False,
+        timeout: float | None = None,
+    ) -> Submitted:
+        """Asks as `step` does and does not wait: who has several servers lets them step side by side.
+
+        Raises BadName, NoServer and TimedOut; what else `step` raises comes from `Submitted.done`.
+        """
+        until = _NO_CONDITION
+        if contact is not None or event or quarantine:
+            until = _until(self._session.scene() if contact else None, contact, event, quarantine)
+        timeout_ns = 0 if timeout is None else max(1, round(timeout * 1e9))
+        return Submitted(self._session, *self._ask(wire.STEP_ADVANCE, orders, None, frames, until, timeout_ns), None)
 
     def close(self) -> None:
         """Takes part no more; the others go on."""
         if self._port is not None:
             # A server that is gone waits for nobody.
             with contextlib.suppress(CosplatError, ValueError):
-                self._ask(wire.STEP_DETACH, (), 2.0)
+                self._asked(wire.STEP_DETACH, 2.0)
         self._port = None
 
     def __enter__(self) -> Self:
@@ -121,31 +138,63 @@ class Participant:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _ask(self, kind: int, orders: tuple[Order, ...], timeout: float | None, **fields: Any) -> Done:
+    def _asked(self, kind: int, timeout: float) -> Done:
+        return Submitted(self._session, *self._ask(kind, (), timeout), timeout).done()
+
+    def _ask(
+        self,
+        kind: int,
+        orders: tuple[Order, ...],
+        timeout: float | None,
+        frames: int = 0,
+        until: tuple[int, int, int, int] = _NO_CONDITION,
+        timeout_ns: int = 0,
+    ) -> tuple[RequestPort, Sent]:
         if self._port is None:
             raise ValueError(f"the participant {self.name!r} is closed")
-        header = {"client": self._client, "kind": kind, "participant": self.name.encode(), **fields}
-        response, acks = self._port.ask(self._session.encode(orders), header, timeout)
-        answer = transport.header(response, StepDone)
-        reason = answer.reason.decode(errors="replace")
-        if answer.cause == wire.RETURN_REFUSED:
-            raise StepRefused(reason)
+        try:
+            head = _REQUEST.pack(self._client, os.getpid(), len(orders), kind, frames, *until, timeout_ns, self._name)
+        except struct.error as error:
+            raise ValueError(f"{frames} steps cannot be asked for: {error}") from None
+        return self._port, self._port.submit(orders, head, timeout)
+
+
+class Submitted:
+    """A request for steps on its way; made by `Participant.submit`. Dropped, its answer is lost."""
+
+    __slots__ = ("_port", "_sent", "_session", "_timeout")
+
+    def __init__(self, session: Session, port: RequestPort, sent: Sent, timeout: float | None) -> None:
+        self._session, self._port, self._sent, self._timeout = session, port, sent, timeout
+
+    def done(self) -> Done:
+        """Waits until the steps are made and published. Raises Refused, StepRefused, ServerLost."""
+        response, acks = self._port.answer(self._sent, self._timeout)
+        answer = _DONE.unpack(transport.user_header(response, _DONE.size))
+        step, sim_time, _, state_hash, step_ns, made, cause, _, contact_kind, first, second, reason = answer
+        if cause == wire.RETURN_REFUSED:
+            raise StepRefused(text(reason))
         pair = None
-        if answer.cause == wire.RETURN_CONTACT:
+        if cause == wire.RETURN_CONTACT:
             scene = self._session.scene()
-            others = scene.names if answer.contact_kind == wire.CONTACT_OBJECT else scene.colliders
-            pair = (scene.names[answer.contact[0]], others[answer.contact[1]])
-        return Done(
-            step=answer.step,
-            sim_time=answer.sim_time,
-            state_hash=answer.state_hash,
-            frames=answer.frames,
-            cause=Cause(answer.cause),
-            contact=pair,
-            reason=reason,
-            server_seconds=answer.step_ns * 1e-9,
-            acks=acks,
-        )
+            others = scene.names if contact_kind == wire.CONTACT_OBJECT else scene.colliders
+            pair = (scene.names[first], others[second])
+        done = Done(step, sim_time, state_hash, made, Cause(cause), pair, text(reason), step_ns * 1e-9, acks)
+        if not all(ack.accepted for ack in acks):
+            raise Refused(acks, done)
+        return done
+
+
+def _until(
+    scene: Scene | None, contact: tuple[str | int, str | int] | None, event: bool, quarantine: bool
+) -> tuple[int, int, int, int]:
+    """What ends a request early: flags, kind of a pair, and the pair."""
+    kind = first = second = 0
+    if scene is not None and contact is not None:
+        second, kind = _object_or_collider(scene, contact[1])
+        first = scene.object_id(contact[0])
+    conditions = (contact is not None, wire.UNTIL_CONTACT), (event, wire.UNTIL_EVENT), (quarantine, wire.UNTIL_QUARANTINE)
+    return sum(flag for wanted, flag in conditions if wanted), kind, first, second
 
 
 def _object_or_collider(scene: Scene, name: str | int) -> tuple[int, int]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import struct
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import wire
 from .errors import BadName
+from .packing import packer, text
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -35,6 +37,10 @@ LAWS: dict[str, tuple[int, tuple[str, ...]]] = {
 """Constitutive laws: number on the wire, and names of their parameters."""
 
 
+FIDELITIES: dict[str, int] = {"static": 1, "mpm": 2, "auto": 3, "rigid": 4}
+"""How an object can be modelled, with the number on the wire."""
+
+
 class Ack(NamedTuple):
     """The answer to one order."""
 
@@ -48,11 +54,23 @@ class Ack(NamedTuple):
     """For refusals why, with expected and actual values; for checkpoints the path of the file."""
 
     @staticmethod
-    def read(element: np.void) -> Ack:
-        """An answer from the wire."""
-        ack = wire.Ack.read(element)
-        accepted = ack.status == wire.ACK_ACCEPTED
-        return Ack(ack.sequence, ack.applied_at_step, accepted, ack.reason.decode(errors="replace"))
+    def read_all(data: bytes) -> list[Ack]:
+        """The answers of a response."""
+        return [
+            Ack(sequence, step, status == wire.ACK_ACCEPTED, text(reason))
+            for sequence, step, status, reason in _ACK.iter_unpack(data)
+        ]
+
+
+_ACK = packer(wire.Ack)
+_COMMAND = packer(wire.Command)
+
+_Triple: TypeAlias = tuple[float, float, float]
+_Body: TypeAlias = tuple[int, int, _Triple, _Triple, float, tuple[float, ...]]
+"""Kind, number of the object, vector, point, radius and material of a `wire.Command`."""
+
+_ZERO: _Triple = (0.0, 0.0, 0.0)
+_NO_MATERIAL = (0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -61,16 +79,41 @@ class Order:
 
     at_step: int = field(default=0, kw_only=True)
 
-    def fill(self, command: np.void, scene: Scene) -> None:
-        """Writes the order into a zeroed `wire.Command`. Raises BadName for names that the scene does not have."""
+    def body(self, scene: Scene) -> _Body:
+        """What it says on the wire. Raises BadName for names that the scene does not have."""
         raise NotImplementedError
 
 
-def _vector(what: str, value: Vector) -> NDArray[np.float64]:
-    vector = np.asarray(value, dtype=np.float64)
-    if vector.shape != (3,):
-        raise ValueError(f"{what} has shape {vector.shape}, expected (3,)")
-    return vector
+def encode(orders: Sequence[Order], scene: Scene, first: int) -> bytes:
+    """Orders as elements of `wire.Command`, numbered from `first`. Raises BadName, and ValueError for other values."""
+    elements = []
+    for sequence, order in enumerate(orders, first):
+        kind, number, vector, point, radius, material = order.body(scene)
+        try:
+            element = _COMMAND.pack(kind, number, sequence, order.at_step, *vector, *point, radius, *material)
+        except struct.error as error:
+            raise ValueError(f"{order} cannot be sent: {error}") from None
+        elements.append(element)
+    return b"".join(elements)
+
+
+def _command(
+    kind: int, number: int = 0, vector: _Triple = _ZERO, point: _Triple = _ZERO, radius: float = 0.0
+) -> _Body:
+    return kind, number, vector, point, radius, _NO_MATERIAL
+
+
+def _vector(what: str, value: Vector) -> _Triple:
+    # Most are tuples, and numpy would take ten times as long for them.
+    if isinstance(value, tuple) and len(value) == 3:
+        x, y, z = value
+        if isinstance(x, float | int) and isinstance(y, float | int) and isinstance(z, float | int):
+            return x, y, z
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != (3,):
+        raise ValueError(f"{what} has shape {array.shape}, expected (3,)")
+    x, y, z = array.tolist()
+    return x, y, z
 
 
 @dataclass(frozen=True)
@@ -82,14 +125,11 @@ class Push(Order):
     point: Vector | None = None
     radius: float = DEFAULT_RADIUS
 
-    def fill(self, command: np.void, scene: Scene) -> None:
-        command["object"] = scene.object_id(self.object)
-        command["vector"] = _vector("impulse", self.impulse)
-        command["kind"] = wire.COMMAND_IMPULSE
-        if self.point is not None:
-            command["kind"] = wire.COMMAND_IMPULSE_AT
-            command["point"] = _vector("point", self.point)
-            command["radius"] = self.radius
+    def body(self, scene: Scene) -> _Body:
+        number, impulse = scene.object_id(self.object), _vector("impulse", self.impulse)
+        if self.point is None:
+            return _command(wire.COMMAND_IMPULSE, number, impulse)
+        return _command(wire.COMMAND_IMPULSE_AT, number, impulse, _vector("point", self.point), self.radius)
 
 
 @dataclass(frozen=True)
@@ -100,11 +140,8 @@ class SetVelocity(Order):
     linear: Vector = (0.0, 0.0, 0.0)
     angular: Vector = (0.0, 0.0, 0.0)
 
-    def fill(self, command: np.void, scene: Scene) -> None:
-        command["kind"] = wire.COMMAND_SET_VELOCITY
-        command["object"] = scene.object_id(self.object)
-        command["vector"] = _vector("linear", self.linear)
-        command["point"] = _vector("angular", self.angular)
+    def body(self, scene: Scene) -> _Body:
+        return _twist(wire.COMMAND_SET_VELOCITY, scene.object_id(self.object), self)
 
 
 @dataclass(frozen=True)
@@ -121,20 +158,16 @@ class SetMaterial(Order):
     parameters: Mapping[str, float] = field(default_factory=dict)
     region: int = field(default=0, kw_only=True)
 
-    def fill(self, command: np.void, scene: Scene) -> None:
+    def body(self, scene: Scene) -> _Body:
         if self.law not in LAWS:
             raise BadName(f"law {self.law!r} does not exist: expected one of {', '.join(LAWS)}")
         number, names = LAWS[self.law]
         if set(self.parameters) != set(names):
             given, wanted = sorted(self.parameters), list(names)
             raise BadName(f"law {self.law!r} has the parameters {wanted}, found {given}")
-        command["kind"] = wire.COMMAND_SET_MATERIAL
-        command["object"] = scene.object_id(self.object)
-        material = command["material"]
-        material["law"], material["region"] = number, self.region
-        material["youngs_modulus"], material["poisson_ratio"] = self.youngs_modulus, self.poisson_ratio
-        for index, name in enumerate(names):
-            material["parameters"][index] = self.parameters[name]
+        parameters = [self.parameters[name] for name in names] + [0.0] * (4 - len(names))
+        material = (number, self.region, self.youngs_modulus, self.poisson_ratio, *parameters)
+        return wire.COMMAND_SET_MATERIAL, scene.object_id(self.object), _ZERO, _ZERO, 0.0, material
 
 
 @dataclass(frozen=True)
@@ -143,9 +176,8 @@ class SetGravity(Order):
 
     gravity: Vector
 
-    def fill(self, command: np.void, scene: Scene) -> None:
-        command["kind"] = wire.COMMAND_SET_GRAVITY
-        command["vector"] = _vector("gravity", self.gravity)
+    def body(self, scene: Scene) -> _Body:
+        return _command(wire.COMMAND_SET_GRAVITY, vector=_vector("gravity", self.gravity))
 
 
 @dataclass(frozen=True)
@@ -156,11 +188,9 @@ class MoveCollider(Order):
     translation: Vector
     rotation: Vector = (0.0, 0.0, 0.0)
 
-    def fill(self, command: np.void, scene: Scene) -> None:
-        command["kind"] = wire.COMMAND_MOVE_COLLIDER
-        command["object"] = scene.collider_number(self.collider)
-        command["vector"] = _vector("translation", self.translation)
-        command["point"] = _vector("rotation", self.rotation)
+    def body(self, scene: Scene) -> _Body:
+        translation, rotation = _vector("translation", self.translation), _vector("rotation", self.rotation)
+        return _command(wire.COMMAND_MOVE_COLLIDER, scene.collider_number(self.collider), translation, rotation)
 
 
 @dataclass(frozen=True)
@@ -171,12 +201,11 @@ class Pin(Order):
     point: Vector | None = None
     radius: float = DEFAULT_RADIUS
 
-    def fill(self, command: np.void, scene: Scene) -> None:
-        command["kind"] = wire.COMMAND_PIN
-        command["object"] = scene.object_id(self.object)
-        if self.point is not None:
-            command["point"] = _vector("point", self.point)
-            command["radius"] = self.radius
+    def body(self, scene: Scene) -> _Body:
+        number = scene.object_id(self.object)
+        if self.point is None:
+            return _command(wire.COMMAND_PIN, number)
+        return _command(wire.COMMAND_PIN, number, point=_vector("point", self.point), radius=self.radius)
 
 
 @dataclass(frozen=True)
@@ -185,9 +214,126 @@ class Release(Order):
 
     object: str | int
 
-    def fill(self, command: np.void, scene: Scene) -> None:
-        command["kind"] = wire.COMMAND_RELEASE
-        command["object"] = scene.object_id(self.object)
+    def body(self, scene: Scene) -> _Body:
+        return _command(wire.COMMAND_RELEASE, scene.object_id(self.object))
+
+
+@dataclass(frozen=True)
+class Grab(Order):
+    """Hold the particles of an object within `radius` [m] of `point` [m] by a spring that pulls the point `to` [m].
+
+    It pulls nowhere without `to`. After `steps` steps without a `Drag` it is let go.
+    """
+
+    object: str | int
+    point: Vector
+    to: Vector | None = None
+    radius: float = DEFAULT_RADIUS
+    steps: int = 60
+
+    def body(self, scene: Scene) -> _Body:
+        point = _vector("point", self.point)
+        to = point if self.to is None else _vector("to", self.to)
+        number, material = scene.object_id(self.object), (0, self.steps, *_NO_MATERIAL[2:])
+        return wire.COMMAND_GRAB, number, to, point, self.radius, material
+
+
+@dataclass(frozen=True)
+class Drag(Order):
+    """Pull what the sender holds of an object `to` a point [m], where the spring's end is when the step ends."""
+
+    object: str | int
+    to: Vector
+
+    def body(self, scene: Scene) -> _Body:
+        return _command(wire.COMMAND_DRAG, scene.object_id(self.object), _vector("to", self.to))
+
+
+@dataclass(frozen=True)
+class LetGo(Order):
+    """Let go what the sender holds of an object."""
+
+    object: str | int
+
+    def body(self, scene: Scene) -> _Body:
+        return _command(wire.COMMAND_LET_GO, scene.object_id(self.object))
+
+
+def _posed(kind: int, of: SetPose | BringIn, scene: Scene) -> _Body:
+    kept = (of.position is None) * wire.POSE_KEEP_PLACE + (of.rotation is None) * wire.POSE_KEEP_ROTATION
+    position = _ZERO if of.position is None else _vector("position", of.position)
+    rotation = _ZERO if of.rotation is None else _vector("rotation", of.rotation)
+    return kind, scene.object_id(of.object), position, rotation, 0.0, (0, kept, *_NO_MATERIAL[2:])
+
+
+@dataclass(frozen=True)
+class SetPose(Order):
+    """Put an object elsewhere, at rest: its centre of mass [m] and its rotation vector since rest [rad].
+
+    What is None it keeps. Refused where it would overlap with another object or a collider.
+    """
+
+    object: str | int
+    position: Vector | None = None
+    rotation: Vector | None = None
+
+    def body(self, scene: Scene) -> _Body:
+        return _posed(wire.COMMAND_SET_POSE, self, scene)
+
+
+@dataclass(frozen=True)
+class SetFidelity(Order):
+    """Model an object as one of FIDELITIES; `static` is one body that stands where it is."""
+
+    object: str | int
+    fidelity: str
+
+    def body(self, scene: Scene) -> _Body:
+        if self.fidelity not in FIDELITIES:
+            raise BadName(f"fidelity {self.fidelity!r} does not exist: expected one of {', '.join(FIDELITIES)}")
+        number, material = scene.object_id(self.object), (0, FIDELITIES[self.fidelity], *_NO_MATERIAL[2:])
+        return wire.COMMAND_SET_FIDELITY, number, _ZERO, _ZERO, 0.0, material
+
+
+@dataclass(frozen=True)
+class Remove(Order):
+    """Take an object out of the world; it keeps its number."""
+
+    object: str | int
+
+    def body(self, scene: Scene) -> _Body:
+        return _command(wire.COMMAND_REMOVE, scene.object_id(self.object))
+
+
+@dataclass(frozen=True)
+class BringIn(Order):
+    """Bring an object in that was removed or is absent from the beginning: centre of mass [m], rotation vector [rad].
+
+    Without them it comes where it was, and as it was turned.
+    """
+
+    object: str | int
+    position: Vector | None = None
+    rotation: Vector | None = None
+
+    def body(self, scene: Scene) -> _Body:
+        return _posed(wire.COMMAND_BRING_IN, self, scene)
+
+
+@dataclass(frozen=True)
+class Undo(Order):
+    """Back to the state right before the newest edit; the step count goes on."""
+
+    def body(self, scene: Scene) -> _Body:
+        return _command(wire.COMMAND_UNDO)
+
+
+@dataclass(frozen=True)
+class Redo(Order):
+    """Back to the state that the newest undo left; the step count goes on."""
+
+    def body(self, scene: Scene) -> _Body:
+        return _command(wire.COMMAND_REDO)
 
 
 @dataclass(frozen=True)
@@ -203,19 +349,14 @@ class Force(Order):
     point: Vector | None = None
     radius: float = DEFAULT_RADIUS
 
-    def fill(self, command: np.void, scene: Scene) -> None:
-        torque = _vector("torque", self.torque)
-        command["object"] = scene.object_id(self.object)
-        command["vector"] = _vector("force", self.force)
+    def body(self, scene: Scene) -> _Body:
+        force, torque = _vector("force", self.force), _vector("torque", self.torque)
+        number = scene.object_id(self.object)
         if self.point is None:
-            command["kind"] = wire.COMMAND_FORCE
-            command["point"] = torque
-            return
-        if torque.any():
-            raise ValueError(f"torque is {torque.tolist()}, expected none together with a point")
-        command["kind"] = wire.COMMAND_FORCE_AT
-        command["point"] = _vector("point", self.point)
-        command["radius"] = self.radius
+            return _command(wire.COMMAND_FORCE, number, force, torque)
+        if any(torque):
+            raise ValueError(f"torque is {list(torque)}, expected none together with a point")
+        return _command(wire.COMMAND_FORCE_AT, number, force, _vector("point", self.point), self.radius)
 
 
 @dataclass(frozen=True)
@@ -226,11 +367,12 @@ class ColliderVelocity(Order):
     linear: Vector = (0.0, 0.0, 0.0)
     angular: Vector = (0.0, 0.0, 0.0)
 
-    def fill(self, command: np.void, scene: Scene) -> None:
-        command["kind"] = wire.COMMAND_COLLIDER_VELOCITY
-        command["object"] = scene.collider_number(self.collider)
-        command["vector"] = _vector("linear", self.linear)
-        command["point"] = _vector("angular", self.angular)
+    def body(self, scene: Scene) -> _Body:
+        return _twist(wire.COMMAND_COLLIDER_VELOCITY, scene.collider_number(self.collider), self)
+
+
+def _twist(kind: int, number: int, of: SetVelocity | ColliderVelocity) -> _Body:
+    return _command(kind, number, _vector("linear", of.linear), _vector("angular", of.angular))
 
 
 @dataclass(frozen=True)
@@ -238,9 +380,8 @@ class _Numbered(Order):
     number: int
     kind: ClassVar[int]
 
-    def fill(self, command: np.void, scene: Scene) -> None:
-        command["kind"] = self.kind
-        command["object"] = self.number
+    def body(self, scene: Scene) -> _Body:
+        return _command(self.kind, self.number)
 
 
 class Save(_Numbered):
@@ -264,8 +405,8 @@ class Step(_Numbered):
 class _Plain(Order):
     kind: ClassVar[int]
 
-    def fill(self, command: np.void, scene: Scene) -> None:
-        command["kind"] = self.kind
+    def body(self, scene: Scene) -> _Body:
+        return _command(self.kind)
 
 
 class Checkpoint(_Plain):

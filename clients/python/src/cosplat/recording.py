@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import wire
+from .assembly import Assembly
 from .errors import BadName, CosplatError, Malformed, RecordingDamaged
 from .scene import Scene
 from .streams import Frame, Objects
@@ -23,6 +25,8 @@ _POINT_FIELDS = (
     *("cov_xx", "cov_xy", "cov_xz", "cov_yy", "cov_yz", "cov_zz"),
     *("object_id", "index", "rot_x", "rot_y", "rot_z", "rot_w"),
 )
+_OBJECT = "/gaussians/"
+_PACKED = "cosplat.packed"
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 
 
@@ -85,23 +89,36 @@ class Recording:
     def frame(self, step: int) -> Frame:
         """The frame of a step, as it was published. Raises BadName when the step is not in the recording."""
         time = self._time_of(step)
-        for _, data in self._messages("/gaussians", step, time):
-            return self._frame(step, data)
+        if step in self._since:
+            for frame in self._assembled(self._whole_before(step), time):
+                if frame.step == step:
+                    return frame
+        else:
+            for _, _, data in self._messages(["/gaussians"], step, time):
+                return self._frame(step, data)
         raise RecordingDamaged(f"{self.path}: the Gaussians of step {step} are missing")
 
     def frames(self) -> Iterator[Frame]:
         """All frames, in the order of the file."""
-        for sequence, data in self._messages("/gaussians"):
+        if self._since:
+            yield from self._assembled(*self._span)
+        for _, sequence, data in self._messages(["/gaussians"]):
             step = self._low_steps.get(sequence)
             if step is not None:
                 yield self._frame(step, data)
 
     def objects(self, step: int) -> Objects:
         """The objects after a step. Raises BadName when the step is not in the recording."""
-        for _, data in self._messages("/objects", step, self._time_of(step)):
-            record = self._json("/objects", step, data)
-            if int(record["epoch"], 16) == self.epoch:
-                states = np.array([_values(ObjectState, entry) for entry in record["objects"]], ObjectState.dtype)
+        known: dict[int, Any] = {}
+        for _, sequence, data in self._messages(["/objects"], None, self._whole_before(step), self._time_of(step)):
+            record = self._json("/objects", sequence, data)
+            if int(record["epoch"], 16) != self.epoch:
+                continue
+            # Those that are as they were are not told again.
+            known.update((entry["id"], entry) for entry in record["objects"])
+            count = record.get("count") or len(record["objects"])
+            if record["step"] == step and len(known) == count:
+                states = np.array([_values(ObjectState, known[id]) for id in sorted(known)], ObjectState.dtype)
                 # Older recordings have no hash here.
                 state_hash = int(record.get("state_hash") or "0", 16)
                 header = ObjectsHeader(record["step"], _number(record["sim_time"]), self.epoch, len(states), state_hash)
@@ -112,7 +129,7 @@ class Recording:
         """The commands of the run, in the order in which they took effect."""
         commands = []
         first, last = self._span
-        for sequence, data in self._messages("/journal", None, first, last):
+        for _, sequence, data in self._messages(["/journal"], None, first, last):
             record = self._json("/journal", sequence, data)
             material = MaterialSpec(*_values(MaterialSpec, record["material"]))
             values = _values(Command, {**record, "material": material})
@@ -121,7 +138,7 @@ class Recording:
 
     def gaps(self) -> list[dict[str, Any]]:
         """Steps of the run that are not in the recording: `from_step`, `to_step`, `reason`."""
-        records = (self._json("/gaps", sequence, data) for sequence, data in self._messages("/gaps"))
+        records = (self._json("/gaps", sequence, data) for _, sequence, data in self._messages(["/gaps"]))
         return [record for record in records if int(record["epoch"], 16) == self.epoch]
 
     def scene(self) -> Scene:
@@ -163,6 +180,11 @@ class Recording:
         """Reads the headers of all frames."""
         self._headers: dict[int, FrameHeader] = {}
         self._times: dict[int, int] = {}
+        self._since: dict[int, int] = {}
+        """Steps whose frames are told by what changed, and the steps that they build on; their own where they are whole."""
+        self._wholes: dict[int, int] = {}
+        """Times of the newest whole frame at such a step."""
+        whole = int(self.metadata.get("log_time_ns", 0))
         messages = self._guarded(lambda: list(self._reader.iter_messages(["/status"], log_time_order=False)))
         for _, _, message in messages:
             record = self._json("/status", message.sequence, message.data)
@@ -170,6 +192,13 @@ class Recording:
                 header = FrameHeader(*_values(FrameHeader, record))
                 self._headers[header.step] = header
                 self._times[header.step] = message.log_time
+                since = record.get("since")
+                if since is None:
+                    whole = message.log_time
+                else:
+                    self._since[header.step] = since
+                    whole = message.log_time if since == header.step else whole
+                self._wholes[header.step] = whole
         self._low_steps = {step % 2**32: step for step in self._headers}
         times = self._times.values()
         self._span = (int(self.metadata.get("log_time_ns", 0)), max(times, default=0))
@@ -186,20 +215,78 @@ class Recording:
             raise BadName(f"step {step} is not in {self.path}, whose run has {held}")
         return self._times[step]
 
+    def _whole_before(self, step: int) -> int:
+        """Time of the whole frame that a step's builds on [ns]."""
+        self._time_of(step)
+        return self._wholes[step]
+
+    def _assembled(self, start: int, end: int) -> Iterator[Frame]:
+        """The frames between two times that are told by what changed; the first has to be whole."""
+        topics = {channel.topic for channel in self._guarded(self._reader.get_summary).channels.values()}
+        wanted = ["/status", "/places", *(topic for topic in topics if topic.startswith(_OBJECT))]
+        assembly, header, last = Assembly(), None, -1
+        for topic, sequence, data in self._messages(wanted, None, start, end):
+            try:
+                if topic == "/status":
+                    record = self._json(topic, sequence, data)
+                    header, since = FrameHeader(*_values(FrameHeader, record)), record.get("since")
+                    is_ours = int(record["epoch"], 16) == self.epoch
+                    if since == header.step:
+                        assembly.begin(header.count)
+                    elif not is_ours or since != last:
+                        header = None
+                    header = header if is_ours else None
+                    last = -1
+                elif header is None or header.step % 2**32 != sequence:
+                    continue
+                elif topic == "/places":
+                    for object, position, rotation in _places(data):
+                        assembly.place(object, position, rotation)
+                    last = header.step
+                    yield Frame(header, assembly.gaussians.copy(), 0, False, ([], []))
+                else:
+                    gaussians, frame = _point_cloud(data)
+                    first = int(gaussians["index"][0])
+                    if frame == "world":
+                        assembly.put(first, gaussians)
+                    else:
+                        assembly.keep(int(topic.removeprefix(_OBJECT)), first, gaussians)
+            except (IndexError, ValueError, Malformed) as error:
+                raise RecordingDamaged(f"{self.path}: {topic} {sequence}: {error}") from None
+
     def _messages(
-        self, topic: str, step: int | None = None, start: int | None = None, end: int | None = None
-    ) -> Iterator[tuple[int, bytes]]:
-        """Sequence numbers and bytes of a topic; of one `step` at the time `start`, or between two times."""
-        span = {} if start is None else {"starting_at": start, "ending_at": start if end is None else end}
-        messages = self._reader.iter_messages([topic], log_time_order=False, **span)
+        self, topics: list[str], step: int | None = None, start: int | None = None, end: int | None = None
+    ) -> Iterator[tuple[str, int, bytes]]:
+        """Topics, sequence numbers and bytes; of one `step` at the time `start`, or between two times."""
+        if start is not None and end is None:
+            end = start
+        if start is not None and any(topic.startswith("/gaussians") for topic in topics):
+            start = self._readable_from(start)
+        span = {} if start is None else {"starting_at": start, "ending_at": end}
+        clouds: dict[int, NDArray[np.uint8]] = {}
+        messages = self._reader.iter_messages(topics, log_time_order=False, **span)
         while (found := self._guarded(lambda: next(messages, None))) is not None:
-            message = found[2]
+            _, channel, message = found
+            data = message.data
+            if channel.message_encoding == _PACKED:
+                try:
+                    data = _unpacked(data, channel.id, clouds)
+                except (IndexError, ValueError, struct.error) as error:
+                    raise RecordingDamaged(f"{self.path}: {channel.topic} {message.sequence}: {error}") from None
             if step is None or message.sequence == step % 2**32:
-                yield message.sequence, message.data
+                yield channel.topic, message.sequence, data
+
+    def _readable_from(self, time: int) -> int:
+        """Where reading begins for what is there at a time: packed messages build on those before in their chunk."""
+        summary = self._guarded(self._reader.get_summary)
+        if all(channel.message_encoding != _PACKED for channel in summary.channels.values()):
+            return time
+        chunks = (c for c in summary.chunk_indexes if c.message_start_time <= time <= c.message_end_time)
+        return min((chunk.message_start_time for chunk in chunks), default=time)
 
     def _frame(self, step: int, data: bytes) -> Frame:
         try:
-            gaussians = _point_cloud(data)
+            gaussians, _ = _point_cloud(data)
         except (IndexError, ValueError) as error:
             raise RecordingDamaged(f"{self.path}: /gaussians of step {step}: {error}") from None
         header = self._headers[step]
@@ -253,11 +340,13 @@ def _values(kind: type[wire.Record], record: dict[str, Any]) -> tuple[Any, ...]:
     return tuple(values)
 
 
-def _point_cloud(data: bytes) -> NDArray[np.void]:
-    """The Gaussians of a `foxglove.PointCloud`. Raises ValueError or IndexError when it is none of Gaussians."""
-    stride, names, points = 0, [], b""
+def _point_cloud(data: bytes) -> tuple[NDArray[np.void], str]:
+    """The Gaussians of a `foxglove.PointCloud` and their frame. Raises ValueError or IndexError when it is none of Gaussians."""
+    stride, names, points, frame = 0, [], b"", ""
     for number, value in _protobuf(data):
-        if number == 4 and isinstance(value, bytes):
+        if number == 2 and isinstance(value, bytes):
+            frame = value.decode()
+        elif number == 4 and isinstance(value, bytes):
             stride = int.from_bytes(value, "little")
         elif number == 5 and isinstance(value, bytes):
             names.append(next(bytes(v).decode() for n, v in _protobuf(value) if n == 1 and isinstance(v, bytes)))
@@ -266,7 +355,44 @@ def _point_cloud(data: bytes) -> NDArray[np.void]:
     if stride != GaussianState.dtype.itemsize or tuple(names) != _POINT_FIELDS:
         raise ValueError(f"points of stride {stride} with the fields {names} are no Gaussians")
     # A copy: arrays that nobody can write would be a surprise in a recording.
-    return np.frombuffer(points, GaussianState.dtype).copy()
+    return np.frombuffer(points, GaussianState.dtype).copy(), frame
+
+
+def _unpacked(data: bytes, channel: int, clouds: dict[int, NDArray[np.uint8]]) -> bytes:
+    """A message of a compacted recording as it was; `clouds` has the points of the newest of each channel."""
+    if data[0] == 0:
+        clouds.pop(channel, None)
+        return data[1:]
+    [length] = struct.unpack_from("<Q", data, 1)
+    points = np.frombuffer(data, np.uint8, length, 9).reshape(GaussianState.dtype.itemsize, -1).T.copy()
+    if data[0] == 2:
+        if channel not in clouds or clouds[channel].shape != points.shape:
+            raise ValueError("a packed message builds on one that was not read")
+        points ^= clouds[channel]
+    clouds[channel] = points
+    key, rest = b"\x32", length
+    while rest >= 0x80:
+        key, rest = key + bytes([rest & 0x7F | 0x80]), rest >> 7
+    return key + bytes([rest]) + points.tobytes() + data[9 + length :]
+
+
+def _places(data: bytes) -> Iterator[tuple[int, list[float], list[float]]]:
+    """Objects, positions and rotations of a `foxglove.FrameTransforms`. Raises ValueError or IndexError when it is none."""
+    for number, transform in _protobuf(data):
+        if number != 1 or not isinstance(transform, bytes):
+            continue
+        # Protobuf leaves out what is zero.
+        child, position, rotation = "", [0.0] * 3, [0.0] * 4
+        for field, value in _protobuf(transform):
+            if not isinstance(value, bytes):
+                continue
+            if field == 3:
+                child = value.decode()
+            numbers = {4: position, 5: rotation}.get(field)
+            if numbers is not None:
+                for n, bits in _protobuf(value):
+                    numbers[n - 1] = struct.unpack("<d", bytes(bits))[0]
+        yield int(child.removeprefix("form/")), position, rotation
 
 
 def _protobuf(data: bytes) -> Iterator[tuple[int, bytes | int]]:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-import os
 import time
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from . import transport, wire
 from .errors import CosplatError, NoServer, ServerLost, TimedOut, TransportFailed, Unanswered
-from .orders import Ack
+from .orders import Ack, Order, encode
 
 if TYPE_CHECKING:
     from .session import Session
 
 RETRY_PERIOD = 0.005
+
+
+class Sent(NamedTuple):
+    """A request on its way. Dropped before the server looked at it, it is dropped unseen."""
+
+    pending: Any
+    first: int
+    order_count: int
+    start: float
 
 
 class RequestPort:
@@ -26,7 +31,6 @@ class RequestPort:
         self, session: Session, stream: str, header: type[wire.Record], answer_header: type[wire.Record] | None = None
     ) -> None:
         self._session = session
-        self._header = header
         self._service = session.open(
             lambda node, name: transport.requests(node, name, wire.Command, header, wire.Ack, answer_header), stream
         )
@@ -36,31 +40,33 @@ class RequestPort:
         self._notifier = session.open(transport.event, "command").notifier_builder().create()
         self._sequence = 0
 
-    def ask(
-        self, commands: NDArray[np.void], header: dict[str, Any], timeout: float | None
-    ) -> tuple[Any, list[Ack]]:
-        """Sends commands and waits for the answer: the response and one acknowledgement per command.
+    def submit(self, orders: tuple[Order, ...], head: bytes, timeout: float | None) -> Sent:
+        """Sends orders under a header, waiting up to `timeout` [s] (5 without) for a place in the server's queue.
 
-        Without a timeout it waits for as long as the server lives.
+        Raises BadName, NoServer, TimedOut, and ValueError for more than 32 orders.
         """
-        count = len(commands)
+        count = len(orders)
+        if count > wire.MAX_COMMANDS:
+            raise ValueError(f"{count} orders in one request, expected at most {wire.MAX_COMMANDS}")
         first = self._sequence + 1
+        commands = encode(orders, self._session.scene(), first) if orders else b""
         self._sequence += count
-        commands["sequence"] = range(first, first + count)
-        head = np.zeros((), self._header.dtype)
-        for name, value in {**header, "pid": os.getpid(), "count": count}.items():
-            head[name] = value
         start = time.monotonic()
-        pending = self._deliver(commands, head, timeout)
-        response = self._wait(pending, start, timeout)
-        acks = [Ack.read(element) for element in transport.array(response, self._port, wire.Ack.dtype)]
-        if [ack.sequence for ack in acks] != list(range(first, first + count)):
-            raise TransportFailed(f"the server answered {len(acks)} of {count} orders")
+        return Sent(self._deliver(count, commands, head, start, timeout), first, count, start)
+
+    def answer(self, sent: Sent, timeout: float | None) -> tuple[Any, list[Ack]]:
+        """Waits for the answer to what was sent: the response and one acknowledgement per order.
+
+        `timeout` [s] counts from the sending; without, it waits for as long as the server lives. Raises Unanswered, ServerLost.
+        """
+        response = self._wait(sent.pending, sent.start, timeout)
+        acks = Ack.read_all(transport.payload(response, wire.Ack))
+        if len(acks) != sent.order_count or any(ack.sequence != sent.first + index for index, ack in enumerate(acks)):
+            raise TransportFailed(f"the server answered {len(acks)} of {sent.order_count} orders")
         return response, acks
 
-    def _deliver(self, commands: NDArray[np.void], head: NDArray[np.void], timeout: float | None) -> Any:
-        start = time.monotonic()
-        while (pending := transport.send(self._port, commands, head)) is None:
+    def _deliver(self, count: int, commands: bytes, head: bytes, start: float, timeout: float | None) -> Any:
+        while (pending := transport.send(self._port, count, commands, head)) is None:
             waited = time.monotonic() - start
             if waited >= (5.0 if timeout is None else timeout):
                 if self._service.dynamic_config.number_of_servers == 0:

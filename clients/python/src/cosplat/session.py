@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import secrets
 import time
 import weakref
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Self
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, Protocol, Self
 
 from . import scene, transport, wire
 from .domain import ICEORYX2_VERSION, Domain
@@ -26,16 +24,19 @@ from .errors import (
 )
 from .lockstep import Participant
 from .orders import Ack, Order
+from .packing import packer
 from .requests import RETRY_PERIOD, RequestPort
 from .scene import Scene
-from .streams import Contacts, Frame, Journal, Names, Objects, Reader, lost
-from .wire import AppliedCommand, Command, CommandHeader, FrameHeader, GaussianState, Hello, JournalHeader
+from .streams import ChangesReader, Contacts, Frame, Journal, Names, Objects, Reader, lost
+from .wire import AppliedCommand, CommandHeader, FrameHeader, GaussianState, Hello, JournalHeader
 from .wire import ObjectsHeader, ObjectState, Status
 
 # The longest pause between two signs of life is a tenth of it.
 SILENCE = 1.0
 # A server whose process lives may be stopped, or kept from its processor.
 LONG_SILENCE = 10.0
+
+_HEAD = packer(CommandHeader)
 
 _log = logging.getLogger("cosplat")
 
@@ -70,7 +71,12 @@ def _greet(session: str, timeout: float, domain: Domain, node: Any) -> _Greeting
             if time.monotonic() >= deadline:
                 raise
         time.sleep(RETRY_PERIOD)
-    hello = greeting.hello
+    check_version(session, greeting.hello)
+    return greeting
+
+
+def check_version(session: str, hello: Hello) -> None:
+    """Raises OtherVersion for a server that this package does not know."""
     release = hello.server_version.decode(errors="replace")
     if hello.wire_version != wire.WIRE_VERSION:
         raise OtherVersion(
@@ -82,7 +88,18 @@ def _greet(session: str, timeout: float, domain: Domain, node: Any) -> _Greeting
             f"session {session!r} is served by process {hello.pid} with layout hash {hello.schema_hash:016x}, this "
             f"package has {wire.SCHEMA_HASH:016x}: install it from the source that the server was built from"
         )
-    return greeting
+
+
+class Greeting(Protocol):
+    """Who serves."""
+
+    hello: Hello
+    """The newest greeting."""
+    server: int
+    """The node that published it."""
+
+    def look(self) -> bool:
+        """Whether a server greeted since the last look."""
 
 
 class _Greeting:
@@ -140,7 +157,13 @@ class Session:
     """An attached process; made by `connect`. Messages that are held outlive it."""
 
     def __init__(
-        self, name: str, timeout: float, domain: Domain, role: str = "python", client: int | None = None
+        self,
+        name: str,
+        timeout: float,
+        domain: Domain,
+        role: str = "python",
+        client: int | None = None,
+        greeting: Greeting | None = None,
     ) -> None:
         if not re.fullmatch(r"[A-Za-z0-9._-]{1,64}", name):
             raise BadName(f"{name!r} is not a session name: expected 1 to 64 of the characters a-z A-Z 0-9 - _ .")
@@ -149,7 +172,7 @@ class Session:
         self.domain = domain
         """The domain attached to."""
         self._node = domain.join(role)
-        self._greeting = _greet(name, timeout, domain, self._node)
+        self._greeting: Greeting = greeting or _greet(name, timeout, domain, self._node)
         self._patience = max(timeout, SILENCE)
         self._ignored: set[int] = set()
         self._scene: Scene | None = None
@@ -168,6 +191,14 @@ class Session:
     def frames(self, depth: int = 1) -> Reader[Frame]:
         """Reads frames: `depth` 1 for always the newest, up to 64 for a queue that loses none."""
         return self._reader("frame", Frame, GaussianState, FrameHeader, depth)
+
+    def changes(self, depth: int = 64) -> ChangesReader:
+        """Reads what moved in each step, from a complete message on, up to `depth` of them in a queue; `Assembly` makes whole
+        frames of them. Nothing comes where `status().has_changes` is 0."""
+        self.look_after()
+        reader = ChangesReader(self, depth)
+        self._readers.add(reader)
+        return reader
 
     def objects(self, depth: int = 1) -> Reader[Objects]:
         """Reads the state of all objects: `depth` as for frames."""
@@ -189,7 +220,7 @@ class Session:
         """The scene of the present run, waiting up to `timeout` [s] for it. Raises TimedOut."""
         epoch = self.hello.epoch
         if self._scene is None or self._scene.header.epoch < epoch:
-            self._scene = scene.read(self, epoch, timeout)
+            self._scene = self.read_scene(epoch, timeout)
         return self._scene
 
     def status(self, timeout: float = 5.0) -> Status:
@@ -209,26 +240,13 @@ class Session:
         """
         if not orders:
             return []
-        commands = self.encode(orders)
         if self._sender is None:
             self._sender = RequestPort(self, "command", CommandHeader)
-        _, acks = self._sender.ask(commands, {"client": self.client}, timeout)
+        sent = self._sender.submit(orders, _HEAD.pack(self.client, os.getpid(), len(orders)), timeout)
+        _, acks = self._sender.answer(sent, timeout)
         if not all(ack.accepted for ack in acks):
             raise Refused(acks)
         return acks
-
-    def encode(self, orders: tuple[Order, ...]) -> NDArray[np.void]:
-        """Orders as an array of `wire.Command`. Raises BadName, and ValueError for more than 32."""
-        if len(orders) > wire.MAX_COMMANDS:
-            raise ValueError(f"{len(orders)} orders in one request, expected at most {wire.MAX_COMMANDS}")
-        commands = np.zeros(len(orders), Command.dtype)
-        if not orders:
-            return commands
-        known = self.scene()
-        for order, command in zip(orders, commands, strict=True):
-            command["apply_at_step"] = order.at_step
-            order.fill(command, known)
-        return commands
 
     def close(self) -> None:
         """Leaves the session. Frames and scenes that are held stay as they are."""
@@ -279,8 +297,12 @@ class Session:
     def names(self, epoch: int) -> Names:
         """Names of objects and colliders in the run `epoch`."""
         if self._scene is None or self._scene.header.epoch < epoch:
-            self._scene = scene.read(self, epoch, self._patience)
+            self._scene = self.read_scene(epoch, self._patience)
         return self._scene.names, self._scene.colliders
+
+    def read_scene(self, epoch: int, timeout: float) -> Scene:
+        """The scene of run `epoch` or of a later one. Raises TimedOut."""
+        return scene.read(self, epoch, timeout)
 
     def look_after(self) -> None:
         """Attaches to the status: when the server dies, it cannot be opened any more."""
@@ -289,10 +311,8 @@ class Session:
     def is_over(self, epoch: int) -> bool:
         """Whether the run `epoch` has ended. Raises ServerLost when its server died."""
         status = self._newest_status()
-        if self._status is not None and status is None and time.monotonic() - self._status.since < LONG_SILENCE:
-            return False
-        silence = 0.0 if status is None else time.monotonic() - status.heartbeat_ns * 1e-9
-        if status is not None and silence < SILENCE:
+        silence = 0.0 if self._status is None else time.monotonic() - self._status.heard
+        if silence < (LONG_SILENCE if status is None else SILENCE):
             return False
         if status is not None and status.server_state == wire.SERVER_STOPPING and status.epoch >= epoch:
             return True
@@ -320,11 +340,14 @@ class _StatusReader:
         self._port = transport.subscriber(service, 1, 1)
         self._session = session
         self._newest: Status | None = None
-        self.since = time.monotonic()
+        # Of this clock: a server on another machine has another one.
+        self.heard = time.monotonic()
 
     def newest(self) -> Status | None:
         while (sample := transport.receive(self._port, "status", 2)) is not None:
             if self._session.serves(sample.header.node_id.value):
                 [element] = transport.array(sample, self._port, Status.dtype)
-                self._newest = Status.read(element)
+                before, self._newest = self._newest, Status.read(element)
+                if before is None or before.heartbeat_ns != self._newest.heartbeat_ns:
+                    self.heard = time.monotonic()
         return self._newest

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from . import transport, wire
 from .errors import BadName, Malformed, ServerLost, TimedOut
-from .wire import ContactsHeader, FrameHeader, JournalHeader, ObjectsHeader, ObjectState
+from .wire import ChangesHeader, ContactsHeader, FrameHeader, GaussianState, JournalHeader, ObjectChange
+from .wire import ObjectsHeader, ObjectState
 
 if TYPE_CHECKING:
     from .session import Session
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
 Names: TypeAlias = tuple[list[str], list[str]]
 """Names of objects, by id, and of colliders, by number."""
 
-H = TypeVar("H", bound=FrameHeader | ObjectsHeader | JournalHeader | ContactsHeader)
+Header: TypeAlias = FrameHeader | ChangesHeader | ObjectsHeader | JournalHeader | ContactsHeader
+"""What heads a message."""
+
+H = TypeVar("H", bound=Header)
 
 
 class Message(Generic[H]):
@@ -126,6 +130,47 @@ class Frame(Message[FrameHeader]):
         return field
 
 
+class Changes(Message[ChangesHeader]):
+    """What moved in a step. `Assembly.apply` makes the frame of it."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether it holds the whole frame; else it builds on the message of the step `header.since`."""
+        return self.header.since == self.header.step
+
+    @property
+    def is_last(self) -> bool:
+        """Whether this is the last message of the session."""
+        return bool(self.header.flags & wire.FRAME_FLAG_LAST)
+
+    @property
+    def sim_time(self) -> float:
+        """Simulated time at the end of the step [s]."""
+        return self.header.sim_time
+
+    @property
+    def state_hash(self) -> int:
+        """Hash of the complete simulation state."""
+        return self.header.state_hash
+
+    @property
+    def rows(self) -> NDArray[np.void]:
+        """How objects have changed, of `wire.ObjectChange.dtype`. Raises Malformed for more rows than the message holds."""
+        size = self.header.objects * ObjectChange.dtype.itemsize
+        if size > self.items.nbytes:
+            raise Malformed(f"a message on 'changes' of {len(self.items)} slots announces {self.header.objects} rows")
+        rows: NDArray[np.void] = self.items.view(np.uint8)[:size].view(ObjectChange.dtype)
+        return rows
+
+    def gaussians_of(self, row: np.void) -> NDArray[np.void]:
+        """The Gaussians that follow a row, of `wire.GaussianState.dtype`. Raises Malformed for places beyond the message."""
+        first, count = int(row["slot"]), int(row["count"])
+        if first + count > len(self.items):
+            raise Malformed(f"{count} Gaussians from slot {first} on do not fit a message of {len(self.items)} slots")
+        slots: NDArray[np.void] = self.items.view(GaussianState.dtype)
+        return slots[first : first + count]
+
+
 class Objects(Message[ObjectsHeader]):
     """The state of every object after a step; `objects["vase"]` is one of them."""
 
@@ -200,6 +245,7 @@ class Reader(Generic[M]):
         self._element, self._header = types
         service = session.open(lambda node, name: transport.pub_sub(node, name, *types), stream)
         self._max_held: int = service.static_config.subscriber_max_borrowed_samples
+        self._service, self._depth = service, depth
         self._port: Any = transport.subscriber(service, depth, depth)
         self._listener: Any = None
         self._believed: int | None = None
@@ -251,7 +297,7 @@ class Reader(Generic[M]):
                 if self._session.is_over(self.epoch):
                     return
                 continue
-            is_last = isinstance(message, Frame) and message.is_last
+            is_last = isinstance(message, Frame | Changes) and message.is_last
             yield message
             # While the next one comes, the caller alone decides what is held.
             del message
@@ -260,7 +306,7 @@ class Reader(Generic[M]):
 
     def close(self) -> None:
         """Gives the place back to the server, when the last frame goes that is held. Frames stay as they are."""
-        self._port = self._listener = None
+        self._port = self._listener = self._service = None
 
     def __enter__(self) -> Self:
         return self
@@ -303,7 +349,35 @@ class Reader(Generic[M]):
         return self._kind(header, items, missed, is_new_run and not is_first, names)
 
 
-def _numbers(header: FrameHeader | ObjectsHeader | JournalHeader | ContactsHeader) -> tuple[int, int]:
+class ChangesReader(Reader[Changes]):
+    """A queue of what moved. Whatever it hands out is complete or builds on the message before; where messages are missing it
+    joins the stream anew, and the server sends a complete one."""
+
+    def __init__(self, session: Session, depth: int):
+        super().__init__(session, "changes", Changes, (wire.ChangeSlot, ChangesHeader), depth)
+        self._last: tuple[int, int] | None = None
+        # The server may join a reader in the middle of a message.
+        self._may_pass = 1
+
+    def next(self, timeout: float | None = None) -> Changes | None:
+        """As `Reader.next`."""
+        deadline = None if timeout is None else time.monotonic() + timeout
+        while True:
+            left = None if deadline is None else max(0.0, deadline - time.monotonic())
+            message = super().next(left)
+            if message is None:
+                return None
+            header = message.header
+            if message.is_complete or self._last == (header.epoch, header.since):
+                self._last, self._may_pass = (header.epoch, header.step), 0
+                return message
+            self._last = None
+            if self._may_pass == 0:
+                self._port = transport.subscriber(self._service, self._depth, self._depth)
+            self._may_pass = 1 - self._may_pass
+
+
+def _numbers(header: Header) -> tuple[int, int]:
     """The number that a message has in its run, and the number that the next one has."""
     if isinstance(header, JournalHeader):
         return header.first, header.first + header.count

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import gc
 import os
+import struct
 import time
 from typing import Any, TypeVar
 
@@ -19,10 +21,14 @@ from numpy.typing import NDArray
 from . import wire
 from .domain import SHARED_MEMORY
 from .errors import TooManyHeld, TransportFailed
+from .packing import packer
 
 R = TypeVar("R", bound=wire.Record)
 
-EVENT_REQUEST = 1
+# Made once, as they go with every request.
+_REQUEST = iox2.EventId.new(1)
+_SHORT_WAIT_S = 0.05
+_SHORT_WAIT = iox2.Duration.from_secs_f64(_SHORT_WAIT_S)
 # A message may come without a wake-up: history after joining.
 LONGEST_WAIT = 0.02
 
@@ -148,6 +154,18 @@ def array(sample: Any, port: Any, dtype: np.dtype[Any]) -> NDArray[Any]:
     return np.asarray(_Memory(sample, port, count * dtype.itemsize)).view(dtype)
 
 
+def payload(sample: Any, record: type[wire.Record]) -> bytes:
+    """The elements of a sample or response, copied."""
+    count = sample.header.number_of_elements
+    # There may be no address.
+    return ctypes.string_at(sample.payload_ptr, count * record.dtype.itemsize) if count else b""
+
+
+def user_header(sample: Any, size: int) -> bytes:
+    """The user header of a sample or response, copied."""
+    return ctypes.string_at(sample.user_header_ptr, size)
+
+
 def fixed(sample: Any, record: type[R]) -> R:
     """The payload of a sample of one element, copied."""
     return _read(sample.payload_ptr, record)
@@ -160,8 +178,19 @@ def header(sample: Any, record: type[R]) -> R:
 
 def _read(address: int, record: type[R]) -> R:
     data = ctypes.string_at(address, record.dtype.itemsize)
+    # Types are hashable, which mypy does not see of a type variable's.
+    numbers = _numbers(record)  # type: ignore[arg-type]
+    if numbers is not None:
+        return record(*numbers.unpack(data))
     element: np.void = np.frombuffer(data, record.dtype)[0]
     return record.read(element)
+
+
+@functools.cache
+def _numbers(record: type[wire.Record]) -> struct.Struct | None:
+    """The quicker way to read a wire type, for one that consists of numbers alone."""
+    kinds = (record.dtype[name].kind for name in record.dtype.names or ())
+    return packer(record) if all(kind in "iuf" for kind in kinds) else None
 
 
 def listen(listener: Any, timeout: float) -> None:
@@ -169,9 +198,10 @@ def listen(listener: Any, timeout: float) -> None:
     # A socket takes a timeout that rounds to zero for "for ever".
     if timeout < 1e-5:
         listener.try_wait()
-    else:
-        with contextlib.suppress(iox2.ListenerWaitError):
-            listener.timed_wait(iox2.Duration.from_secs_f64(timeout))
+        return
+    duration = _SHORT_WAIT if timeout == _SHORT_WAIT_S else iox2.Duration.from_secs_f64(timeout)
+    with contextlib.suppress(iox2.ListenerWaitError):
+        listener.timed_wait(duration)
 
 
 def sender(service: Any, max_elements: int) -> Any:
@@ -189,12 +219,13 @@ def sender(service: Any, max_elements: int) -> Any:
     return port
 
 
-def send(port: Any, elements: NDArray[Any], head: NDArray[Any]) -> Any | None:
-    """Sends a request and returns what waits for its answer, or None when nobody has room for it."""
+def send(port: Any, count: int, elements: bytes, head: bytes) -> Any | None:
+    """Sends a request of `count` elements and returns what waits for its answer, or None when nobody has room for it."""
     try:
-        request = port.loan_slice_uninit(len(elements))
-        ctypes.memmove(request.payload_ptr, elements.ctypes.data, elements.nbytes)
-        ctypes.memmove(request.user_header_ptr, head.ctypes.data, head.nbytes)
+        request = port.loan_slice_uninit(count)
+        if count:
+            ctypes.memmove(request.payload_ptr, elements, len(elements))
+        ctypes.memmove(request.user_header_ptr, head, len(head))
         pending = request.assume_init().send()
     except (iox2.LoanError, iox2.RequestSendError) as error:
         if "ExceedsMaxActiveRequests" in str(error):
@@ -206,7 +237,7 @@ def send(port: Any, elements: NDArray[Any], head: NDArray[Any]) -> Any | None:
 def notify(notifier: Any) -> None:
     """Wakes the server; a request is seen without it, too."""
     with contextlib.suppress(iox2.NotifierNotifyError):
-        notifier.notify_with_custom_event_id(iox2.EventId.new(EVENT_REQUEST))
+        notifier.notify_with_custom_event_id(_REQUEST)
 
 
 def answer(pending: Any, listener: Any, timeout: float) -> Any | None:
@@ -221,7 +252,7 @@ def answer(pending: Any, listener: Any, timeout: float) -> Any | None:
         left = deadline - time.monotonic()
         if not is_open or left <= 0:
             return None
-        listen(listener, min(left, 0.05))
+        listen(listener, min(left, _SHORT_WAIT_S))
 
 
 @contextlib.contextmanager

@@ -14,10 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-# For types with a field of that name.
-_Bytes = bytes
-
-
 def _dtype(size: int, **fields: tuple[Any, int]) -> np.dtype[np.void]:
     return np.dtype(
         {
@@ -53,8 +49,14 @@ class Record:
         return cls(*values)
 
 
-SCHEMA_HASH = 0x8f6b0ae549f08c6a
+SCHEMA_HASH = 0xdeae37dfe890812e
 """Hash of the layout of all types: a server with another one in its hello is not read."""
+CHANGE_PLACED = 1
+"""All of the object is as its own frame had it last, at another place."""
+CHANGE_GAUSSIANS = 2
+"""The object's Gaussians follow, in the world frame."""
+CHANGE_FORM = 3
+"""The object's Gaussians follow, in its own frame, and its place: what `CHANGE_PLACED` refers to from now on."""
 COMMAND_IMPULSE = 1
 """`Command::kind`: add `vector` [N s] to the momentum of `object`."""
 COMMAND_IMPULSE_AT = 2
@@ -95,6 +97,28 @@ COMMAND_STEP = 19
 """Make `object` steps while the server is paused, 1 to 1,000,000; answered when the last frame was sent."""
 COMMAND_SEEK = 20
 """Have a replay go to `apply_at_step`, or to the first recorded step behind it; servers that simulate refuse it."""
+COMMAND_GRAB = 21
+"""Hold the particles of `object` that are within `radius` of `point` by a spring that pulls the point to `vector` [m], for `material.region` steps without `COMMAND_DRAG`, 0 for 60."""
+COMMAND_DRAG = 22
+"""Pull what the sender holds of `object` to `vector` [m], where the spring's end is when the step ends."""
+COMMAND_LET_GO = 23
+"""Let go what the sender holds of `object`."""
+COMMAND_SET_POSE = 24
+"""Put `object` at rest with its centre of mass at `vector` [m], turned since rest by the rotation vector `point` [rad]; `material.region` is 0 or `POSE_*` flags."""
+COMMAND_SET_FIDELITY = 25
+"""Model `object` as `material.region` says: 1 as one body that stands, 2 as matter, 3 with as little as allowed, 4 as one body."""
+COMMAND_REMOVE = 26
+"""Take `object` out of the world; it keeps its number."""
+COMMAND_BRING_IN = 27
+"""Bring `object` in that was removed or is absent from the beginning, at a pose as of `COMMAND_SET_POSE`."""
+COMMAND_UNDO = 28
+"""Back to the state right before the newest edit; the step count goes on."""
+COMMAND_REDO = 29
+"""Back to the state that the newest `COMMAND_UNDO` left; the step count goes on."""
+POSE_KEEP_PLACE = 1
+"""Flag of a pose: the object keeps its place, and `vector` is not read."""
+POSE_KEEP_ROTATION = 2
+"""Flag of a pose: the object keeps its rotation, and `point` is not read."""
 ACK_ACCEPTED = 1
 """The command takes effect at `applied_at_step`."""
 ACK_REFUSED = 2
@@ -172,6 +196,8 @@ class Hello(Record):
         schema_hash=("<u8", 8),
         epoch=("<u8", 16),
         server_version=("S24", 24),
+        recorded_first=("<u8", 48),
+        recorded_last=("<u8", 56),
     )
 
     wire_version: int
@@ -184,6 +210,10 @@ class Hello(Record):
     """Grows with every start of a server."""
     server_version: bytes
     """Release of the server, UTF-8, zero-padded."""
+    recorded_first: int
+    """First step of the recording that the server replays; 0 where it simulates."""
+    recorded_last: int
+    """Last step of that recording; 0 where it simulates."""
 
 
 @dataclass(slots=True)
@@ -256,6 +286,102 @@ class FrameHeader(Record):
 
 
 @dataclass(slots=True)
+class ChangeSlot(Record):
+    """64 bytes of a `changes` message: rows first, then Gaussians."""
+
+    type_name = "cosplat.v1.ChangeSlot"
+    alignment = 64
+    dtype = _dtype(
+        64,
+        words=(("<u8", (8,)), 0),
+    )
+
+    words: NDArray[np.uint64]
+    """As many whole slots as the `ObjectChange` rows take, one after the other; then one `GaussianState` each."""
+
+
+@dataclass(slots=True)
+class ObjectChange(Record):
+    """How one object has changed."""
+
+    type_name = "cosplat.v1.ObjectChange"
+    alignment = 8
+    dtype = _dtype(
+        80,
+        object=("<u4", 0),
+        kind=("<u4", 4),
+        first=("<u4", 8),
+        count=("<u4", 12),
+        slot=("<u4", 16),
+        position=(("<f8", (3,)), 24),
+        rotation=(("<f8", (4,)), 48),
+    )
+
+    object: int
+    """Object id."""
+    kind: int
+    """`CHANGE_*`."""
+    first: int
+    """Its first Gaussian in the frame."""
+    count: int
+    """Its Gaussians."""
+    slot: int
+    """The slot of its first Gaussian in this message; 0 for `CHANGE_PLACED`."""
+    position: NDArray[np.float64]
+    """Where its own frame has its origin [m]; zeros for `CHANGE_GAUSSIANS`."""
+    rotation: NDArray[np.float64]
+    """World-from-own rotation, unit quaternion xyzw; zeros for `CHANGE_GAUSSIANS`."""
+
+
+@dataclass(slots=True)
+class ChangesHeader(Record):
+    """User header of `changes`."""
+
+    type_name = "cosplat.v1.ChangesHeader"
+    alignment = 8
+    dtype = _dtype(
+        80,
+        step=("<u8", 0),
+        sim_time=("<f8", 8),
+        dt=("<f8", 16),
+        epoch=("<u8", 24),
+        state_hash=("<u8", 32),
+        publish_ns=("<u8", 40),
+        since=("<u8", 48),
+        count=("<u4", 56),
+        objects=("<u4", 60),
+        gaussians=("<u4", 64),
+        substeps=("<u4", 68),
+        flags=("<u4", 72),
+    )
+
+    step: int
+    """Step count, as in `frame`."""
+    sim_time: float
+    """Simulated time at the end of the step [s]."""
+    dt: float
+    """Size of the last substep [s]."""
+    epoch: int
+    """As in `frame`."""
+    state_hash: int
+    """Hash of the complete simulation state, as in `frame`."""
+    publish_ns: int
+    """`CLOCK_MONOTONIC` when the message was sent [ns]."""
+    since: int
+    """The step of the message that this one builds on; its own step where it is complete by itself."""
+    count: int
+    """Slots in this message."""
+    objects: int
+    """`ObjectChange` rows in it."""
+    gaussians: int
+    """Gaussians of the whole frame."""
+    substeps: int
+    """Substeps in this step."""
+    flags: int
+    """`FRAME_FLAG_*`."""
+
+
+@dataclass(slots=True)
 class ObjectState(Record):
     """One object."""
 
@@ -280,7 +406,7 @@ class ObjectState(Record):
     id: int
     """Object id."""
     fidelity: int
-    """How it is modelled at present: 1 static, 2 MPM, 3 asleep, 4 rigid, 6 nothing is left of it."""
+    """How it is modelled at present: 1 static, 2 MPM, 3 asleep, 4 rigid, 6 nothing is left of it, 7 removed."""
     mass: float
     """Mass [kg]."""
     com: NDArray[np.float64]
@@ -552,7 +678,7 @@ class MaterialSpec(Record):
     law: int
     """Constitutive law, 1 to 9."""
     region: int
-    """0 for the whole object, `n` for its region `n`, counted from 1."""
+    """0 for the whole object, `n` for its region `n`, counted from 1. Of `COMMAND_GRAB` a number of steps, of `COMMAND_SET_POSE` and `COMMAND_BRING_IN` flags, of `COMMAND_SET_FIDELITY` a level."""
     youngs_modulus: float
     """Young's modulus [Pa]; not read for fluid and rigid matter."""
     poisson_ratio: float
@@ -595,7 +721,7 @@ class Command(Record):
     radius: float
     """Radius [m]."""
     material: MaterialSpec
-    """For `COMMAND_SET_MATERIAL`."""
+    """For `COMMAND_SET_MATERIAL`; of other kinds `region` alone, where they say so."""
 
 
 @dataclass(slots=True)
@@ -810,6 +936,7 @@ class Status(Record):
         server_state=("<u4", 208),
         pid=("<u4", 212),
         frame_readers=("<u4", 216),
+        has_changes=("<u4", 220),
     )
 
     step: int
@@ -863,4 +990,6 @@ class Status(Record):
     pid: int
     """Server's process id."""
     frame_readers: int
-    """Readers of `frame`."""
+    """Readers of `frame` and of `changes`."""
+    has_changes: int
+    """Whether the server sends `changes` to those who read it: 1, else 0."""

@@ -131,9 +131,14 @@ fn every_schema_names_exactly_the_fields_that_are_written() {
     let board = BoardRecord::from(&wire::Status::default());
     let status = StatusRecord {
         board: Some(board),
+        since: Some(1),
         ..StatusRecord::new(&wire::FrameHeader::default(), None)
     };
-    let objects = ObjectsRecord::new(&wire::ObjectsHeader::default(), &[Default::default()]);
+    let of_many = wire::ObjectsHeader {
+        count: 3,
+        ..Default::default()
+    };
+    let objects = ObjectsRecord::new(&of_many, &[Default::default()]);
     let journal = JournalRecord::from(&JournalEntry {
         applied: Default::default(),
         epoch: Some(1),

@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use cosplat_recorder::RecordingError;
+use cosplat_recorder::chunks::Chunks;
+use cosplat_recorder::compact::compact;
 use cosplat_recorder::messages::GapReason;
 use cosplat_recorder::reader::{Event, Recording};
 use cosplat_recorder::recover::{RecoverReport, recover};
 use cosplat_recorder::topics::GAUSSIANS_TOPIC;
 use cosplat_recorder::writer::{Compression, RecordingWriter, WriterOptions};
+use cosplat_recorder::{Damage, RecordingError};
 
 use super::synthetic::Run;
 
@@ -290,4 +292,82 @@ fn nonsense_is_refused_and_an_input_is_never_its_own_output() {
     let error = recover(whole, whole, true).unwrap_err();
     assert!(matches!(error, RecordingError::SameFile { .. }), "{error}");
     assert_eq!(std::fs::read(whole).unwrap(), bench.bytes);
+}
+
+/// Found by `fuzz/run recording`: the length of a record may be less than the chunk's header in it takes.
+#[test]
+fn a_chunk_shorter_than_its_header_is_lost_and_no_more() {
+    let bench = Bench::new(Compression::None);
+    let mut bytes = bench.bytes.clone();
+    let mut at = 8;
+    while bytes[at] != mcap::records::op::CHUNK {
+        let length = bytes[at + 1..at + 9].try_into().unwrap();
+        at += 9 + u64::from_le_bytes(length) as usize;
+    }
+    bytes[at + 1..at + 9].copy_from_slice(&2_u64.to_le_bytes());
+    let (input, output) = (
+        bench.folder.path().join("short"),
+        bench.folder.path().join("out"),
+    );
+    for end in [bytes.len(), at + 60, at + 11] {
+        std::fs::write(&input, &bytes[..end]).unwrap();
+        let report = recover(&input, &output, true).unwrap();
+        assert!(report.lost_bytes > 0, "{report:?}");
+        assert!(Recording::open(&output).unwrap().all(|event| event.is_ok()));
+    }
+}
+
+/// Found by `fuzz/run recording`: the container's own reader ended in an overflow where a record does not end in its chunk.
+#[test]
+fn a_record_longer_than_its_chunk_is_an_error_of_its_own() {
+    let bench = Bench::new(Compression::None);
+    let summary = mcap::Summary::read(&bench.bytes).unwrap().unwrap();
+    // Behind the chunk of declarations and one of frames.
+    let chunk = summary.chunk_indexes[2].chunk_start_offset as usize;
+    // Opcode and length, two times, a size, a checksum, no name, a size: then the first record.
+    let mut bytes = bench.bytes.clone();
+    let first = chunk + 9 + 40;
+    assert_eq!(bytes[chunk], mcap::records::op::CHUNK);
+    bytes[chunk + 33..chunk + 37].fill(0);
+    bytes[first + 1..first + 9].copy_from_slice(&(1_u64 << 31).to_le_bytes());
+    // What is in front of the chunk was not changed, and its checksum would say that something else was.
+    std::fs::write(bench.input(), &bytes).unwrap();
+    let error = Recording::open(&bench.input()).unwrap();
+    let error = error.filter_map(Result::err).next().expect("damage");
+    let RecordingError::Damaged {
+        cause: Damage::RecordLength {
+            length, available, ..
+        },
+        ..
+    } = &error
+    else {
+        panic!("{error}");
+    };
+    assert_eq!(*length, 1 << 31);
+    assert!(*available < *length && *available > 0, "{error}");
+    let mut chunks = Chunks::open(&bench.input()).unwrap();
+    let damaged = chunks.first_damaged().unwrap().expect("damage");
+    assert!(damaged.events.is_empty());
+    let output = bench.folder.path().join("smaller.mcap");
+    let refused = compact(&bench.input(), &output, true, |_, _| {});
+    assert!(matches!(refused, Err(RecordingError::Damaged { .. })));
+    let (report, steps) = bench.recover(&bytes);
+    assert_eq!((report.chunks_damaged, report.lost_steps.len()), (1, 1));
+    assert_eq!([steps.first(), steps.last()], [Some(&0), Some(&11)]);
+}
+
+/// Found by the seeded mutations: what lay between a broken record and the chunk behind it was less than nothing.
+#[test]
+fn a_few_bytes_in_front_of_a_chunk_cost_no_frame() {
+    let bench = Bench::new(Compression::None);
+    let summary = mcap::Summary::read(&bench.bytes).unwrap().unwrap();
+    let chunk = summary.chunk_indexes[2].chunk_start_offset as usize;
+    for count in 1..12 {
+        let mut bytes = bench.bytes.clone();
+        // The opcode of a message, and a length that the chunk's own opcode makes too large.
+        let stray = [&[mcap::records::op::MESSAGE][..], &vec![0; count - 1]].concat();
+        bytes.splice(chunk..chunk, stray);
+        let (report, steps) = bench.recover(&bytes);
+        assert_eq!(steps.len() as u64, RUN.steps, "{count}: {report:?}");
+    }
 }

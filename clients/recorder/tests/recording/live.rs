@@ -11,6 +11,7 @@ use cosplat_ipc::{Domain, ServerPorts};
 use cosplat_recorder::RecordingError;
 use cosplat_recorder::client::{RecordError, RecordOptions, Summary, record};
 use cosplat_recorder::messages::{GapReason, GapRecord};
+use cosplat_recorder::parts::Split;
 use cosplat_recorder::reader::{Event, Recording};
 use cosplat_recorder::writer::WriterOptions;
 
@@ -95,7 +96,7 @@ impl Server {
 
     /// Publishes the first step, which is kept for late joiners, and the others once a recorder is there, never so
     /// far ahead of it that its queue of 64 frames overflows.
-    fn publish_all(
+    pub fn publish_all(
         &mut self,
         recording: &Path,
         steps: impl Iterator<Item = u64>,
@@ -129,6 +130,8 @@ pub fn options(domain: &Domain, output: &Path) -> RecordOptions {
             chunk_bytes: 200_000,
             ..Default::default()
         },
+        checkpoint_every: None,
+        split: Split::default(),
         wait: PATIENCE,
         duration: None,
     }
@@ -146,7 +149,7 @@ impl Drop for StopOnDrop<'_> {
 }
 
 /// Records in a thread of this process while `serve` publishes; it sees how many frames are recorded.
-fn record_while(
+pub fn record_while(
     options: &RecordOptions,
     stop: &AtomicBool,
     serve: impl FnOnce(&AtomicU64),

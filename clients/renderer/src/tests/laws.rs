@@ -11,7 +11,8 @@ fn straight(width: u32, height: u32, focal: f32) -> Camera {
     Camera {
         position: Vec3::ZERO,
         world_from_camera: Mat3::IDENTITY,
-        vertical_fov: 2.0 * (0.5 * height as f32 / focal).atan(),
+        focal: [focal; 2],
+        center: [0.5 * width as f32, 0.5 * height as f32],
         width,
         height,
         near: 0.1,
@@ -192,11 +193,10 @@ fn tile_borders_are_invisible() {
     let camera = scenes::camera(&scene, 1.0, 120, 90);
     // Seven more pixels on every side at the same focal length: every splat meets other tiles at other places.
     let border = 7;
-    let half = 45.0 + border as f32;
     let wide = Camera {
         width: 120 + 2 * border,
         height: 90 + 2 * border,
-        vertical_fov: 2.0 * (half / 45.0 * (0.5 * camera.vertical_fov).tan()).atan(),
+        center: camera.center.map(|c| c + border as f32),
         ..camera
     };
     let inner = picture(&scene.gaussians, None, &camera, [0.1; 3]);

@@ -14,8 +14,8 @@ fn render(
     background: [f32; 3],
 ) -> Vec<[f64; 3]> {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let tan_y = (0.5 * f64::from(camera.vertical_fov)).tan();
-    let focal = 0.5 * height / tan_y;
+    let focal = f64::from(camera.focal[1]);
+    let tan_y = 0.5 * height / focal;
     let eye = camera.position.as_dvec3();
     let view = camera.world_from_camera.as_dmat3().transpose();
     let mut seen: Vec<(f64, DVec2, [f64; 3], f64, DVec3)> = Vec::new();

@@ -290,3 +290,18 @@ fn what_never_acts_is_left_out_and_said() {
     find(&late, NoteKind::Ignored, "boundary_conditions[0]");
     assert!(entries(&late, "pinned_regions").is_empty());
 }
+
+/// Found by `fuzz/run physgaussian`: a box without width made a scene file that nothing reads.
+#[test]
+fn what_no_scene_file_can_say_is_an_error() {
+    let config = json!({"g": [0, 0, -9.8], "boundary_conditions": [{
+        "type": "particle_impulse", "force": [1, 0, 0], "num_dt": 1, "start_time": 0,
+        "point": [1, 1, 1], "size": [0, 1, 1],
+    }]});
+    let refused =
+        crate::import(&config.to_string(), &model(), &super::options(false)).expect_err("no box");
+    assert!(
+        refused.to_string().contains("expected less than max x"),
+        "{refused}"
+    );
+}

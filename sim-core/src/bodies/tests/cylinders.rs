@@ -1,7 +1,7 @@
 //! Cylinders: recognised, rolling, standing, tumbling over their rims, on each other.
 
 use super::{super::body::Inertia, *};
-use crate::colliders::pose::{from_rotation_vector, product, rotate};
+use crate::rotation::{from_rotation_vector, product, rotate};
 
 const G: f64 = 9.81;
 

@@ -1,7 +1,65 @@
 //! Restitution, friction, conservation, moments of impact.
 
 use super::*;
-use crate::colliders::pose::from_rotation_vector;
+use crate::rotation::from_rotation_vector;
+
+/// Most steps of turns in one search: 4096 places of 32 steps each, and the root after them and both ends with the longest of
+/// turns.
+const LAST_SEARCH: u64 = 4096 * 32 + 84 * 512;
+
+/// As in the tries of a frame, all steps share what the search may take.
+#[test]
+fn no_motion_makes_the_search_for_impacts_endless() {
+    let allowed = 1000;
+    let mut late = 0;
+    for exponent in 0..12 {
+        for speed in [0.0, 1.0, 1e3] {
+            let mut stage = Stage::new([0.0, 0.0, -9.81]);
+            stage.plane([0.0, 0.0, 1.0], 0.4, 0.6);
+            // Half in the floor.
+            let id = stage.add(&block([0.0, 0.0, 0.01], 0.05, [6, 6, 4]));
+            stage.bodies[id].velocity = [speed, 0.0, -speed];
+            let size = 10.0_f64.powi(exponent);
+            stage.bodies[id].angular_momentum = [0.6, -0.7, 0.2].map(|l| l * size);
+            let mut effort = SearchEffort {
+                allowed,
+                ..SearchEffort::default()
+            };
+            for _ in 0..30 {
+                effort = stage.step_with(effort, 1.0 / 60.0);
+                assert!(effort.taken < allowed + LAST_SEARCH, "{effort:?}");
+            }
+            late += effort.unfinished;
+            let body = &stage.bodies[id];
+            let all = [body.com, body.velocity, body.angular_momentum].concat();
+            assert!(all.iter().all(|x| x.is_finite()), "{body:?}");
+        }
+    }
+    // What is tested happened.
+    assert!(late > 0);
+}
+
+#[test]
+fn a_body_whose_impacts_are_late_stays_on_the_floor() {
+    for e in [0.0, 0.5] {
+        let mut stage = Stage::new([0.0, 0.0, -9.81]);
+        stage.plane([0.0, 0.0, 1.0], 0.4, e);
+        let id = stage.add(&block([0.0, 0.0, 0.6], 0.05, [6, 6, 4]));
+        stage.bodies[id].angular_momentum = [0.2, -0.3, 0.1];
+        let (mut late, mut lowest) = (0, f64::INFINITY);
+        for _ in 0..240 {
+            late += stage
+                .step_with(SearchEffort::default(), 1.0 / 60.0)
+                .unfinished;
+            lowest = lowest.min(stage.bodies[id].com[2]);
+        }
+        assert!(late > 0);
+        // Half its height, less the way of one of four steps of a frame at the largest speed of its fall.
+        let way = (2.0 * 9.81 * 0.6_f64).sqrt() / 240.0;
+        assert!(lowest > 0.1 - way, "{lowest}");
+        assert!((stage.bodies[id].com[2] - 0.1).abs() < 1e-3);
+    }
+}
 
 #[test]
 fn a_bouncing_ball_rises_to_the_square_of_the_restitution() {
@@ -220,23 +278,23 @@ fn results_do_not_depend_on_order_motion_or_attitude() {
             }
             let q = from_rotation_vector(turn);
             for body in &mut stage.bodies {
-                body.com = crate::colliders::pose::rotate(q, body.com);
-                body.velocity = crate::colliders::pose::rotate(q, body.velocity);
+                body.com = crate::rotation::rotate(q, body.com);
+                body.velocity = crate::rotation::rotate(q, body.velocity);
                 body.velocity = add(body.velocity, boost);
-                body.angular_momentum = crate::colliders::pose::rotate(q, body.angular_momentum);
-                body.rotation = crate::colliders::pose::product(q, body.rotation);
+                body.angular_momentum = crate::rotation::rotate(q, body.angular_momentum);
+                body.rotation = crate::rotation::product(q, body.rotation);
             }
             for _ in 0..24 {
                 stage.step(1.0 / 60.0);
             }
-            let back = crate::colliders::pose::conjugate(q);
+            let back = crate::rotation::conjugate(q);
             let mut found: Vec<[Vec3; 2]> = stage
                 .bodies
                 .iter()
                 .map(|body| {
                     let v = sub(body.velocity, boost);
                     let x = along(body.com, -stage.time, boost);
-                    [x, v].map(|u| crate::colliders::pose::rotate(back, u))
+                    [x, v].map(|u| crate::rotation::rotate(back, u))
                 })
                 .collect();
             if swap {

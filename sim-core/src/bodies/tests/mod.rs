@@ -7,11 +7,15 @@ mod resting;
 mod shapes;
 mod uneven;
 
+use std::cell::Cell;
+
 use super::{
     actor::{Actor, Drive, Setting},
     body::Body,
     engine::{CachedImpulse, step},
-    shape::{Grain, Shape, frame, of_cubes},
+    grain::{Grain, of_cubes},
+    impact_time::SearchEffort,
+    shape::{Shape, frame},
     vector::{Vec3, add, along, length, scaled, sub},
 };
 use crate::{
@@ -125,6 +129,14 @@ impl Stage {
     }
 
     fn step(&mut self, dt: f64) {
+        let mut effort = SearchEffort::default();
+        effort.allow(self.bodies.len(), dt);
+        self.step_with(effort, dt);
+    }
+
+    /// A step after which the search for impacts has taken what it returns.
+    fn step_with(&mut self, effort: SearchEffort, dt: f64) -> SearchEffort {
+        let effort = Cell::new(effort);
         let boundaries = Boundaries::new(&self.scene, 1.0);
         let paths = vec![None; self.scene.colliders.len()];
         let start = self.time;
@@ -146,6 +158,7 @@ impl Stage {
             walls: &walls,
             surface: &|_, _| surface,
             friction: &|_| None,
+            effort: &effort,
         };
         let mut actors: Vec<Actor<'_>> = (0..self.bodies.len())
             .map(|n| Actor {
@@ -157,6 +170,7 @@ impl Stage {
         step(&mut actors, &mut self.memory, &setting, dt);
         self.bodies = actors.iter().map(|actor| actor.body).collect();
         self.time += dt;
+        effort.get()
     }
 
     fn energy(&self) -> f64 {

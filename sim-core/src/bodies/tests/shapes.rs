@@ -1,7 +1,7 @@
 //! Surfaces and moments of what particles stand for.
 
 use super::{super::body::Inertia, *};
-use crate::colliders::pose::{from_rotation_vector, rotate};
+use crate::rotation::{from_rotation_vector, rotate};
 
 #[test]
 fn a_block_has_flat_faces_where_its_particles_cubes_end() {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::*;
 use crate::{
-    colliders::{Boundaries, Substep},
+    colliders::{Boundaries, Nodes, Substep},
     scene::Surface,
     test_scenes::{add_plane, empty},
 };

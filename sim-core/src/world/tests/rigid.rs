@@ -1,6 +1,7 @@
 //! Rigid objects in the world: one body each, that meets colliders, other bodies and matter on the grid.
 
 use super::*;
+use crate::notices::Notices;
 
 /// A brick of unequal edges that tumbles about no axis of symmetry.
 fn tumbling_brick() -> Scene {
@@ -114,55 +115,6 @@ fn an_object_can_be_frozen_into_a_rigid_one_and_thawed_again() {
 }
 
 #[test]
-fn two_materials_share_an_object_and_a_region_can_be_edited() {
-    let mut scene = falling_block(Law::NeoHookean);
-    let object = &mut scene.objects[0];
-    let all = object.particles.clone();
-    let heavy = Material {
-        density: 3000.0,
-        ..elastic(Law::FixedCorotated, 4e5, 0.3)
-    };
-    object.regions.push(crate::scene::MaterialRegion {
-        particles: all.start + 168..all.end,
-        material: heavy.clone(),
-    });
-    let mut reference = ReferenceWorld::new(&scene);
-    let mut world = World::new(scene.clone()).expect("valid scene");
-    // Half at 1000, half at 3000 kg/m^3.
-    let volume = 336.0 * 0.05_f64.powi(3);
-    assert!((world.report().objects[0].mass / (2000.0 * volume) - 1.0).abs() < 1e-12);
-    for frame in 0..10 {
-        let edit = vec![Command {
-            client: 1,
-            sequence: 1,
-            apply_at_step: 0,
-            action: crate::Action::SetMaterial {
-                object: 0,
-                region: Some(0),
-                material: elastic(Law::NeoHookean, 3e4, 0.3),
-            },
-        }];
-        let commands = if frame == 5 { edit } else { vec![] };
-        let report = world.step(1.0 / 60.0, &commands);
-        let expected = reference.step_with(&world.workspace.substeps, &commands);
-        let (a, b) = (&report.objects[0], &expected.objects[0]);
-        // As for one material: round-off of single precision.
-        assert!(distance(a.com, b.com) < 1e-6, "{:?} {:?}", a.com, b.com);
-        assert!(distance(a.linear_velocity, b.linear_velocity) < 1e-5);
-    }
-    let missing = crate::Action::SetMaterial {
-        object: 0,
-        region: Some(1),
-        material: heavy,
-    };
-    let error = world.check(&missing).expect_err("there is one region");
-    assert_eq!(
-        error.to_string(),
-        "object 0 has no region 1: it has regions 0..1"
-    );
-}
-
-#[test]
 fn a_rigid_cube_lands_rests_and_neither_sinks_nor_jitters() {
     let mut scene = empty(0.1);
     scene.gravity = [0.0, 0.0, -9.81];
@@ -233,4 +185,28 @@ fn a_rigid_cube_slides_bounces_and_sticks_as_its_contact_says() {
         (highest / expected - 1.0).abs() < 0.05,
         "{highest} of {expected}"
     );
+}
+
+#[test]
+fn impacts_that_are_late_are_said_once() {
+    let mut scene = tumbling_brick();
+    add_plane(
+        &mut scene,
+        [0.0; 3],
+        [0.0, 0.0, 1.0],
+        Surface::Separate,
+        0.4,
+    );
+    let mut world = World::new(scene).expect("valid scene");
+    let mut notices = Notices::new(world.scene());
+    let mut report = world.step(1.0 / 60.0, &[]);
+    assert_eq!(report.unfinished_searches, 0);
+    assert!(notices.of(world.scene(), &report).is_empty());
+    report.unfinished_searches = 2;
+    let said = notices.of(world.scene(), &report);
+    assert!(
+        said.len() == 1 && said[0].contains("impacts of rigid bodies are late"),
+        "{said:?}"
+    );
+    assert!(notices.of(world.scene(), &report).is_empty());
 }

@@ -392,3 +392,40 @@ fn a_pushed_object_is_contained_however_often_it_is_pushed() {
     // 16 m/s more each time: it crosses the 100 m domain and leaves it, all of it and nothing else.
     assert!(gone == 0 || gone == 125, "{gone} of 125 particles gone");
 }
+
+/// Whatever checkpoints bring along: a step ends, after no more substeps than the smallest one allows.
+#[test]
+fn no_state_makes_a_step_endless() {
+    type Spoil = fn(&mut World, f32);
+    let spoils: [Spoil; 6] = [
+        |w, x| w.state.matter.particles.groups[1].f[0].0[2] = x,
+        |w, x| w.state.matter.particles.groups[1].f[1].0[2] = x,
+        |w, x| w.state.matter.particles.groups[1].f[4].0[2] = 1.0 / x,
+        |w, x| w.state.matter.particles.motion[1].c[0].0[2] = x,
+        |w, x| w.state.matter.particles.motion[1].c[1].0[2] = -x,
+        |w, x| w.state.matter.particles.motion[1].v[2].0[2] = x,
+    ];
+    let length = 1e-4;
+    for (n, spoil) in spoils.iter().enumerate() {
+        for exponent in [2, 4, 6, 8, 10] {
+            let scene = dropped(elastic(Law::NeoHookean, 1e5, 0.3), 5);
+            let smallest = 1.0 / scene.frame_rate / 65_536.0;
+            let mut world = World::new(scene).expect("valid scene");
+            world.step(length, &[]);
+            spoil(&mut world, 10.0_f32.powi(exponent));
+            let Ok(()) = world.restore(&world.checkpoint()) else {
+                continue;
+            };
+            let report = world.step(length, &[]);
+            // What is left before a failure is shared anew, and a share may be half of the smallest.
+            let most = 2.0 * length / smallest;
+            let count = f64::from(report.substeps);
+            assert!(
+                count <= most,
+                "spoil {n} by 1e{exponent}: {count} substeps, {}",
+                report.rollbacks
+            );
+            assert!(finite(&world), "spoil {n} by 1e{exponent}");
+        }
+    }
+}

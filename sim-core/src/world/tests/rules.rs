@@ -4,9 +4,10 @@ use super::*;
 use crate::{
     Action,
     scene::{
-        Collider, ColliderShape, DomainPolicy, ImpulseAmount, Pose, PrescribedMotion, Region,
-        RegionImpulse, Selection, SequentialRelease, TimeSpan,
+        Collider, ColliderShape, DomainPolicy, ImpulseAmount, Pose, PrescribedMotion,
+        RegionImpulse, Selection, SequentialRelease, Solver, TimeSpan,
     },
+    test_scenes::{busy, cube, held, upper_quarter},
 };
 
 const FRAME: f64 = 1.0 / 60.0;
@@ -20,41 +21,20 @@ fn command(action: Action) -> Command {
     }
 }
 
-/// A jelly cube of 0.4 m in the air.
-fn cube() -> Scene {
-    let mut scene = empty(0.1);
-    scene.gravity = [0.0, 0.0, -9.81];
-    let jelly = elastic(Law::FixedCorotated, 1e5, 0.3);
-    add_box(&mut scene, jelly, [-0.2, -0.2, 0.0], 0.05, [8; 3]);
-    scene
-}
-
-fn upper_quarter() -> Selection {
-    Selection {
-        object: Some(0),
-        region: Some(Region::Box(
-            crate::scene::Aabb {
-                min: [-1.0, -1.0, 0.3],
-                max: [1.0; 3],
-            }
-            .into(),
-        )),
-    }
-}
-
-fn held(linear: [f64; 3], span: TimeSpan) -> PrescribedMotion {
-    PrescribedMotion {
-        selection: upper_quarter(),
-        linear,
-        angular: [0.0; 3],
-        center: [0.0; 3],
-        span,
-    }
+/// The cube on the spatial grid, and on one of its own.
+fn cubes() -> [Scene; 2] {
+    let mut own = cube();
+    own.objects[0].solver = Solver::Lagrangian;
+    own.cfl = 0.8;
+    [cube(), own]
 }
 
 #[test]
 fn what_is_held_does_not_move_until_its_time_is_over() {
-    let mut scene = cube();
+    cubes().into_iter().for_each(holds_for_its_time);
+}
+
+fn holds_for_its_time(mut scene: Scene) {
     let span = TimeSpan {
         start: 0.0,
         end: 0.5,
@@ -67,7 +47,15 @@ fn what_is_held_does_not_move_until_its_time_is_over() {
         world.step(FRAME, &[]);
     }
     for &id in &ids {
-        assert_eq!(world.positions()[id as usize], start[id as usize]);
+        let off = distance(
+            world.positions()[id as usize].map(f64::from),
+            start[id as usize].map(f64::from),
+        );
+        match world.has_solids() {
+            // Nodes with less than a tenth of held matter are not held: a hundredth of a cell.
+            true => assert!(off < 1e-3, "{off}"),
+            false => assert_eq!(off, 0.0),
+        }
     }
     // The rest hangs on it: it sags by less than a tenth of its height.
     let sag = start[0][2] - world.positions()[0][2];
@@ -83,7 +71,10 @@ fn what_is_held_does_not_move_until_its_time_is_over() {
 
 #[test]
 fn prescribed_particles_translate_and_turn_exactly() {
-    let mut scene = cube();
+    cubes().into_iter().for_each(translates_and_turns);
+}
+
+fn translates_and_turns(mut scene: Scene) {
     scene.gravity = [0.0; 3];
     scene.conditions.prescribed = vec![PrescribedMotion {
         angular: [0.0, 0.0, 2.0],
@@ -112,8 +103,10 @@ fn prescribed_particles_translate_and_turn_exactly() {
 
 #[test]
 fn a_force_for_a_while_gives_its_impulse_and_is_no_contact() {
-    for duration in [0.0, 0.1] {
-        let mut scene = cube();
+    for (mut scene, duration) in cubes()
+        .into_iter()
+        .flat_map(|s| [(s.clone(), 0.0), (s, 0.1)])
+    {
         scene.conditions.impulses = vec![RegionImpulse {
             selection: upper_quarter(),
             amount: ImpulseAmount::Total([3.0, 0.0, 0.0]),
@@ -133,7 +126,10 @@ fn a_force_for_a_while_gives_its_impulse_and_is_no_contact() {
 
 #[test]
 fn layers_fall_one_after_the_other() {
-    let mut scene = cube();
+    cubes().into_iter().for_each(lets_layers_go);
+}
+
+fn lets_layers_go(mut scene: Scene) {
     scene.conditions.releases = vec![SequentialRelease {
         selection: Selection::default(),
         axis: [0.0, 0.0, 1.0],
@@ -289,73 +285,6 @@ fn the_domain_deletes_bounces_or_stops() {
     assert!(world.report().sim_time > stopped.unwrap_or(f64::NAN));
 }
 
-/// Everything at once: thin and moving colliders, a commanded one, held and pushed particles, walls.
-fn busy() -> (Scene, Vec<(usize, Action)>) {
-    let mut scene = cube();
-    scene.objects[0].velocity_gradient = spin([1.0, 2.0, -1.0]);
-    scene.conditions.domain_policy = DomainPolicy::Bounce;
-    scene.domain = crate::scene::Aabb {
-        min: [-0.5, -0.5, -0.6],
-        max: [0.5, 0.5, 1.0],
-    };
-    let plate = ColliderShape::Box {
-        half_extents: [0.3, 0.3, 0.004],
-    };
-    scene.colliders.push(Collider {
-        friction: Some(0.2),
-        restitution: 0.3,
-        motion: crate::scene::ColliderMotion::Velocity {
-            linear: [0.0, 0.1, 0.2],
-            angular: [0.3, 0.0, 2.0],
-            span: TimeSpan {
-                start: 0.05,
-                end: 0.3,
-            },
-        },
-        ..Collider::fixed(
-            "plate",
-            plate,
-            Pose::at([0.05, 0.0, -0.1]),
-            Surface::Separate,
-        )
-    });
-    let ball = ColliderShape::Sphere { radius: 0.25 };
-    scene.colliders.push(Collider {
-        friction: Some(0.4),
-        ..Collider::fixed("ball", ball, Pose::at([0.3, 0.1, -0.4]), Surface::Slip)
-    });
-    scene.conditions.impulses = vec![RegionImpulse {
-        selection: upper_quarter(),
-        amount: ImpulseAmount::Total([20.0, 10.0, 0.0]),
-        start: 0.1,
-        duration: 0.05,
-    }];
-    let span = TimeSpan {
-        start: 0.0,
-        end: 0.08,
-    };
-    scene.conditions.prescribed = vec![held([0.0, 0.1, 0.0], span)];
-    let actions = vec![
-        (
-            9,
-            Action::MoveCollider {
-                collider: 1,
-                pose: Pose::at([0.25, 0.05, -0.3]),
-            },
-        ),
-        (
-            12,
-            Action::Pin {
-                object: 0,
-                point: [0.0, 0.0, 0.2],
-                radius: 0.1,
-            },
-        ),
-        (20, Action::Release { object: 0 }),
-    ];
-    (scene, actions)
-}
-
 #[test]
 fn boundaries_never_show_threads_or_isa_in_the_bits() {
     let run = |isa: Isa, threads: usize| {
@@ -403,25 +332,4 @@ fn a_checkpoint_remembers_moved_colliders_and_pins() {
         let expected = step(&mut world, n);
         assert_eq!(step(&mut restored, n), expected, "frame {n}");
     }
-}
-
-#[test]
-fn both_solvers_obey_the_same_boundaries() {
-    let (scene, actions) = busy();
-    let mut reference = ReferenceWorld::new(&scene);
-    let mut world = World::new(scene).expect("valid scene");
-    let mut worst = 0.0_f64;
-    for n in 0..24 {
-        let due = actions.iter().filter(|(at, _)| *at == n);
-        let due: Vec<Command> = due.map(|(_, action)| command(action.clone())).collect();
-        world.step(FRAME, &due);
-        let substeps = world.workspace.substeps.clone();
-        reference.step_with(&substeps, &due);
-        for (a, b) in world.positions().iter().zip(&reference.particles.position) {
-            worst = worst.max(distance(a.map(f64::from), *b));
-        }
-    }
-    // Measured: see the assertion. Contact decides by signs, so round-off may decide otherwise for a particle
-    // that grazes; what stays is far below the size of a cell.
-    assert!(worst < 1e-3, "{worst:e}");
 }

@@ -1,0 +1,317 @@
+//! The server of the page: what is asked for, and the limits of asking.
+
+use std::convert::Infallible;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use cosplat_ipc::monotonic_ns;
+use http_body_util::{BodyExt, LengthLimitError, Limited};
+use hyper::body::{Body, Bytes, Frame, Incoming, SizeHint};
+use hyper::header::{self, HeaderName, HeaderValue};
+use hyper::service::service_fn;
+use hyper::{Method, Request, Response, StatusCode};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use serde_json::Value;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::time::timeout;
+
+use crate::commands::{Ordered, Orders, Unsent};
+use crate::feed::Shared;
+use crate::guard::Guard;
+use crate::latest::{Known, Parts};
+
+/// Longest head of a request [byte], the least that the library can limit it to.
+const HEAD: usize = 8192;
+/// Longest body of a request [byte].
+const BODY: usize = 4096;
+/// Connections at a time.
+const CONNECTIONS: usize = 32;
+/// How long a head, and then a body, may take.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// How long a request for what is newer waits.
+const POLL: Duration = Duration::from_millis(250);
+/// How often the stop flag is looked at.
+const GLANCE: Duration = Duration::from_millis(100);
+
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
+    connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// The files of the page: path, type, text.
+const FILES: &[(&str, &str, &str)] = &[
+    ("/", "text/html", include_str!("page/index.html")),
+    ("/style.css", "text/css", include_str!("page/style.css")),
+    ("/main.js", "text/javascript", include_str!("page/main.js")),
+    ("/link.js", "text/javascript", include_str!("page/link.js")),
+    (
+        "/state.js",
+        "text/javascript",
+        include_str!("page/state.js"),
+    ),
+    ("/draw.js", "text/javascript", include_str!("page/draw.js")),
+    (
+        "/shaders.js",
+        "text/javascript",
+        include_str!("page/shaders.js"),
+    ),
+    (
+        "/camera.js",
+        "text/javascript",
+        include_str!("page/camera.js"),
+    ),
+    (
+        "/panel.js",
+        "text/javascript",
+        include_str!("page/panel.js"),
+    ),
+    ("/edit.js", "text/javascript", include_str!("page/edit.js")),
+    ("/pick.js", "text/javascript", include_str!("page/pick.js")),
+    (
+        "/pointer.js",
+        "text/javascript",
+        include_str!("page/pointer.js"),
+    ),
+    (
+        "/charts.js",
+        "text/javascript",
+        include_str!("page/charts.js"),
+    ),
+];
+
+type Answer = Response<Parts>;
+
+impl Body for Parts {
+    type Data = Bytes;
+    type Error = Infallible;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        _: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
+        Poll::Ready(self.0.pop_front().map(|part| Ok(Frame::data(part))))
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        SizeHint::with_exact(self.len() as u64)
+    }
+}
+
+/// What answers are made of.
+pub struct Site {
+    /// The session.
+    pub shared: Arc<Shared>,
+    /// Where orders go; none of a server that only shows.
+    pub orders: Option<Orders>,
+    /// Materials to choose from.
+    pub presets: Value,
+    /// Who may ask.
+    pub guard: Guard,
+}
+
+/// Answers requests until `stop`.
+pub async fn serve(listener: TcpListener, site: Arc<Site>, stop: &AtomicBool) {
+    let open = Arc::new(AtomicUsize::new(0));
+    while !stop.load(Ordering::Relaxed) {
+        match timeout(GLANCE, listener.accept()).await {
+            Ok(Ok((stream, _))) => {
+                tokio::spawn(connection(stream, site.clone(), open.clone()));
+            }
+            Ok(Err(error)) => {
+                // Out of descriptors, mostly: those of other connections come back.
+                tracing::debug!(%error, "a connection is not taken");
+                tokio::time::sleep(GLANCE).await;
+            }
+            Err(_) => {}
+        }
+    }
+}
+
+async fn connection(stream: TcpStream, site: Arc<Site>, open: Arc<AtomicUsize>) {
+    let is_one_too_many = open.fetch_add(1, Ordering::Relaxed) >= CONNECTIONS;
+    // Frames are whole: nothing is gained by waiting for more to send.
+    let _ = stream.set_nodelay(true);
+    let service = service_fn(|request| {
+        let site = site.clone();
+        async move {
+            let answer = match is_one_too_many {
+                true => {
+                    let why = format!("{CONNECTIONS} connections are open already");
+                    let mut answer = refusal(StatusCode::TOO_MANY_REQUESTS, &why);
+                    let close = HeaderValue::from_static("close");
+                    answer.headers_mut().insert(header::CONNECTION, close);
+                    answer
+                }
+                false => site.answer(request).await,
+            };
+            Ok::<_, Infallible>(answer)
+        }
+    });
+    let served = hyper::server::conn::http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(PATIENCE)
+        .max_buf_size(HEAD)
+        .serve_connection(TokioIo::new(stream), service)
+        .await;
+    if let Err(error) = served {
+        tracing::debug!(%error, "a connection ended");
+    }
+    open.fetch_sub(1, Ordering::Relaxed);
+}
+
+impl Site {
+    async fn answer(&self, request: Request<Incoming>) -> Answer {
+        let (method, path) = (request.method(), request.uri().path());
+        if let Err((status, why)) = self.guard.admit(method, request.headers()) {
+            return refusal(status, why);
+        }
+        if let Some((_, kind, text)) = FILES.iter().find(|(name, _, _)| *name == path) {
+            return match *method {
+                Method::GET => file(kind, text),
+                _ => refusal(StatusCode::METHOD_NOT_ALLOWED, "the page is only read"),
+            };
+        }
+        if !self.guard.knows_token(request.headers()) {
+            let why = "the token is missing or wrong: open the link that the server printed";
+            return refusal(StatusCode::UNAUTHORIZED, why);
+        }
+        match (method, path) {
+            (&Method::GET, "/scene") => self.scene(),
+            (&Method::GET, "/harmonics") => binary(whole(self.shared.latest().harmonics())),
+            (&Method::GET, "/frame") => match known(request.uri().query().unwrap_or_default()) {
+                Some(known) => self.frame(known).await,
+                None => refusal(
+                    StatusCode::BAD_REQUEST,
+                    "expected scene=N&version=N&figures=N with numbers from 0",
+                ),
+            },
+            (&Method::POST, "/command") => self.command(request.into_body()).await,
+            (_, "/scene" | "/harmonics" | "/frame" | "/command") => {
+                refusal(StatusCode::METHOD_NOT_ALLOWED, "the other of GET and POST")
+            }
+            _ => refusal(StatusCode::NOT_FOUND, "no such page"),
+        }
+    }
+
+    fn scene(&self) -> Answer {
+        // So that frames are read by the time that the page asks for one.
+        drop(self.shared.ask());
+        let mut about = self.shared.latest().about();
+        about["presets"] = self.presets.clone();
+        about["read_only"] = self.orders.is_none().into();
+        json(StatusCode::OK, &about)
+    }
+
+    /// What is newer than what a page has, as soon as there is any; the figures alone after a while without.
+    async fn frame(&self, known: Known) -> Answer {
+        let mut news = self.shared.ask();
+        let newer = timeout(POLL, async {
+            loop {
+                news.borrow_and_update();
+                if let Some(answer) = self.shared.latest().answer(known, monotonic_ns()) {
+                    return answer;
+                }
+                if news.changed().await.is_err() {
+                    std::future::pending::<()>().await;
+                }
+            }
+        });
+        match newer.await {
+            Ok(answer) => binary(answer),
+            Err(_) => binary(self.shared.latest().nothing_new(known, monotonic_ns())),
+        }
+    }
+
+    async fn command(&self, body: Incoming) -> Answer {
+        let Some(orders) = &self.orders else {
+            let why = "this server only shows (--read-only): it takes no orders";
+            return refusal(StatusCode::FORBIDDEN, why);
+        };
+        let whole = timeout(PATIENCE, Limited::new(body, BODY).collect());
+        let text = match whole.await {
+            Err(_) => return refusal(StatusCode::REQUEST_TIMEOUT, "the order did not come"),
+            Ok(Err(error)) if error.is::<LengthLimitError>() => {
+                let why = format!("an order has at most {BODY} bytes");
+                return refusal(StatusCode::PAYLOAD_TOO_LARGE, &why);
+            }
+            Ok(Err(error)) => return refusal(StatusCode::BAD_REQUEST, &error.to_string()),
+            Ok(Ok(body)) => body.to_bytes(),
+        };
+        let ordered: Ordered = match serde_json::from_slice(&text) {
+            Ok(ordered) => ordered,
+            Err(error) => return refusal(StatusCode::BAD_REQUEST, &error.to_string()),
+        };
+        match orders.hand_in(ordered) {
+            Ok(answer) => match answer.await {
+                Ok(answer) => json(StatusCode::OK, &answer),
+                Err(_) => refusal(StatusCode::SERVICE_UNAVAILABLE, &Unsent::Ended.to_string()),
+            },
+            Err(error @ Unsent::Full) => refusal(StatusCode::TOO_MANY_REQUESTS, &error.to_string()),
+            Err(error) => refusal(StatusCode::SERVICE_UNAVAILABLE, &error.to_string()),
+        }
+    }
+}
+
+/// What a page says that it has.
+fn known(query: &str) -> Option<Known> {
+    let mut known = Known::default();
+    for pair in query.split('&').filter(|pair| !pair.is_empty()) {
+        let (key, value) = pair.split_once('=')?;
+        match key {
+            "scene" => known.scene = value.parse().ok()?,
+            "version" => known.version = value.parse().ok()?,
+            "figures" => known.figures = Some(value.parse().ok()?),
+            _ => return None,
+        }
+    }
+    Some(known)
+}
+
+fn whole(bytes: impl Into<Bytes>) -> Parts {
+    Parts([bytes.into()].into())
+}
+
+fn answer(status: StatusCode, kind: &'static str, body: Parts) -> Answer {
+    let mut answer = Response::new(body);
+    *answer.status_mut() = status;
+    let fixed: [(HeaderName, &'static str); 5] = [
+        (header::CONTENT_TYPE, kind),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::CACHE_CONTROL, "no-store"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (
+            HeaderName::from_static("cross-origin-resource-policy"),
+            "same-origin",
+        ),
+    ];
+    for (name, value) in fixed {
+        let value = HeaderValue::from_static(value);
+        answer.headers_mut().insert(name, value);
+    }
+    answer
+}
+
+fn file(kind: &'static str, text: &'static str) -> Answer {
+    let mut answer = answer(StatusCode::OK, kind, whole(text));
+    let policy = HeaderValue::from_static(POLICY);
+    let headers = answer.headers_mut();
+    headers.insert(header::CONTENT_SECURITY_POLICY, policy);
+    answer
+}
+
+fn binary(parts: Parts) -> Answer {
+    answer(StatusCode::OK, "application/octet-stream", parts)
+}
+
+fn json(status: StatusCode, value: &Value) -> Answer {
+    answer(status, "application/json", whole(value.to_string()))
+}
+
+fn refusal(status: StatusCode, why: &str) -> Answer {
+    json(status, &serde_json::json!({ "refused": why }))
+}

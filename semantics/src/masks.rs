@@ -1,0 +1,420 @@
+//! Masks of pictures: to which object each pixel belongs.
+//!
+//! A mask is a `.png` of the picture's name with one channel of 8 or 16 bits, or a palette: 0 belongs to no object, `n` to
+//! object `n`. `names.json` beside them says what the objects are called: `{"1": "vase"}`. A `.npy` of whole numbers `[rows]
+//! [columns]` does as well. LangSplat's `NAME_s.npy` has numbers of masks at four levels, `NAME_f.npy` a vector for each mask.
+
+use std::{
+    collections::BTreeMap,
+    fs::File,
+    io::BufReader,
+    path::{Path, PathBuf},
+};
+
+use crate::{Evidence, MaskMap, SemanticsError, lift::Labels, npy, objects::Vectors};
+
+/// End of the names of LangSplat's masks.
+const PROPOSALS: &str = "_s.npy";
+/// End of the names of their vectors.
+const VECTORS: &str = "_f.npy";
+
+/// Levels of LangSplat's masks.
+const LEVELS: usize = 4;
+
+/// Most objects that masks may name: shares of each are kept for every Gaussian.
+pub const MOST_OBJECTS: usize = 1024;
+
+/// Where the masks of a view are, if there are any.
+pub fn find(folder: &Path, view: &str) -> Option<PathBuf> {
+    let file = |end: &str| Some(folder.join(format!("{view}{end}"))).filter(|path| path.is_file());
+    file(".png")
+        .or_else(|| file(".npy"))
+        .or_else(|| file(PROPOSALS))
+}
+
+/// Whether a mask is one of LangSplat's: its numbers mean nothing beyond its picture.
+pub fn is_proposals(path: &Path) -> bool {
+    path.to_str().is_some_and(|path| path.ends_with(PROPOSALS))
+}
+
+/// Reads one level of LangSplat's masks of a picture, 0 to 3 (default, small, medium, large), and the vectors of all masks.
+///
+/// # Errors
+/// When a file cannot be read or is no such array.
+pub fn read_proposals(path: &Path, level: usize) -> Result<(MaskMap, Vectors), SemanticsError> {
+    let read = |path: &Path| std::fs::read(path).map_err(SemanticsError::read(path));
+    let wrong = |path: &Path| {
+        let path = path.to_owned();
+        move |why: String| SemanticsError::format(&path, why)
+    };
+    let numbers = npy::ints(&read(path)?).map_err(wrong(path))?;
+    let &[levels, height, width] = numbers.shape.as_slice() else {
+        let why = format!(
+            "has shape {:?}, expected [levels, rows, columns]",
+            numbers.shape
+        );
+        return Err(SemanticsError::format(path, why));
+    };
+    let pixels = width * height;
+    if level >= levels || pixels == 0 {
+        let why =
+            format!("has {levels} levels of {width} x {height} pixels, level {level} is asked for");
+        return Err(SemanticsError::format(path, why));
+    }
+    let name = path.to_string_lossy();
+    let file = PathBuf::from(format!(
+        "{}{VECTORS}",
+        name.strip_suffix(PROPOSALS).unwrap_or(&name)
+    ));
+    let vectors = npy::floats(&read(&file)?).map_err(wrong(&file))?;
+    let &[count, dim] = vectors.shape.as_slice() else {
+        let why = format!("has shape {:?}, expected [masks, values]", vectors.shape);
+        return Err(SemanticsError::format(&file, why));
+    };
+    let mask = numbers.value[level * pixels..(level + 1) * pixels].to_vec();
+    if let Some(stranger) = mask.iter().find(|m| **m < -1 || **m >= count as i32) {
+        let why = format!(
+            "names mask {stranger}, expected -1 to {}: so many vectors are beside it",
+            count as i32 - 1
+        );
+        return Err(SemanticsError::format(path, why));
+    }
+    let vectors = Vectors {
+        dim,
+        value: vectors.value,
+    };
+    Ok((
+        MaskMap {
+            width,
+            height,
+            mask,
+        },
+        vectors,
+    ))
+}
+
+/// Writes masks of a picture with a vector for each as LangSplat keeps them, the same at all four levels.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn write_proposals(
+    folder: &Path,
+    view: &str,
+    map: &MaskMap,
+    vectors: &Vectors,
+) -> Result<(), SemanticsError> {
+    let numbers = npy::write_ints(&npy::Array {
+        shape: vec![LEVELS, map.height, map.width],
+        value: map.mask.repeat(LEVELS),
+    });
+    let vectors = npy::write_floats(&npy::Array {
+        shape: vec![vectors.value.len() / vectors.dim.max(1), vectors.dim],
+        value: vectors.value.clone(),
+    });
+    for (end, bytes) in [(PROPOSALS, numbers), (VECTORS, vectors)] {
+        let path = folder.join(format!("{view}{end}"));
+        std::fs::write(&path, bytes).map_err(SemanticsError::write(&path))?;
+    }
+    Ok(())
+}
+
+/// Masks whose numbers mean nothing beyond their view, with the number of the object that has most weight in each; -1 for one in
+/// which no object has any. `said` is the evidence of the view.
+#[must_use]
+pub fn with_objects(map: &MaskMap, said: &[Evidence], labels: &Labels) -> MaskMap {
+    let mut weight = BTreeMap::<(i32, i32), f64>::new();
+    for e in said {
+        let object = labels.object[e.gaussian as usize];
+        if object >= 0 {
+            *weight.entry((e.mask, object)).or_default() += f64::from(e.weight);
+        }
+    }
+    let mut best = BTreeMap::<i32, (f64, i32)>::new();
+    for ((mask, object), weight) in weight {
+        let most = best.entry(mask).or_insert((0.0, -1));
+        if weight > most.0 {
+            *most = (weight, object);
+        }
+    }
+    let of = |mask: &i32| match mask {
+        -1 => -1,
+        mask => best.get(mask).map_or(-1, |b| b.1),
+    };
+    MaskMap {
+        mask: map.mask.iter().map(of).collect(),
+        ..map.clone()
+    }
+}
+
+fn read_array(path: &Path) -> Result<MaskMap, SemanticsError> {
+    let bytes = std::fs::read(path).map_err(SemanticsError::read(path))?;
+    let wrong = |why: String| SemanticsError::format(path, why);
+    let found = npy::ints(&bytes).map_err(wrong)?;
+    let &[height, width] = found.shape.as_slice() else {
+        return Err(wrong(format!(
+            "has shape {:?}, expected [rows, columns]",
+            found.shape
+        )));
+    };
+    let range = 0..=MOST_OBJECTS as i32;
+    match found.value.iter().find(|v| !range.contains(*v)) {
+        Some(stranger) => Err(wrong(format!(
+            "names object {stranger}, expected 0 to {MOST_OBJECTS}"
+        ))),
+        None => Ok(MaskMap {
+            width,
+            height,
+            mask: found.value.iter().map(|v| v - 1).collect(),
+        }),
+    }
+}
+
+/// Reads a mask: numbers of objects from 0, -1 for none.
+///
+/// # Errors
+/// When the file cannot be read, is no such picture, or names more than [`MOST_OBJECTS`] objects.
+pub fn read(path: &Path) -> Result<MaskMap, SemanticsError> {
+    let wrong = |why: String| SemanticsError::format(path, why);
+    if path.extension().is_some_and(|e| e == "pt" || e == "pth") {
+        return Err(wrong(
+            "a torch file may run programs when it is read; convert it: \
+             python -c \"import sys,torch,PIL.Image as I; I.fromarray(torch.load(sys.argv[1],weights_only=True).short().numpy()).save(sys.argv[2])\""
+                .into(),
+        ));
+    }
+    if path.extension().is_some_and(|e| e == "npy") {
+        return read_array(path);
+    }
+    let file = File::open(path).map_err(SemanticsError::read(path))?;
+    let mut decoder =
+        png::Decoder::new_with_limits(BufReader::new(file), png::Limits { bytes: 1 << 30 });
+    // A palette's numbers are the objects, not its colours.
+    decoder.set_transformations(png::Transformations::IDENTITY);
+    let mut reader = decoder
+        .read_info()
+        .map_err(|error| wrong(format!("no PNG picture: {error}")))?;
+    let info = reader.info();
+    let (width, height) = (info.width as usize, info.height as usize);
+    let (color, depth) = (info.color_type, info.bit_depth);
+    let is_number = matches!(color, png::ColorType::Grayscale | png::ColorType::Indexed);
+    let bytes = match depth {
+        png::BitDepth::Eight => 1,
+        png::BitDepth::Sixteen => 2,
+        _ => 0,
+    };
+    if !is_number || bytes == 0 {
+        return Err(wrong(format!(
+            "a mask with colours {color:?} of {depth:?} bits, expected one channel or a palette of 8 or 16 bits: \
+             0 for no object, n for object n"
+        )));
+    }
+    let mut data = vec![0; reader.output_buffer_size().unwrap_or_default()];
+    reader
+        .next_frame(&mut data)
+        .map_err(|error| wrong(format!("a damaged PNG picture: {error}")))?;
+    let number = |pixel: &[u8]| match pixel {
+        [high, low] => i32::from(u16::from_be_bytes([*high, *low])),
+        _ => i32::from(pixel[0]),
+    };
+    let mask: Vec<i32> = data
+        .chunks_exact(bytes)
+        .take(width * height)
+        .map(|pixel| number(pixel) - 1)
+        .collect();
+    let largest = mask.iter().copied().max().unwrap_or(-1);
+    if largest >= MOST_OBJECTS as i32 {
+        return Err(wrong(format!(
+            "names object {}, expected at most {MOST_OBJECTS}",
+            largest + 1
+        )));
+    }
+    Ok(MaskMap {
+        width,
+        height,
+        mask,
+    })
+}
+
+/// Names of `count` objects: those of `names.json` in `folder`, else `object_1`, `object_2`.
+///
+/// # Errors
+/// When that file cannot be read or says something else.
+pub fn names(folder: &Path, count: usize) -> Result<Vec<String>, SemanticsError> {
+    let path = folder.join("names.json");
+    let given: BTreeMap<String, String> = match std::fs::read_to_string(&path) {
+        Ok(text) => serde_json::from_str(&text).map_err(|error| {
+            SemanticsError::format(&path, format!("expected {{\"1\": \"name\"}}: {error}"))
+        })?,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => BTreeMap::new(),
+        Err(error) => return Err(SemanticsError::read(&path)(error)),
+    };
+    if let Some(key) = given
+        .keys()
+        .find(|key| !matches!(key.parse(), Ok(1..=MOST_OBJECTS)))
+    {
+        let why = format!("key {key:?}, expected the number of an object, 1 to {MOST_OBJECTS}");
+        return Err(SemanticsError::format(&path, why));
+    }
+    let most = given
+        .keys()
+        .filter_map(|key| key.parse().ok())
+        .max()
+        .unwrap_or(0);
+    let name = |n: usize| given.get(&n.to_string()).cloned();
+    Ok((1..=count.max(most))
+        .map(|n| name(n).unwrap_or_else(|| format!("object_{n}")))
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::npy::tests::file;
+
+    fn write(path: &Path, color: png::ColorType, depth: png::BitDepth, data: &[u8]) {
+        let mut encoder = png::Encoder::new(File::create(path).expect("a file"), 2, 2);
+        encoder.set_color(color);
+        encoder.set_depth(depth);
+        let mut writer = encoder.write_header().expect("a header");
+        writer.write_image_data(data).expect("written");
+    }
+
+    #[test]
+    fn masks_are_numbers_less_one() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.png");
+        write(
+            &path,
+            png::ColorType::Grayscale,
+            png::BitDepth::Eight,
+            &[0, 1, 2, 255],
+        );
+        assert_eq!(read(&path).expect("a mask").mask, [-1, 0, 1, 254]);
+        write(
+            &path,
+            png::ColorType::Grayscale,
+            png::BitDepth::Sixteen,
+            &[0, 0, 1, 0, 0, 3, 0, 1],
+        );
+        assert_eq!(read(&path).expect("a mask").mask, [-1, 255, 2, 0]);
+        assert_eq!(find(folder.path(), "a"), Some(path));
+        assert_eq!(find(folder.path(), "b"), None);
+    }
+
+    #[test]
+    fn masks_of_langsplat_have_levels_and_vectors() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a_s.npy");
+        let numbers = |of: [i32; 8]| of.iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<u8>>();
+        let array = |data: [i32; 8]| file("<i4", "(4, 1, 2)", &numbers(data));
+        std::fs::write(&path, array([-1, 0, 1, 1, 0, 1, -1, 1])).expect("written");
+        let vectors: Vec<u8> = [1.0f32, 0.0, 0.0, 1.0]
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .collect();
+        std::fs::write(
+            folder.path().join("a_f.npy"),
+            file("<f4", "(2, 2)", &vectors),
+        )
+        .expect("written");
+        assert_eq!(find(folder.path(), "a").as_deref(), Some(path.as_path()));
+        assert!(is_proposals(&path));
+        let (map, vectors) = read_proposals(&path, 3).expect("masks");
+        assert_eq!((map.width, map.height, map.mask), (2, 1, vec![-1, 1]));
+        assert_eq!(vectors.of(1), [0.0, 1.0]);
+        let refused = |level| {
+            read_proposals(&path, level)
+                .expect_err("refused")
+                .to_string()
+        };
+        assert!(refused(4).contains("4 levels"));
+        std::fs::write(&path, array([0, 0, 0, 0, 0, 0, 0, 2])).expect("written");
+        assert!(refused(3).contains("names mask 2"));
+        let plain = folder.path().join("b.npy");
+        std::fs::write(&plain, file("|u1", "(1, 2)", &[0, 3])).expect("written");
+        assert_eq!(read(&plain).expect("a mask").mask, [-1, 2]);
+    }
+
+    #[test]
+    fn proposals_come_back_as_they_were_written() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let map = MaskMap {
+            width: 3,
+            height: 1,
+            mask: vec![1, -1, 0],
+        };
+        let vectors = Vectors {
+            dim: 2,
+            value: vec![1.0, 0.0, 0.6, 0.8],
+        };
+        write_proposals(folder.path(), "a", &map, &vectors).expect("written");
+        let path = find(folder.path(), "a").expect("there");
+        for level in 0..LEVELS {
+            let found = read_proposals(&path, level).expect("masks");
+            assert_eq!(found, (map.clone(), vectors.clone()));
+        }
+    }
+
+    #[test]
+    fn proposals_take_the_object_that_most_of_them_covers() {
+        let map = MaskMap {
+            width: 4,
+            height: 1,
+            mask: vec![0, 1, 2, -1],
+        };
+        let labels = Labels {
+            object: vec![5, 3, -1],
+            confidence: vec![1.0; 3],
+        };
+        let said = [(0, 0, 1.0), (1, 0, 2.0), (0, 1, 0.5), (2, 2, 9.0)];
+        let said = said.map(|(gaussian, mask, weight)| Evidence {
+            gaussian,
+            mask,
+            weight,
+        });
+        assert_eq!(with_objects(&map, &said, &labels).mask, [3, 5, -1, -1]);
+    }
+
+    #[test]
+    fn what_is_no_mask_is_refused_in_a_sentence() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.png");
+        write(&path, png::ColorType::Rgb, png::BitDepth::Eight, &[0; 12]);
+        let refused = |path: &Path| read(path).expect_err("refused").to_string();
+        assert!(
+            refused(&path).contains("expected one channel"),
+            "{}",
+            refused(&path)
+        );
+        write(
+            &path,
+            png::ColorType::Grayscale,
+            png::BitDepth::Sixteen,
+            &[255; 8],
+        );
+        assert!(
+            refused(&path).contains("names object 65535"),
+            "{}",
+            refused(&path)
+        );
+        std::fs::write(&path, "no picture").expect("written");
+        assert!(
+            refused(&path).contains("no PNG picture"),
+            "{}",
+            refused(&path)
+        );
+        assert!(refused(Path::new("masks.pt")).contains("torch.load"));
+        std::fs::write(folder.path().join("names.json"), r#"{"2": "vase"}"#).expect("written");
+        assert_eq!(
+            names(folder.path(), 1).expect("names"),
+            ["object_1", "vase"]
+        );
+        std::fs::write(folder.path().join("names.json"), r#"{"vase": "2"}"#).expect("written");
+        assert!(
+            names(folder.path(), 1)
+                .expect_err("refused")
+                .to_string()
+                .contains("vase")
+        );
+    }
+}

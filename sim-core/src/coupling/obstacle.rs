@@ -1,0 +1,148 @@
+//! What matter on the grid may meet off it: a rigid body, or a solid on a grid of its own.
+
+use super::{CouplingInput, matter};
+use crate::{
+    bodies::{
+        body::Body,
+        shape::Shape,
+        solve::Mover,
+        vector::{Vec3, add, sub},
+    },
+    colliders::edge,
+    grid::{Grid, NodeBlock},
+    mat3::{cross, dot},
+    particles::BLOCK,
+    rotation::rotate,
+};
+
+/// Nodes of a block.
+pub(super) const NODES: usize = 64;
+/// Gap up to which nodes count that would not close it by themselves [cells]: what others push may.
+pub(super) const GAP_LOOKAHEAD: f64 = 0.1;
+/// Cosine of the angle beyond which a node's normal is that of the other side of a thin obstacle.
+const SAME_SIDE: f64 = 0.5;
+
+/// A surface at a place near it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Facing {
+    /// Signed distance, negative inside [m].
+    pub distance: f64,
+    /// Unit normal outwards.
+    pub normal: Vec3,
+    /// Velocity that it will have at the end of the substep [m/s].
+    pub velocity: Vec3,
+}
+
+/// The nearest of the particles that reach a node.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GapSample {
+    /// Between its surface and that of the obstacle, negative where they overlap [m]; infinite where there is none.
+    pub gap: f64,
+    /// Normal out of the obstacle there.
+    pub normal: Vec3,
+}
+
+impl GapSample {
+    pub const NONE: Self = Self {
+        gap: f64::INFINITY,
+        normal: [0.0; 3],
+    };
+}
+
+/// What matter on the grid meets.
+pub(super) trait Obstacle: Sync {
+    /// Centre and radius of a ball that holds it [m].
+    fn ball(&self) -> (Vec3, f64);
+    /// Signed distance of a place [m]; infinite where it is far.
+    fn distance(&self, x: Vec3) -> f64;
+    /// The surface as seen from a place [m]; none where it is far.
+    fn facing(&self, x: Vec3) -> Option<Facing>;
+}
+
+/// A rigid body, with the velocity that it will have.
+pub(super) struct RigidObstacle<'a> {
+    pub shape: &'a Shape,
+    pub body: Body,
+    pub moves: Mover,
+}
+
+impl Obstacle for RigidObstacle<'_> {
+    fn ball(&self) -> (Vec3, f64) {
+        (self.body.com, self.shape.radius)
+    }
+
+    fn distance(&self, x: Vec3) -> f64 {
+        self.shape.distance(self.body.inverse_point(x))
+    }
+
+    fn facing(&self, x: Vec3) -> Option<Facing> {
+        let local = self.body.inverse_point(x);
+        let turns = cross(self.moves.spin, sub(x, self.body.com));
+        Some(Facing {
+            distance: self.shape.distance(local),
+            normal: rotate(self.body.rotation, self.shape.normal(local)),
+            velocity: add(self.moves.velocity, turns),
+        })
+    }
+}
+
+/// An obstacle and a block of nodes.
+pub(super) struct FacedBlock<'a> {
+    pub grid: &'a Grid,
+    pub input: &'a CouplingInput<'a>,
+    pub obstacle: &'a dyn Obstacle,
+    pub nodes: &'a NodeBlock,
+    /// What particles may touch the obstacle, if any.
+    pub nearest: Option<&'a [GapSample; NODES]>,
+}
+
+impl FacedBlock<'_> {
+    /// Which node of the grid one of the block is.
+    pub fn index(&self, at: usize) -> [i32; 3] {
+        let local = [at / 16, at / 4 % 4, at % 4];
+        std::array::from_fn(|a| BLOCK * self.nodes.index[a] + local[a] as i32)
+    }
+
+    /// Where a node of the grid is [m].
+    pub fn place(&self, index: [i32; 3]) -> Vec3 {
+        index.map(|i| f64::from(i) * self.input.dx)
+    }
+
+    /// Normal out of the obstacle at a node that meets it, and the least velocity along it that is left to the node [m/s], both
+    /// relative to the obstacle.
+    pub fn closing(&self, at: usize, velocity: Vec3) -> Option<(Vec3, f64)> {
+        let input = self.input;
+        let nearest = self.nearest?[at];
+        if nearest.gap == f64::INFINITY {
+            return None;
+        }
+        let own = self.obstacle.facing(self.place(self.index(at)))?;
+        // That of the surface near the node, if it is on the side of the particle.
+        let normal = match dot(own.normal, nearest.normal) > SAME_SIDE {
+            true => own.normal,
+            false => nearest.normal,
+        };
+        let way = input.dt * dot(sub(velocity, own.velocity), normal);
+        // What is on its way since it came to the grid is farther than where it was.
+        let pass = &input.fields.passes[self.nodes.field as usize];
+        let mut gap = nearest.gap + pass.elapsed * dot(velocity, normal);
+        if gap + way > GAP_LOOKAHEAD * input.dx {
+            return None;
+        }
+        if input.fields.reconstructs_surface[self.nodes.field as usize] && gap + way < 0.0 {
+            gap = input.dx * edge::gap(gap / input.dx, self.edge(at));
+        }
+        Some((normal, -gap.max(0.0) / input.dt))
+    }
+
+    /// Gap in front of a node by where masses say that matter ends [cells].
+    fn edge(&self, at: usize) -> f64 {
+        let surface = |index: [i32; 3]| match self.obstacle.facing(self.place(index)) {
+            Some(found) => (found.distance / self.input.dx, found.normal),
+            None => (f64::INFINITY, [0.0; 3]),
+        };
+        edge::edge(self.index(at), surface, |index| {
+            matter(self.grid, self.input.anchors, self.nodes.field, index)
+        })
+    }
+}

@@ -1,0 +1,326 @@
+//! Solids on grids of their own and matter on the grid in space: impulses between nodes of both.
+//!
+//! A node of the grid meets a solid as it meets a rigid body. What it gives acts on the solid at the node's place, on the solid's
+//! nodes around the material point there, through all of the substep.
+
+use std::collections::BTreeMap;
+
+use super::{
+    CouplingInput,
+    near::near,
+    obstacle::{FacedBlock, Facing, NODES, Obstacle},
+};
+use crate::{
+    bodies::vector::{Vec3, add, along, length, scaled, sub},
+    contact::ledger::Received,
+    grid::Grid,
+    mat3::dot,
+    solid::{inverse::LocalInverse, model::Bears},
+};
+
+/// Sweeps over all nodes at most.
+const SWEEPS: usize = 30;
+/// Sweeps end when no impulse changes by more than this part of the largest.
+const DONE: f64 = 1e-6;
+/// How far from its box a solid is looked for [cells]: more than particles are large, and farther than they move in a substep.
+const MARGIN: f64 = 2.5;
+
+/// A solid among nodes of the grid.
+pub(crate) struct CoupledSolid<'a> {
+    pub object: usize,
+    pub inverse: LocalInverse<'a>,
+    /// Box around its surface [m], and the largest speed of it [m/s].
+    pub bounds: [Vec3; 2],
+    pub speed: f64,
+    /// [m/s^2]
+    pub gravity: Vec3,
+    /// The substep [s].
+    pub dt: f64,
+    /// Nodes that nothing moves, ascending.
+    pub held: Vec<usize>,
+}
+
+impl Obstacle for CoupledSolid<'_> {
+    fn ball(&self) -> (Vec3, f64) {
+        let [min, max] = self.bounds;
+        let half = scaled(sub(max, min), 0.5);
+        (add(min, half), length(half))
+    }
+
+    fn distance(&self, x: Vec3) -> f64 {
+        let margin = MARGIN * self.inverse.model.dx;
+        let [min, max] = self.bounds;
+        if (0..3).any(|a| x[a] < min[a] - margin || x[a] > max[a] + margin) {
+            return f64::INFINITY;
+        }
+        let found = self.inverse.surface(x);
+        found.map_or(f64::INFINITY, |found| found.distance)
+    }
+
+    fn facing(&self, x: Vec3) -> Option<Facing> {
+        let found = self.inverse.surface(x)?;
+        Some(Facing {
+            distance: found.distance,
+            normal: found.normal,
+            velocity: along(found.sample.v, self.dt, self.gravity),
+        })
+    }
+}
+
+/// An object with the impulses on its nodes, by the numbers of these [N s].
+pub(crate) type NodeImpulses = (usize, Vec<(usize, Vec3)>);
+
+/// What came of solids at nodes of the grid.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct CoupledSolids {
+    /// Per object that there is.
+    pub impulses: Vec<NodeImpulses>,
+    /// What objects received from the matter of grid fields.
+    pub received: Vec<(usize, u32, Received)>,
+    /// Largest velocity component given to a node [cells/s].
+    pub largest: f32,
+}
+
+/// A node of the grid that meets solids.
+struct MetNode {
+    /// Node block, row and first float of the node.
+    at: [usize; 3],
+    /// [kg]
+    mass: f64,
+    /// Before and now [m/s].
+    velocity: [Vec3; 2],
+}
+
+/// A node of the grid against a solid.
+struct NodeContact {
+    site: usize,
+    solid: usize,
+    field: u32,
+    /// Where [m].
+    place: Vec3,
+    normal: Vec3,
+    /// Least normal velocity that is left.
+    target: f64,
+    friction: f64,
+    /// Of the solid there, before [m/s].
+    velocity: Vec3,
+    /// The solid's nodes that bear it.
+    bears: Bears,
+    inverse_mass: f64,
+    /// On the grid's node [N s].
+    normal_impulse: f64,
+    friction_impulse: Vec3,
+}
+
+/// Lets solids and nodes of the grid meet.
+pub(crate) fn couple_solids_to_grid(
+    grid: &mut Grid,
+    solids: &[CoupledSolid<'_>],
+    input: &CouplingInput<'_>,
+) -> CoupledSolids {
+    let (mut sites, mut known, mut contacts) = (vec![], BTreeMap::new(), vec![]);
+    for (n, solid) in solids.iter().enumerate() {
+        let sites = (&mut sites, &mut known);
+        find_contacts(grid, solid, n, input, sites, &mut contacts);
+    }
+    let mut coupled = CoupledSolids::default();
+    if contacts.is_empty() {
+        return coupled;
+    }
+    // Velocity changes of solids' nodes [m/s].
+    let mut changes: Vec<Vec<Vec3>> = solids
+        .iter()
+        .map(|solid| vec![[0.0; 3]; solid.inverse.model.mass.len()])
+        .collect();
+    for _ in 0..SWEEPS {
+        let (mut changed, mut largest) = (0.0_f64, 0.0_f64);
+        for contact in &mut contacts {
+            changed = changed.max(contact.solve(solids, &mut sites, &mut changes));
+            largest = largest.max(contact.normal_impulse);
+        }
+        if changed <= DONE * largest {
+            break;
+        }
+    }
+    for site in 0..sites.len() {
+        let MetNode { at, mass, velocity } = sites[site];
+        if velocity[0] == velocity[1] {
+            continue;
+        }
+        let (left, speed) = input.give(grid, at, velocity[1]);
+        coupled.largest = coupled.largest.max(speed);
+        // What rounding takes from the node its first solid gets.
+        if let Some(contact) = contacts.iter().find(|contact| contact.site == site) {
+            contact.push(solids, &mut changes, scaled(left, mass));
+        }
+    }
+    for contact in contacts.iter().filter(|c| c.normal_impulse > 0.0) {
+        let (normal, impulse) = (
+            scaled(contact.normal, -1.0),
+            scaled(contact.impulse(), -1.0),
+        );
+        let received = Received::at(contact.place, normal, contact.normal_impulse, impulse);
+        let object = solids[contact.solid].object;
+        coupled.received.push((object, contact.field, received));
+    }
+    for (solid, changes) in solids.iter().zip(changes) {
+        let moved = changes.into_iter().enumerate();
+        let moved = moved.filter(|(_, change)| *change != [0.0; 3]);
+        let mass = &solid.inverse.model.mass;
+        let impulses = moved.map(|(slot, change)| (slot, scaled(change, mass[slot])));
+        coupled.impulses.push((solid.object, impulses.collect()));
+    }
+    coupled
+}
+
+/// Finds where nodes meet the solid `n`.
+fn find_contacts(
+    grid: &Grid,
+    solid: &CoupledSolid<'_>,
+    n: usize,
+    input: &CouplingInput<'_>,
+    (sites, known): (&mut Vec<MetNode>, &mut BTreeMap<[usize; 3], usize>),
+    contacts: &mut Vec<NodeContact>,
+) {
+    let told = near(input, grid, solid, solid.speed);
+    for (block, nodes) in grid.nodes.iter().enumerate() {
+        let faced = FacedBlock {
+            grid,
+            input,
+            obstacle: solid,
+            nodes,
+            nearest: told.get(block),
+        };
+        if faced.nearest.is_none() {
+            continue;
+        }
+        for at in 0..NODES {
+            let Some((mass, velocity)) = input.node(grid, block, at) else {
+                continue;
+            };
+            let Some((normal, target)) = faced.closing(at, velocity) else {
+                continue;
+            };
+            let place = faced.place(faced.index(at));
+            let Some(found) = solid.inverse.surface(place) else {
+                continue;
+            };
+            let at = [block, at / 4, 4 * (at % 4)];
+            let site = *known.entry(at).or_insert_with(|| {
+                sites.push(MetNode {
+                    at,
+                    mass,
+                    velocity: [velocity; 2],
+                });
+                sites.len() - 1
+            });
+            let bears = solid.inverse.bears(&found);
+            contacts.push(NodeContact {
+                site,
+                solid: n,
+                field: nodes.field,
+                place,
+                normal,
+                target,
+                friction: (input.friction)(solid.object, nodes.field),
+                velocity: add(found.sample.v, solid.gain(&bears)),
+                inverse_mass: 1.0 / mass + solid.inverse_mass(&bears),
+                bears,
+                normal_impulse: 0.0,
+                friction_impulse: [0.0; 3],
+            });
+        }
+    }
+}
+
+impl CoupledSolid<'_> {
+    /// Velocity of a material point per impulse on it [1/kg].
+    fn inverse_mass(&self, bears: &[(u32, f32)]) -> f64 {
+        let of = bears.iter().map(|&(slot, w)| {
+            let per_mass = self.velocity_per_impulse(slot as usize);
+            f64::from(w) * f64::from(w) * per_mass
+        });
+        of.sum()
+    }
+
+    /// Velocity that nodes get in the substep of all but matter on the grid, as far as is known [m/s]: as in the span before, where
+    /// that acted on them, and of gravity elsewhere. Without it a node at rest on a solid would creep in, by as much as it is
+    /// pushed per substep.
+    fn gain(&self, bears: &[(u32, f32)]) -> Vec3 {
+        let state = self.inverse.state;
+        let mut sum = [0.0; 3];
+        for &(slot, w) in bears {
+            let known = state
+                .of_matter
+                .binary_search_by_key(&slot, |load| load.slot);
+            let rate = match known {
+                Ok(found) if state.span > 0.0 => {
+                    let load = &state.of_matter[found];
+                    let now = state.velocity_of(self.inverse.model, slot as usize);
+                    let all = scaled(sub(now, load.before), 1.0 / state.span);
+                    along(all, -self.velocity_per_impulse(slot as usize), load.force)
+                }
+                _ => self.gravity,
+            };
+            sum = along(sum, f64::from(w) * self.dt, rate);
+        }
+        sum
+    }
+
+    /// One over the mass of a node [1/kg]; 0 of one that is held.
+    fn velocity_per_impulse(&self, slot: usize) -> f64 {
+        match self.held.binary_search(&slot) {
+            Ok(_) => 0.0,
+            Err(_) => self.inverse.model.mass[slot].recip(),
+        }
+    }
+}
+
+impl NodeContact {
+    /// On the grid's node, so far [N s].
+    fn impulse(&self) -> Vec3 {
+        along(self.friction_impulse, self.normal_impulse, self.normal)
+    }
+
+    /// Makes its impulse such that velocities are as they may be; returns the size of the change [N s].
+    fn solve(
+        &mut self,
+        solids: &[CoupledSolid<'_>],
+        sites: &mut [MetNode],
+        changes: &mut [Vec<Vec3>],
+    ) -> f64 {
+        let mut other = self.velocity;
+        for &(slot, w) in &self.bears {
+            other = along(other, f64::from(w), changes[self.solid][slot as usize]);
+        }
+        let u = sub(sites[self.site].velocity[1], other);
+        let speed = dot(u, self.normal);
+        let change = (self.target - speed) / self.inverse_mass;
+        let change = change.max(-self.normal_impulse);
+        self.normal_impulse += change;
+        let tangent = along(u, -speed, self.normal);
+        let mut friction = along(self.friction_impulse, -1.0 / self.inverse_mass, tangent);
+        let most = self.friction * self.normal_impulse;
+        let size = length(friction);
+        if size > most {
+            friction = scaled(friction, most / size);
+        }
+        let given = along(sub(friction, self.friction_impulse), change, self.normal);
+        self.friction_impulse = friction;
+        let site = &mut sites[self.site];
+        site.velocity[1] = along(site.velocity[1], 1.0 / site.mass, given);
+        self.push(solids, changes, scaled(given, -1.0));
+        length(given)
+    }
+
+    /// Gives the solid an impulse [N s].
+    fn push(&self, solids: &[CoupledSolid<'_>], changes: &mut [Vec<Vec3>], impulse: Vec3) {
+        let solid = &solids[self.solid];
+        for &(slot, w) in &self.bears {
+            let slot = slot as usize;
+            let scale = f64::from(w) * solid.velocity_per_impulse(slot);
+            let change = &mut changes[self.solid][slot];
+            *change = along(*change, scale, impulse);
+        }
+    }
+}

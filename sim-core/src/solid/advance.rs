@@ -1,0 +1,258 @@
+//! A solid through a span of time: substeps that its own tangent bounds.
+
+use super::{
+    kernel::{Extremes, SolidLaw, Step, Tiles, substep},
+    model::SolidModel,
+    nodes::{Conditions, NODES, slot, write},
+    search::Search,
+    state::SolidState,
+};
+use crate::simd::{F32x16, Isa};
+
+/// Share of `dx sqrt(rho / M)` that a substep may have at the largest tangent `M` of the moment. Nodes with lumped mass are
+/// stable up to 0.943 with points at the places of Gauss, wherever the boundary cuts.
+const STABLE: f64 = 0.9;
+/// Time of the viscous stress over the substep, where matter is deformed most: what keeps violent release from inverting it.
+const VISCOSITY: f64 = 0.1;
+/// Tangents over that at rest between which viscosity sets in: bending and falling matter stays below.
+const VISCOUS: [f64; 2] = [2.5, 5.0];
+/// Largest change of the deformation gradient in a substep of matter that is deformed that much: what crushes it within one
+/// is not seen in time.
+const CHANGE: f64 = 0.2;
+/// Substeps from one look at the tangent to the next, while it is near that at rest.
+const LOOK: u64 = 4;
+/// Tangent over that at rest from which on every substep looks.
+const WATCHED: f64 = 1.1;
+/// Smallest substep over that at rest: beyond it a solid fails.
+const SMALLEST: f64 = 1.0 / 1024.0;
+
+/// A solid with what it works with.
+#[derive(Debug)]
+pub(crate) struct Solid<'a> {
+    pub model: &'a SolidModel,
+    pub laws: &'a [SolidLaw],
+    pub state: &'a mut SolidState,
+    pub scratch: &'a mut Scratch,
+}
+
+/// Memory that a solid works in.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Scratch {
+    pub conditions: Conditions,
+    pub tiles: Tiles,
+    /// Nodes whose velocity is given.
+    pub held: Vec<usize>,
+    /// What is known of its surroundings.
+    pub search: Search,
+}
+
+/// What acts on solids everywhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Outside {
+    pub isa: Isa,
+    /// Gravity [m/s^2].
+    pub gravity: [f64; 3],
+    /// Rate at which velocities decay [1/s].
+    pub damping: f64,
+    /// Share of the stability limit that a substep uses.
+    pub cfl: f64,
+}
+
+impl Scratch {
+    /// For a solid that nothing holds.
+    pub fn new(model: &SolidModel) -> Self {
+        let blocks = model.node_blocks.len();
+        let mut scratch = Self {
+            conditions: Conditions {
+                w: vec![[F32x16::ZERO; 4]; blocks],
+                force: vec![[[F32x16::ZERO; 4]; 3]; blocks],
+                forced: vec![false; blocks],
+            },
+            tiles: Tiles::new(model),
+            held: vec![],
+            search: Search::default(),
+        };
+        scratch.hold_anew(model, vec![]);
+        scratch
+    }
+
+    /// Lets go of all nodes but these.
+    pub fn hold(&mut self, model: &SolidModel, held: Vec<usize>) {
+        if held != self.held {
+            self.hold_anew(model, held);
+        }
+    }
+
+    fn hold_anew(&mut self, model: &SolidModel, held: Vec<usize>) {
+        for block in 0..model.node_blocks.len() {
+            for x in 0..4 {
+                for lane in 0..16 {
+                    let mass = model.mass[slot(block, [x, lane])];
+                    let w = if mass > 0.0 { model.dx / mass } else { 0.0 };
+                    self.conditions.w[block][x].0[lane] = w as f32;
+                }
+            }
+        }
+        for &n in &held {
+            self.conditions.w[n / NODES][n / 16 % 4].0[n % 16] = 0.0;
+        }
+        self.held = held;
+    }
+}
+
+impl Solid<'_> {
+    /// Tangent over density at rest [m^2/s^2].
+    fn tangent_at_rest(&self) -> f64 {
+        let laws = self.laws.iter();
+        laws.map(|law| (3.0 * law.lambda + 2.0 * law.mu) / law.density)
+            .fold(0.0, f64::max)
+    }
+
+    /// Tangent at rest of the stiffest of it [Pa].
+    pub fn modulus(&self) -> f64 {
+        let laws = self.laws.iter();
+        laws.map(|law| 3.0 * law.lambda + 2.0 * law.mu)
+            .fold(0.0, f64::max)
+    }
+
+    /// Present tangent over that at rest, at least 1.
+    fn stiffening(&self) -> f64 {
+        (f64::from(self.state.tangent) / self.tangent_at_rest()).max(1.0)
+    }
+
+    /// Largest substep at rest [s].
+    pub fn rest_dt(&self, cfl: f64) -> f64 {
+        cfl * self.model.dx / self.tangent_at_rest().sqrt()
+    }
+
+    /// Largest substep now [s]: that at rest by a power of the square root of one half, so that it seldom changes.
+    pub fn limit(&self, cfl: f64) -> f64 {
+        let rest = self.rest_dt(cfl);
+        let sound = STABLE * self.model.dx / f64::from(self.state.tangent).sqrt();
+        let bound = sound.min(CHANGE / f64::from(self.state.rate));
+        let mut limit = rest;
+        while limit > bound && limit > SMALLEST * rest {
+            limit *= 0.5_f64.sqrt();
+        }
+        limit
+    }
+
+    /// Whether the frame moves with the solid: nothing holds it in the world.
+    fn is_free(&self) -> bool {
+        self.scratch.held.is_empty()
+    }
+
+    /// Before a span, the first of a frame or another: the frame moves with the solid, or stands where nodes are held. `given` is the velocity of a held node
+    /// by its place in the list [m/s].
+    pub fn begin(
+        &mut self,
+        outside: &Outside,
+        begins_frame: bool,
+        given: impl Fn(usize) -> [f64; 3],
+    ) {
+        if self.state.tangent == 0.0 {
+            // Nothing is known of it yet: a substep of no length looks.
+            self.substep(outside, 0.0, 0.0, 0);
+        }
+        if begins_frame {
+            self.scratch.search.restart();
+        }
+        if self.is_free() {
+            if begins_frame {
+                self.state.recentre(self.model);
+            }
+            return;
+        }
+        self.state.set_frame_velocity(self.model, [0.0; 3]);
+        self.state.velocity = [0.0; 3];
+        for (n, &slot) in self.scratch.held.iter().enumerate() {
+            let v = given(n).map(|v| (v / self.model.dx) as f32);
+            write(&mut self.state.nodes[slot / NODES].v, slot, v);
+        }
+    }
+
+    /// Takes a substep in which forces act for `kick` [s], and nodes move for `drift` [s] after that.
+    pub fn substep(&mut self, outside: &Outside, kick: f64, drift: f64, index: u64) -> Extremes {
+        let keep = (-outside.damping * kick).exp();
+        let free = self.is_free();
+        if free {
+            for a in 0..3 {
+                let v = &mut self.state.velocity[a];
+                *v = keep * (*v + kick * outside.gravity[a]);
+                self.state.shift[a] += drift * *v;
+            }
+        }
+        let stiffening = self.stiffening();
+        let share = ((stiffening - VISCOUS[0]) / (VISCOUS[1] - VISCOUS[0])).clamp(0.0, 1.0);
+        let step = Step {
+            kick: kick as f32,
+            drift: drift as f32,
+            keep: keep as f32,
+            gravity: match free {
+                true => [0.0; 3],
+                false => outside.gravity.map(|g| (g / self.model.dx) as f32),
+            },
+            viscosity: (VISCOSITY * share * kick) as f32,
+            wants_extremes: index.is_multiple_of(LOOK) || stiffening > WATCHED || drift == 0.0,
+        };
+        let Scratch {
+            conditions, tiles, ..
+        } = &mut *self.scratch;
+        let nodes = &mut self.state.nodes;
+        let found = substep(
+            outside.isa,
+            self.model,
+            self.laws,
+            conditions,
+            nodes,
+            tiles,
+            &step,
+        );
+        // Along all axes at once at most.
+        let speed = 3.0_f64.sqrt() * f64::from(found.speed) * self.model.dx;
+        self.scratch.search.own += drift * speed;
+        if step.wants_extremes {
+            (self.state.tangent, self.state.rate) = (found.tangent, found.rate);
+        }
+        found
+    }
+}
+
+/// Substeps of a span of time, all of equal length but where limits change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Shares {
+    /// What is left [s].
+    pub remaining: f64,
+    /// The substep at hand [s].
+    pub dt: f64,
+    /// Substeps so far.
+    pub taken: u64,
+}
+
+impl Shares {
+    /// The first of a span [s] > 0.
+    pub fn first(length: f64, limit: f64) -> Self {
+        Self {
+            remaining: length,
+            dt: share(length, limit),
+            taken: 0,
+        }
+    }
+
+    /// Goes on to the next, and how long forces act between the two [s]; none at the end of the span.
+    pub fn next(&mut self, limit: f64) -> Option<f64> {
+        let before = self.dt;
+        self.remaining -= before;
+        self.taken += 1;
+        // Less than any substep: what rounding left.
+        if self.remaining <= 1e-9 * before {
+            return None;
+        }
+        self.dt = share(self.remaining, limit);
+        Some(0.5 * (before + self.dt))
+    }
+}
+
+fn share(length: f64, limit: f64) -> f64 {
+    length / (length / limit - 1e-6).ceil().max(1.0)
+}

@@ -1,0 +1,40 @@
+//! Solids on a grid of their own: total-Lagrangian matter with persistent nodes, of which nothing is ever transferred.
+//!
+//! Nodes `X_i` sit on a grid in the object's rest frame; unknowns are their displacements `u_i` and velocities `v_i`.
+//! With quadratic B-splines `N_i` and Gauss points `p` in every cell, cut ones with the volumes that are there:
+//!
+//! - `m_i = sum_p N_i(X_p) rho V_p`, `F_p = I + sum_i u_i (x) grad N_i(X_p)` ([`model`]),
+//! - `f_i = -sum_p V_p P(F_p) grad N_i(X_p)`, `v += dt f / m`, `u += dt v` ([`kernel`]),
+//! - substeps by the largest tangent `dP/dF` of the moment ([`advance`]).
+//!
+//! Mass and stiffness are sums over the same points with weights that are not negative, so that the stable substep never depends
+//! on where the boundary cuts. Points of the surface ([`surface`]) meet colliders ([`contact`]), and other solids ([`pairs`]) by the
+//! depth in them ([`depth`]), and rigid bodies ([`rigid`]). Those that may meet share their substeps
+//! ([`group`]).
+//!
+//! Knows laws, colliders and matrices, and neither particles nor the world.
+
+pub(crate) mod advance;
+mod basis;
+mod cells;
+pub(crate) mod contact;
+pub(crate) mod depth;
+pub(crate) mod grip;
+pub(crate) mod group;
+pub(crate) mod inverse;
+pub(crate) mod kernel;
+pub(crate) mod model;
+pub(crate) mod nodes;
+pub(crate) mod object;
+pub(crate) mod pairs;
+pub(crate) mod rigid;
+pub(crate) mod sampling;
+pub(crate) mod search;
+pub(crate) mod springs;
+pub(crate) mod state;
+pub(crate) mod surface;
+pub(crate) mod vibrating;
+pub(crate) mod volumes;
+
+#[cfg(test)]
+pub(crate) mod tests;

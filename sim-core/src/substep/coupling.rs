@@ -1,0 +1,132 @@
+//! Matter on the grid against what is off it: rigid bodies and solids.
+
+use super::{rigid::drive, solids::held_nodes, springs::pull_on_body};
+use crate::{
+    colliders::Substep,
+    coupling::{
+        CouplingInput, Fields,
+        nodes::{Coupled, CoupledBody, couple_bodies_to_grid},
+        solids::{CoupledSolid, CoupledSolids, couple_solids_to_grid},
+    },
+    grid::{FieldPass, anchors::Anchors},
+    solid::{
+        inverse::{LocalInverse, Start},
+        state::SolidState,
+    },
+    state::{Given, GridMotion, Matter, RigidBodies, Workspace},
+};
+
+/// What moves off the grid.
+pub(crate) struct OffGrid<'a> {
+    pub bodies: &'a mut RigidBodies,
+    /// Per object.
+    pub solids: &'a mut [Option<SolidState>],
+}
+
+impl OffGrid<'_> {
+    /// Whether there are solids whose nodes move.
+    pub fn has_moving_solids(&self, given: &Given<'_>) -> bool {
+        let mut solids = self.solids.iter().enumerate();
+        solids.any(|(id, state)| state.is_some() && given.is_moving_solid(id))
+    }
+}
+
+/// Impulses between nodes of the grid and what is off it: bodies first, then solids.
+pub(super) fn couple(
+    given: &Given<'_>,
+    now: &Substep,
+    passes: &[FieldPass],
+    matter: &Matter,
+    motion: &GridMotion,
+    off_grid: &OffGrid<'_>,
+    workspace: &mut Workspace,
+) -> (Coupled, CoupledSolids) {
+    let bodies = &*off_grid.bodies;
+    let mut coupled = vec![];
+    for (object, (rigid, shape)) in bodies.of.iter().zip(&bodies.shapes).enumerate() {
+        if let (Some(rigid), Some(shape)) = (rigid, shape) {
+            let pull = pull_on_body(given, object, rigid, (&rigid.body, shape), now);
+            coupled.push(CoupledBody {
+                object,
+                shape,
+                body: rigid.body,
+                drive: drive(given, object, rigid, now).with(pull),
+            });
+        }
+    }
+    let has_solids = off_grid.has_moving_solids(given);
+    if matter.particles.groups.is_empty() || coupled.is_empty() && !has_solids {
+        let none = Coupled {
+            loads: vec![([0.0; 3], [0.0; 3]); coupled.len()],
+            ..Coupled::default()
+        };
+        return (none, CoupledSolids::default());
+    }
+    let model = given.model;
+    let scene = &model.scene;
+    let single = model.is_single_field();
+    let friction = |object: usize, field: u32| match single {
+        true => scene.objects[object].surface.friction_to_objects(),
+        false => scene.surface_between(object, field as usize).friction,
+    };
+    let anchors = Anchors::new(
+        &matter.particles,
+        &model.rules,
+        &given.commanded.pins,
+        *now,
+        &workspace.concerned,
+        workspace.grid.nodes.len(),
+    );
+    let input = CouplingInput {
+        particles: &matter.particles,
+        fields: Fields {
+            cells_per_mass: &model.cells_per_mass,
+            passes,
+            reconstructs_surface: &model.constants.reconstructs_surface,
+        },
+        anchors: &anchors,
+        // Of the substep before: that of this one is not known yet.
+        fastest: 3.0_f64.sqrt() * motion.max_speed * scene.dx,
+        dx: scene.dx,
+        mass_unit: model.mass_unit,
+        frame_velocity: motion.frame_velocity,
+        gravity: given.commanded.gravity,
+        dt: now.dt,
+        friction: &friction,
+        bonded: &|object, field| !single && object == field as usize,
+    };
+    let of_bodies = couple_bodies_to_grid(&mut workspace.grid, &coupled, &input);
+    let solids = solids_at_nodes(given, now, off_grid.solids);
+    let of_solids = couple_solids_to_grid(&mut workspace.grid, &solids, &input);
+    (of_bodies, of_solids)
+}
+
+/// Solids where they are.
+fn solids_at_nodes<'a>(
+    given: &Given<'a>,
+    now: &Substep,
+    states: &'a [Option<SolidState>],
+) -> Vec<CoupledSolid<'a>> {
+    let states = states.iter().enumerate();
+    let states = states.filter(|(id, _)| given.is_moving_solid(*id));
+    let solids = states.filter_map(|(id, state)| {
+        let (solid, state) = (given.model.lagrangian[id].as_ref()?, state.as_ref()?);
+        let (bounds, speed) = solid.surface.extent(&solid.grid, state);
+        let (held, _) = held_nodes(given, id, (solid, state), now);
+        Some(CoupledSolid {
+            object: id,
+            inverse: LocalInverse::new(
+                &solid.grid,
+                state,
+                solid.depth.as_ref()?,
+                Start::of(&solid.grid, state),
+            ),
+            bounds,
+            speed,
+            gravity: given.commanded.gravity,
+            dt: now.dt,
+            held,
+        })
+    });
+    solids.collect()
+}

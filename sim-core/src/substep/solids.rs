@@ -1,0 +1,408 @@
+//! Solids on grids of their own, with the rigid bodies that they may touch: moved in substeps of their own.
+
+use super::{limit::Limit, rigid::RigidGroup, springs::springs_of_solid, tally::Tally};
+use crate::{
+    colliders::{Substep, farthest},
+    contact::ledger::Ledger,
+    coupling::solids::NodeImpulses,
+    report::DtLimit,
+    solid::{
+        advance::{Outside, Scratch, Solid},
+        group::{Around, Mover, Passed, advance_group},
+        kernel::SolidLaw,
+        object::{SolidObject, law_of},
+        rigid::RigidPeers,
+        state::{NodeLoad, SolidState},
+    },
+    state::Given,
+};
+
+/// Times that a failing span of solids is tried again with half the substep before one of them is taken out.
+const RETRIES: i32 = 6;
+/// How much faster than now a solid is expected to become within a span.
+const SPEED_MARGIN: f64 = 3.0;
+/// Longest part of a span with fields that turn or forces that vary [s].
+const LONGEST: f64 = 1.0 / 240.0;
+/// Shortest part of a span, over its length.
+const SHORTEST: f64 = 1e-6;
+
+/// Solids of a world, per object, with the memory that they work in.
+pub(crate) struct Solids<'a> {
+    pub states: &'a mut [Option<SolidState>],
+    pub scratch: &'a mut Vec<Option<Scratch>>,
+    /// What matter on the grid gives in the span.
+    pub at_nodes: &'a [NodeImpulses],
+}
+
+/// A solid that was taken out of the state to be moved.
+struct Taken {
+    id: usize,
+    state: SolidState,
+    scratch: Scratch,
+    laws: Vec<SolidLaw>,
+    /// Box that it stays in [m].
+    bounds: Bounds,
+}
+
+/// Smallest and largest coordinates [m].
+type Bounds = [[f64; 3]; 2];
+
+fn are_near([a, b]: &Bounds, [c, d]: &Bounds) -> bool {
+    (0..3).all(|n| a[n] <= d[n] && c[n] <= b[n])
+}
+
+/// Solids that may touch each other, and whether rigid bodies are among what they may touch.
+struct Island {
+    objects: Vec<(usize, Bounds)>,
+    has_bodies: bool,
+}
+
+/// Moves all solids and all rigid bodies through a span, those together that may touch each other. A solid that fails is gone
+/// afterwards.
+pub(crate) fn move_solids(
+    given: &Given<'_>,
+    span: &Substep,
+    mut solids: Solids<'_>,
+    rigid: &mut RigidGroup<'_>,
+    tally: &mut Tally,
+) {
+    let count = solids.states.len();
+    solids.scratch.resize_with(count, || None);
+    let islands = islands(given, span, &solids, rigid);
+    if !islands.iter().any(|island| island.has_bodies) {
+        rigid.advance(span, None);
+    }
+    for island in islands {
+        move_island(given, span, &island, &mut solids, rigid, tally);
+    }
+}
+
+/// Groups of solids that may touch each other within a span. All bodies are one, as far as that goes.
+fn islands(
+    given: &Given<'_>,
+    span: &Substep,
+    solids: &Solids<'_>,
+    rigid: &RigidGroup<'_>,
+) -> Vec<Island> {
+    let pull = crate::mat3::length(given.commanded.gravity);
+    let states = solids.states.iter().enumerate();
+    let states = states.filter(|(id, _)| given.is_moving_solid(*id));
+    let boxes = states.filter_map(|(id, state)| {
+        let solid = given.model.lagrangian[id].as_ref()?;
+        let ([min, max], speed) = solid.surface.extent(&solid.grid, state.as_ref()?);
+        let margin = SPEED_MARGIN * speed * span.dt + pull * span.dt * span.dt + solid.grid.dx;
+        Some((id, [min.map(|x| x - margin), max.map(|x| x + margin)]))
+    });
+    let boxes: Vec<(usize, Bounds)> = boxes.collect();
+    let bodies: Vec<Bounds> = rigid
+        .reaches(SPEED_MARGIN, span.dt)
+        .map(|(com, radius)| [com.map(|x| x - radius), com.map(|x| x + radius)])
+        .collect();
+    let mut islands: Vec<Island> = vec![];
+    for (id, bounds) in boxes {
+        let mut joined = Island {
+            has_bodies: bodies.iter().any(|body| are_near(body, &bounds)),
+            objects: vec![(id, bounds)],
+        };
+        let mut apart = vec![];
+        for island in islands {
+            let touches = joined.has_bodies && island.has_bodies
+                || island.objects.iter().any(|one| are_near(&one.1, &bounds));
+            if touches {
+                joined.objects.extend(island.objects);
+                joined.has_bodies |= island.has_bodies;
+            } else {
+                apart.push(island);
+            }
+        }
+        joined.objects.sort_by_key(|one| one.0);
+        apart.push(joined);
+        islands = apart;
+    }
+    islands.sort_by_key(|island| island.objects[0].0);
+    islands
+}
+
+/// Moves an island through a span.
+fn move_island(
+    given: &Given<'_>,
+    span: &Substep,
+    island: &Island,
+    solids: &mut Solids<'_>,
+    rigid: &mut RigidGroup<'_>,
+    tally: &mut Tally,
+) {
+    let mut left: Vec<Taken> = island
+        .objects
+        .iter()
+        .filter_map(|&(id, bounds)| solids.take(given, span, id, bounds))
+        .collect();
+    let bodies = rigid.places();
+    while !left.is_empty() {
+        let before: Vec<SolidState> = left.iter().map(|one| one.state.clone()).collect();
+        let mut bad = left[0].id;
+        for retry in 0..=RETRIES {
+            let mut ledger = Ledger::default();
+            let cfl = given.model.scene.cfl * 0.5_f64.powi(retry);
+            let peers = island.has_bodies.then_some(&mut *rigid);
+            match move_together(given, span, &mut left, cfl, peers, &mut ledger) {
+                Ok(passed) => {
+                    rigid.ledger.merge(&ledger);
+                    count(tally, given, &left, &passed);
+                    left.into_iter().for_each(|one| solids.put_back(one));
+                    return;
+                }
+                Err(object) => bad = object,
+            }
+            for (one, before) in left.iter_mut().zip(&before) {
+                one.state.clone_from(before);
+                one.scratch.search.restart();
+            }
+            if island.has_bodies {
+                rigid.put_back(&bodies);
+            }
+            tally.solids.rollbacks += 1;
+        }
+        left.retain(|one| one.id != bad);
+    }
+    if island.has_bodies {
+        rigid.advance(span, None);
+    }
+}
+
+/// Takes note of an island: the work in quadrature points times substeps.
+fn count(tally: &mut Tally, given: &Given<'_>, island: &[Taken], passed: &Passed) {
+    let solids = island
+        .iter()
+        .filter_map(|one| given.model.lagrangian[one.id].as_ref());
+    let points: usize = solids.map(|solid| 8 * solid.grid.cells.len()).sum();
+    tally.work.grid_to_particle += points as u64 * passed.substeps;
+    let moved = &mut tally.solids;
+    moved.substeps = moved.substeps.max(passed.substeps);
+    if passed.smallest < moved.limit.dt && passed.substeps > 1 {
+        moved.limit = Limit {
+            dt: passed.smallest,
+            cause: DtLimit::Sound,
+            object: Some(island[0].id),
+        };
+    }
+}
+
+impl Solids<'_> {
+    fn take(
+        &mut self,
+        given: &Given<'_>,
+        span: &Substep,
+        id: usize,
+        bounds: Bounds,
+    ) -> Option<Taken> {
+        let solid = given.model.lagrangian[id].as_ref()?;
+        let mut state = self.states[id].take()?;
+        let own = self.at_nodes.iter().filter(|(object, _)| *object == id);
+        let forces = own.flat_map(|(_, impulses)| impulses);
+        let load = |(slot, j): &(usize, [f64; 3])| NodeLoad {
+            slot: *slot as u32,
+            force: j.map(|j| j / span.dt),
+            before: state.velocity_of(&solid.grid, *slot),
+        };
+        (state.of_matter, state.span) = (forces.map(load).collect(), span.dt);
+        let scratch = self.scratch[id].take();
+        Some(Taken {
+            id,
+            state,
+            scratch: scratch.unwrap_or_else(|| Scratch::new(&solid.grid)),
+            laws: laws_of(given, id),
+            bounds,
+        })
+    }
+
+    fn put_back(&mut self, one: Taken) {
+        self.states[one.id] = Some(one.state);
+        self.scratch[one.id] = Some(one.scratch);
+    }
+}
+
+/// Laws of an object's parts at present.
+pub(crate) fn laws_of(given: &Given<'_>, object: usize) -> Vec<SolidLaw> {
+    let parts = given.model.parts.iter().zip(&given.commanded.materials);
+    let own = parts.filter(|(part, _)| part.object == object);
+    own.map(|(part, material)| law_of(material, part.material.density))
+        .collect()
+}
+
+/// Moves an island through a span, part by part of the regions that hold it.
+fn move_together(
+    given: &Given<'_>,
+    span: &Substep,
+    island: &mut [Taken],
+    cfl: f64,
+    mut rigid: Option<&mut RigidGroup<'_>>,
+    ledger: &mut Ledger,
+) -> Result<Passed, usize> {
+    let around = Around {
+        outside: Outside {
+            isa: given.model.isa,
+            gravity: given.commanded.gravity,
+            damping: given.model.damping,
+            cfl,
+        },
+        scene: &given.model.scene,
+        boundaries: &given.model.solids,
+        paths: &given.commanded.paths,
+        frame: [span.frame_start, span.frame_length],
+    };
+    let mut all = Passed {
+        substeps: 0,
+        smallest: f64::INFINITY,
+        last: 0.0,
+    };
+    let mut at = span.time;
+    for end in parts_of(given, span) {
+        let part = Substep {
+            time: at,
+            dt: end - at,
+            kick: end - at,
+            ..*span
+        };
+        let movers = island.iter_mut().filter_map(|one| mover(given, one, &part));
+        let mut group: Vec<Mover<'_>> = movers.collect();
+        let peers = rigid
+            .as_mut()
+            .map(|rigid| &mut **rigid as &mut dyn RigidPeers);
+        let passed = advance_group(&mut group, peers, &around, [at, end - at], ledger)?;
+        all.substeps += passed.substeps;
+        all.smallest = all.smallest.min(passed.smallest);
+        all.last = passed.last;
+        at = end;
+    }
+    Ok(all)
+}
+
+/// Ends of the parts of a span within which what holds and pushes stays the same [s].
+fn parts_of(given: &Given<'_>, span: &Substep) -> Vec<f64> {
+    let (start, end) = (span.time, span.time + span.dt);
+    let regions = given.model.scene.pinned_regions.iter();
+    let ends = regions.flat_map(|region| [region.span.start, region.span.end]);
+    let mut ends: Vec<f64> = ends.filter(|t| start < *t && *t < end).collect();
+    ends.extend(given.model.rules.changes(start, end));
+    if given.model.rules.vary() {
+        let count = (span.dt / LONGEST).ceil();
+        ends.extend((1..count as u32).map(|n| start + f64::from(n) / count * span.dt));
+    }
+    ends.push(end);
+    ends.sort_by(f64::total_cmp);
+    // What is shorter than any substep is none.
+    ends.dedup_by(|later, earlier| *later - *earlier < SHORTEST * span.dt);
+    if let Some(last) = ends.last_mut() {
+        *last = end;
+    }
+    ends
+}
+
+/// A solid with all that acts on it within a span.
+fn mover<'a>(given: &Given<'a>, one: &'a mut Taken, span: &Substep) -> Option<Mover<'a>> {
+    let object = given.model.lagrangian[one.id].as_ref()?;
+    let (held, velocities) = held_nodes(given, one.id, (object, &one.state), span);
+    one.scratch.hold(&object.grid, held);
+    let mut steady = pushes(given, one.id, object, span);
+    let scale = (object.grid.dx * object.grid.dx).recip();
+    let scaled = |load: &NodeLoad| {
+        let force = load.force.map(|f| (scale * f) as f32);
+        (load.slot as usize, force)
+    };
+    steady.extend(one.state.of_matter.iter().map(scaled));
+    let springs = springs_of_solid(given, one.id, &one.state);
+    Some(Mover {
+        springs,
+        colliders: near_colliders(given, &one.bounds, span),
+        steady,
+        friction: given.model.solids.friction_of(one.id),
+        solid: Solid {
+            model: &object.grid,
+            laws: &one.laws,
+            state: &mut one.state,
+            scratch: &mut one.scratch,
+        },
+        object,
+        id: one.id,
+        given: velocities,
+    })
+}
+
+/// Nodes of a solid that are held in a span, ascending, with their velocities [m/s].
+pub(super) fn held_nodes(
+    given: &Given<'_>,
+    object: usize,
+    (solid, state): (&SolidObject, &SolidState),
+    span: &Substep,
+) -> (Vec<usize>, Vec<[f64; 3]>) {
+    let mut held = std::collections::BTreeMap::new();
+    let regions = given.model.scene.pinned_regions.iter().zip(&solid.regions);
+    for (region, nodes) in regions.filter(|(region, _)| span.is_in(&region.span)) {
+        if region.span.start <= 0.0 {
+            held.extend(nodes.iter().map(|&n| (n, region.velocity)));
+            continue;
+        }
+        // One that begins later holds what is in it then, and what comes into it.
+        let passed = region.span.elapsed(span.time);
+        let inside = |x: [f64; 3]| {
+            let x = std::array::from_fn(|a| x[a] - passed * region.velocity[a]);
+            region.bounds.contains(x)
+        };
+        let nodes = solid.nodes_of(|n| inside(state.sample(&solid.grid, &solid.particles[n]).x));
+        held.extend(nodes.into_iter().map(|n| (n, region.velocity)));
+    }
+    let (rules, pins) = (&given.model.rules, &given.commanded.pins);
+    if rules.hold_in(pins, span) {
+        let (first, dx) = (
+            given.model.scene.objects[object].particles.start,
+            solid.grid.dx,
+        );
+        let fields = solid.held_by(|n| rules.field(pins, span, (first + n) as u32));
+        held.extend(fields.into_iter().map(|(node, field)| {
+            // Along the chord: at the end it is where the field takes it.
+            let x = state.position(&solid.grid, node).map(|x| x / dx);
+            let end = field.moved(x, span.dt);
+            (
+                node,
+                std::array::from_fn(|a| dx * (end[a] - x[a]) / span.dt),
+            )
+        }));
+    }
+    held.into_iter().unzip()
+}
+
+/// Colliders that what stays in a box may touch within a span.
+fn near_colliders(given: &Given<'_>, [min, max]: &Bounds, span: &Substep) -> Vec<usize> {
+    let placed = given.model.solids.all(&given.commanded.paths, span);
+    let near = placed.iter().filter(|placed| {
+        let reach = farthest(placed.start.translation, *min, *max);
+        placed.is_near(*min, *max, placed.speed(reach, reach) * span.dt)
+    });
+    near.map(|placed| placed.id).collect()
+}
+
+/// What impulses, body forces and commands push nodes with in a span, over the squared cell size [Pa].
+fn pushes(
+    given: &Given<'_>,
+    object: usize,
+    solid: &SolidObject,
+    span: &Substep,
+) -> Vec<(usize, [f32; 3])> {
+    if !given.model.rules.push_in(span) {
+        return vec![];
+    }
+    let pushes = given.model.rules.pushes(span);
+    let first = given.model.scene.objects[object].particles.start;
+    let dx = solid.grid.dx;
+    let changes = solid.spread(|n| pushes.on((first + n) as u32));
+    let nodes = changes
+        .iter()
+        .enumerate()
+        .filter(|(_, change)| **change != [0.0; 3]);
+    let force = |n: usize, change: &[f64; 3]| {
+        let factor = solid.grid.mass[n] / (dx * span.dt);
+        change.map(|v| (factor * v) as f32)
+    };
+    nodes.map(|(n, change)| (n, force(n, change))).collect()
+}

@@ -1,0 +1,107 @@
+//! What solids on grids of their own cannot be asked for: refused when a scene is loaded, never passed over.
+
+use super::error::WorldError;
+use crate::{
+    distance::SignedDistance,
+    scene::{ColliderShape, ContactMethod, Fidelity, Object, PairRule, Scene, Surface},
+    solid::object::is_solid,
+};
+
+/// Nodes along one axis of a solid's box at most: numbers of nodes have 32 bits.
+const LARGEST: f64 = 65_536.0;
+
+/// What is asked for in vain, and what could be.
+type Refused = (String, &'static str);
+
+/// Refuses what solids do not do.
+pub(super) fn validate(scene: &Scene) -> Result<(), WorldError> {
+    if !scene.objects.iter().any(is_solid) {
+        return Ok(());
+    }
+    let checked = scene.objects.iter().zip(check_all(scene));
+    let mut solids = checked.filter(|(object, _)| is_solid(object));
+    solids.try_for_each(|(_, checked)| checked)
+}
+
+/// Refuses every object that cannot be a solid in its scene, whatever solver it has.
+pub(super) fn check_all(scene: &Scene) -> Vec<Result<(), WorldError>> {
+    let of_colliders = of_colliders(scene);
+    let check = |(id, object): (usize, &Object)| {
+        let own = of_object(scene, object).or_else(|| of_contact(scene, id));
+        match own.or_else(|| of_colliders.clone()) {
+            Some((what, expected)) => Err(WorldError::Solid {
+                object: id,
+                what,
+                expected,
+            }),
+            None => Ok(()),
+        }
+    };
+    scene.objects.iter().enumerate().map(check).collect()
+}
+
+/// Of the object itself.
+fn of_object(scene: &Scene, object: &Object) -> Option<Refused> {
+    let regions = object.regions.iter().map(|region| &region.material);
+    let mut materials = std::iter::once(&object.material).chain(regions);
+    if let Some(material) = materials.find(|m| !m.law.has_piola()) {
+        let law = material.law.name();
+        return Some((format!("the law {law}"), "fixed_corotated or neo_hookean"));
+    }
+    if object.surface.restitution.is_some() {
+        let what = "restitution to other objects".into();
+        return Some((what, "none: what deforms bounces by itself"));
+    }
+    let positions = &scene.particles.position[object.particles.clone()];
+    for a in 0..3 {
+        let all = positions.iter().map(|x| x[a]);
+        let (min, max) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+            (low.min(x), high.max(x))
+        });
+        let cells = (max - min) / scene.dx;
+        if cells > LARGEST {
+            return Some((format!("{cells:.0} cells along one axis"), "at most 65536"));
+        }
+    }
+    None
+}
+
+/// Of how objects meet.
+fn of_contact(scene: &Scene, id: usize) -> Option<Refused> {
+    let simulated = |o: &&Object| o.fidelity != Fidelity::Static && !o.particles.is_empty();
+    let is_alone = scene.objects.iter().filter(simulated).count() == 1;
+    match scene.contact.method {
+        ContactMethod::ComSphere => {
+            return Some(("contact = \"com_sphere\"".into(), "contact = \"two_scale\""));
+        }
+        ContactMethod::SingleField if !is_alone => {
+            let what = "contact = \"single_field\"".into();
+            return Some((what, "contact = \"two_scale\""));
+        }
+        _ => {}
+    }
+    let mut pairs = scene.contact.pairs.iter();
+    let bounces =
+        |pair: &PairRule| pair.surface.restitution.is_some() && pair.objects.contains(&id);
+    pairs.any(bounces).then(|| {
+        let what = "restitution of a pair".into();
+        (what, "none: what deforms bounces by itself")
+    })
+}
+
+/// Of the colliders.
+fn of_colliders(scene: &Scene) -> Option<Refused> {
+    for collider in &scene.colliders {
+        let name = &collider.name;
+        if collider.restitution > 0.0 && collider.surface != Surface::Sticky {
+            let what = format!("the restitution of collider `{name}`");
+            return Some((what, "none: what deforms bounces by itself"));
+        }
+        let is_mesh = matches!(collider.shape, ColliderShape::Mesh(_));
+        if is_mesh && SignedDistance::new(&collider.shape).loose_edges().is_some() {
+            let what = format!("the open mesh of collider `{name}`");
+            return Some((what, "a closed one"));
+        }
+    }
+    None
+}

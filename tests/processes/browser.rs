@@ -1,0 +1,275 @@
+//! The page in a real browser, driven by ChromeDriver: what it draws, and what keys alone do.
+
+use std::io::Write;
+use std::net::TcpStream;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use cosplat_ipc::client::Client;
+use cosplat_ipc::schema::{GaussianState, SERVER_PAUSED, SERVER_RUNNING};
+use cosplat_renderer::{
+    Image,
+    camera::{Camera, Orbit},
+    drawing::BACKGROUND,
+    picture,
+};
+use serde_json::{Value, json};
+
+use crate::stage::{PATIENCE, Process, next_frame, wait_for_status, watchdog};
+use crate::web::{Page, camera, decibels, read_answer};
+
+/// Keys that WebDriver gives numbers to.
+const LEFT: &str = "\u{e012}";
+
+/// A browser without a window; dropped, it is closed.
+pub struct Browser {
+    _driver: Process,
+    port: String,
+    session: String,
+}
+
+/// The program, or a word about the skip, which is a failure where all is required.
+fn program(name: &str) -> Option<PathBuf> {
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    let found = std::env::split_paths(&folders)
+        .map(|folder| folder.join(name))
+        .find(|path| path.is_file());
+    if found.is_none() {
+        let required = std::env::var_os("COSPLAT_REQUIRE_ALL").is_some();
+        assert!(!required, "{name} is not installed");
+        eprintln!("SKIPPED: {name} is not installed");
+    }
+    found
+}
+
+impl Browser {
+    pub fn open(link: &str) -> Option<Browser> {
+        let (driver, chromium) = (program("chromedriver")?, program("chromium")?);
+        let mut command = Command::new(driver);
+        command.arg("--port=0");
+        let mut driver = Process::start(command);
+        let mut seen = driver.wait_for_output("started successfully on port");
+        seen += &driver.wait_for_output("\n");
+        let port: String = seen
+            .rsplit("on port")
+            .next()
+            .map(|rest| rest.chars().filter(char::is_ascii_digit).collect())
+            .expect("a port");
+        let mut browser = Browser {
+            _driver: driver,
+            port,
+            session: String::new(),
+        };
+        let arguments = [
+            "--headless=new",
+            "--no-sandbox",
+            "--no-first-run",
+            "--disable-quic",
+            "--disable-background-networking",
+            "--use-angle=swiftshader",
+            "--enable-unsafe-swiftshader",
+            "--window-size=500,500",
+        ];
+        let wanted = json!({ "capabilities": { "alwaysMatch": {
+            "goog:chromeOptions": { "args": arguments, "binary": chromium },
+            "goog:loggingPrefs": { "browser": "ALL" },
+        } } });
+        let session = browser.ask("/session", &wanted);
+        let id = session["sessionId"].as_str().expect("a session");
+        browser.session = format!("/session/{id}");
+        browser.post("/url", &json!({ "url": link }));
+        Some(browser)
+    }
+
+    fn ask(&self, path: &str, body: &Value) -> Value {
+        let mut stream = TcpStream::connect(format!("127.0.0.1:{}", self.port)).expect("a driver");
+        stream.set_read_timeout(Some(PATIENCE)).expect("a time-out");
+        let body = body.to_string();
+        let length = body.len();
+        let head = format!("POST {path} HTTP/1.1\r\nhost: localhost\r\ncontent-length: {length}");
+        write!(stream, "{head}\r\n\r\n{body}").expect("the driver listens");
+        let answer = read_answer(&mut stream);
+        let text = String::from_utf8_lossy(&answer.2);
+        assert_eq!(answer.0, 200, "{path}: {text}");
+        let mut answer: Value = serde_json::from_str(&text).expect("the driver speaks JSON");
+        answer["value"].take()
+    }
+
+    fn post(&self, path: &str, body: &Value) -> Value {
+        self.ask(&format!("{}{path}", self.session), body)
+    }
+
+    /// What a script on the page returns.
+    pub fn script(&self, text: &str) -> Value {
+        self.post("/execute/sync", &json!({ "script": text, "args": [] }))
+    }
+
+    /// Waits until a script returns true.
+    pub fn wait_for(&self, text: &str) {
+        let deadline = Instant::now() + PATIENCE;
+        while self.script(text) != json!(true) {
+            let message = self.script("return document.getElementById('message').textContent");
+            assert!(Instant::now() < deadline, "{text}: {message}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    pub fn press(&self, key: &str) {
+        let [down, up] = ["keyDown", "keyUp"].map(|kind| json!({ "type": kind, "value": key }));
+        let keys = json!({ "actions": [{ "type": "key", "id": "keys", "actions": [down, up] }] });
+        self.post("/actions", &keys);
+    }
+
+    /// Presses a key without letting it go, `keyDown`, or lets it go, `keyUp`.
+    pub fn key(&self, key: &str, kind: &str) {
+        let action = json!({ "type": kind, "value": key });
+        let keys = json!({ "actions": [{ "type": "key", "id": "keys", "actions": [action] }] });
+        self.post("/actions", &keys);
+    }
+
+    /// Moves the mouse to a place of the page [pixel], and presses and releases its left button.
+    pub fn pointer(&self, moves: &[(&str, i64, i64)]) {
+        let actions: Vec<Value> = moves
+            .iter()
+            .map(|(what, x, y)| match *what {
+                "move" => json!({ "type": "pointerMove", "duration": 100, "x": x, "y": y }),
+                "down" => json!({ "type": "pointerDown", "button": 0 }),
+                _ => json!({ "type": "pointerUp", "button": 0 }),
+            })
+            .collect();
+        let mouse =
+            json!({ "actions": [{ "type": "pointer", "id": "mouse", "actions": actions }] });
+        self.post("/actions", &mouse);
+    }
+
+    /// The picture on the canvas.
+    fn picture(&self) -> Image {
+        let size =
+            self.script("const c = document.getElementById('view'); return [c.width, c.height]");
+        let [width, height] = [0, 1].map(|n| size[n].as_u64().expect("pixels") as u32);
+        let rgb = self.script(
+            "const c = document.getElementById('view'), f = document.createElement('canvas');
+             [f.width, f.height] = [c.width, c.height];
+             const pen = f.getContext('2d');
+             pen.drawImage(c, 0, 0);
+             return [...pen.getImageData(0, 0, f.width, f.height).data].filter((_, n) => n % 4 < 3)",
+        );
+        let levels = rgb.as_array().expect("levels").iter();
+        Image {
+            width,
+            height,
+            rgb: levels.map(|l| l.as_u64().expect("a level") as u8).collect(),
+        }
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        // Without its browser's end, the driver would leave that behind when it is killed.
+        if let Ok(mut stream) = TcpStream::connect(format!("127.0.0.1:{}", self.port)) {
+            let _ = stream.set_read_timeout(Some(PATIENCE));
+            let path = &self.session;
+            let _ = write!(stream, "DELETE {path} HTTP/1.1\r\nhost: localhost\r\n\r\n");
+            let _ = std::io::Read::read(&mut stream, &mut [0]);
+        }
+    }
+}
+
+/// The page in a browser, where its session has a first picture and is then paused, with the client and the step; none
+/// without a browser.
+pub fn paused_in_browser(page: &Page) -> Option<(Browser, Client, u64)> {
+    let browser = Browser::open(&page.link())?;
+    browser.wait_for("return cosplat.pictures > 1 && cosplat.state.figures !== null");
+    let client = page.stage.client();
+    browser.press(" ");
+    let paused = wait_for_status(&client, |s| s.server_state == SERVER_PAUSED);
+    browser.wait_for(&format!("return cosplat.state.step === {}", paused.step));
+    Some((browser, client, paused.step))
+}
+
+/// The newest frame, which is of this step.
+pub fn gaussians_of(client: &Client, step: u64) -> Vec<GaussianState> {
+    let frame = next_frame(&mut client.frames(1).expect("frames"));
+    assert_eq!(frame.header().step, step);
+    frame.gaussians().to_vec()
+}
+
+/// The camera that the page begins with.
+pub fn first_camera(client: &Client, width: u32, height: u32) -> Camera {
+    let orbit = Orbit {
+        azimuth: 35f32.to_radians(),
+        elevation: 20f32.to_radians(),
+        ..Orbit::default()
+    };
+    let scene = client.scene(PATIENCE).expect("a scene");
+    camera(scene.header(), orbit, width, height)
+}
+
+#[test]
+fn a_browser_draws_what_view_draws_and_obeys_keys() {
+    let _watchdog = watchdog();
+    let page = Page::open(&[]);
+    let Some((browser, client, paused)) = paused_in_browser(&page) else {
+        return;
+    };
+    browser.press(".");
+    wait_for_status(&client, |s| s.step == paused + 1);
+    browser.wait_for(&format!("return cosplat.state.step === {}", paused + 1));
+    // A selected object is marked for a while.
+    std::thread::sleep(Duration::from_millis(1500));
+    browser.wait_for("return cosplat.isCurrent");
+    let gaussians = gaussians_of(&client, paused + 1);
+    let theirs = browser.picture();
+    let camera = first_camera(&client, theirs.width, theirs.height);
+    let ours = picture(&gaussians, None, &camera, BACKGROUND);
+    let found = decibels(&ours, &theirs);
+    // Another order of two Gaussians at one depth, half floats and 8 bits at the end: 54 dB and more where there is no
+    // mistake.
+    assert!(found >= 45.0, "{found:.1} dB");
+
+    browser.press(LEFT);
+    browser.wait_for("return cosplat.camera.azimuth < 0.55");
+    let selected = browser.script("return cosplat.panel.selected");
+    browser.press("n");
+    assert_ne!(browser.script("return cosplat.panel.selected"), selected);
+    let before = wait_for_status(&client, |_| true).commands_accepted;
+    browser.press("]");
+    wait_for_status(&client, |s| s.commands_accepted > before);
+    browser.press("k");
+    wait_for_status(&client, |s| s.commands_accepted > before + 1);
+    browser.press(" ");
+    wait_for_status(&client, |s| s.server_state == SERVER_RUNNING);
+    let log = browser.post("/se/log", &json!({ "type": "browser" }));
+    let errors: Vec<_> = log.as_array().expect("a log").iter().collect();
+    let errors: Vec<_> = errors.iter().filter(|e| e["level"] == "SEVERE").collect();
+    assert!(errors.is_empty(), "{errors:?}");
+}
+
+#[test]
+fn what_was_removed_is_not_drawn() {
+    let _watchdog = watchdog();
+    let page = Page::open(&[]);
+    let Some((browser, client, paused)) = paused_in_browser(&page) else {
+        return;
+    };
+    let name = browser.script("return cosplat.state.objects[0].name");
+    let removed = page.stage.ctl(&["remove", name.as_str().expect("a name")]);
+    assert!(removed.status.success(), "{removed:?}");
+    browser.press(".");
+    wait_for_status(&client, |s| s.step == paused + 1);
+    browser.wait_for("return cosplat.state.objects[0].figures.fidelity === 7");
+    browser.wait_for("return cosplat.isCurrent");
+    let gaussians = gaussians_of(&client, paused + 1);
+    let theirs = browser.picture();
+    let camera = first_camera(&client, theirs.width, theirs.height);
+    let ours = picture(&gaussians, None, &camera, BACKGROUND);
+    // As where nothing was removed.
+    let found = decibels(&ours, &theirs);
+    assert!(found >= 45.0, "{found:.1} dB");
+    let mut whole = gaussians;
+    let hidden = whole.iter_mut().filter(|g| g.object == 0);
+    assert!(hidden.map(|g| g.color[3] = 255).count() > 0);
+    let found = decibels(&picture(&whole, None, &camera, BACKGROUND), &theirs);
+    assert!(found < 45.0, "{found:.1} dB with what was removed");
+}
