@@ -1,4 +1,7 @@
-"""Writes a COLMAP model as text and as binary, and prints where its cameras see some points."""
+"""Writes a COLMAP model as text and as binary, and where its cameras see some points.
+
+Run by hand with pycolmap 4.2.1: `python make.py .` in this folder.
+"""
 
 import json
 import sys
@@ -31,6 +34,6 @@ for number in range(6):
     pixels = [camera.img_from_cam(pose * point).tolist() for point in points]
     seen[f"view {number}"] = [camera.width, camera.height, pixels]
 for form, write in [("text", model.write_text), ("binary", model.write_binary)]:
-    (folder / form).mkdir()
+    (folder / form).mkdir(exist_ok=True)
     write(str(folder / form))
-print(json.dumps({"points": points.tolist(), "seen": seen}))
+(folder / "seen.json").write_text(json.dumps({"points": points.tolist(), "seen": seen}))
