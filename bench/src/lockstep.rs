@@ -1,7 +1,8 @@
 //! `cosplat bench lockstep`: what a step in lock-step costs beside the step itself.
 //!
 //! A server on a scene of one small block and a bare iceoryx2 server that answers at once run as processes of their own.
-//! One participant asks the two in turn, so that both meet the same load.
+//! One participant asks the two in turn, so that both meet the same load. Servers have one processor and the participant another:
+//! left alone, the scheduler puts a bare pair on one processor and a pair with work on two, which compares processors, not programs.
 
 use std::{
     path::{Path, PathBuf},
@@ -22,6 +23,8 @@ use iceoryx2::{
     prelude::*,
     service::port_factory::{PortFactory as _, request_response::PortFactory},
 };
+
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use crate::{child::Owned, machine::Run, page};
 
@@ -98,7 +101,21 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The first and the last processor that this process may use; `None` where there is but one.
+fn processors() -> anyhow::Result<Option<[CpuSet; 2]>> {
+    let allowed = sched_getaffinity(None)?;
+    let mut numbers = (0..CpuSet::MAX_CPU).filter(|&number| allowed.is_set(number));
+    let only = |number: usize| {
+        let mut set = CpuSet::new();
+        set.set(number);
+        set
+    };
+    let first = numbers.next();
+    Ok(first.zip(numbers.last()).map(|(a, b)| [only(a), only(b)]))
+}
+
 fn measure(domain: &Domain, scene: Option<&Path>, rounds: u32) -> anyhow::Result<Report> {
+    let processors = processors()?;
     let folder = tempfile::tempdir()?;
     let scene = match scene {
         Some(path) => path.to_owned(),
@@ -108,15 +125,21 @@ fn measure(domain: &Domain, scene: Option<&Path>, rounds: u32) -> anyhow::Result
             path
         }
     };
+    // A child begins where its parent may run.
     let start = |arguments: &[&str]| -> anyhow::Result<Owned> {
+        if let Some([_, servers]) = &processors {
+            sched_setaffinity(None, servers)?;
+        }
         let mut command = Command::new(std::env::current_exe()?);
         command
             .args(arguments)
             .env("COSPLAT_DOMAIN", domain.root())
             .stdout(Stdio::null());
-        Ok(Owned(
-            command.spawn().context("a process cannot be started")?,
-        ))
+        let child = command.spawn().context("a process cannot be started")?;
+        if let Some([participant, _]) = &processors {
+            sched_setaffinity(None, participant)?;
+        }
+        Ok(Owned(child))
     };
     let scene = scene
         .to_str()
@@ -165,6 +188,7 @@ fn measure(domain: &Domain, scene: Option<&Path>, rounds: u32) -> anyhow::Result
     }
     Ok(Report {
         rounds,
+        has_two_processors: processors.is_some(),
         commands: COMMANDS,
         bare_us: Quantiles::of(bare_us),
         lockstep_us: Quantiles::of(step_us),
@@ -325,6 +349,8 @@ impl Quantiles {
 #[derive(serde::Serialize)]
 struct Report {
     rounds: u32,
+    /// Servers have one processor, the participant another.
+    has_two_processors: bool,
     /// In each request.
     commands: usize,
     bare_us: Quantiles,
@@ -355,8 +381,14 @@ impl Report {
             row("lock-step, whole", self.whole_us),
             String::new(),
             format!(
-                "{} rounds of {} commands each. Steps per second without commands: {:.0} one by one, {:.0} by {MANY} per request.",
-                self.rounds, self.commands, self.steps_per_second, self.steps_per_second_by_hundreds
+                "{} rounds of {} commands each, {}. Steps per second without commands: {:.0} one by one, {:.0} by {MANY} per request.",
+                self.rounds,
+                self.commands,
+                if self.has_two_processors {
+                    "servers on one processor, the participant on another"
+                } else {
+                    "all on one processor"
+                }, self.steps_per_second, self.steps_per_second_by_hundreds
             ),
         ]
         .join("\n")

@@ -1,6 +1,7 @@
 """Steps in lock-step from Python beside the same from Rust, in turn and in one run. Argument: the program COSPLAT-BENCH
 
-The Rust side is `cosplat-bench lockstep`; this script asks the same of the same scenes. It prints a table in Markdown.
+The Rust side is `cosplat-bench lockstep`; this script asks the same of the same scenes, and as there its servers have one processor and
+it has another. It prints a table in Markdown.
 """
 
 import argparse
@@ -99,9 +100,13 @@ def steps(bench: str, scene: Path, rounds: int, domain: Domain) -> Times:
     """The same in a domain of its own."""
     orders = [SetGravity((0, 0, 0))] * COMMANDS
     environment = {**os.environ, "COSPLAT_DOMAIN": str(domain.root)}
+    allowed = sorted(os.sched_getaffinity(0))
+    # A child begins where its parent may run.
+    os.sched_setaffinity(0, allowed[-1:])
     launched = cosplat.launch(scene, participants=["bench"], threads=1, program=bench, domain=domain)
     with launched as session, session.participate("bench") as participant:
         echo = subprocess.Popen([bench, "lockstep", "--echo"], env=environment)
+        os.sched_setaffinity(0, allowed[:1])
         try:
             bare = Bare(domain)
             times: dict[str, list[float]] = {"bare": [], "whole": [], "beside": []}
@@ -121,6 +126,7 @@ def steps(bench: str, scene: Path, rounds: int, domain: Domain) -> Times:
         for _ in range(rounds):
             participant.step()
         per_second = rounds / (time.perf_counter() - begin)
+    os.sched_setaffinity(0, allowed)
     return {**{what: statistics.median(values) for what, values in times.items()}, "per_second": per_second}
 
 
