@@ -85,6 +85,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(path) = &args.table {
         page::check(path, &[PART])?;
     }
+    // Before the processors are shared out: the caption counts them.
+    let machine = Run::here();
     let domain = Domain::named(&format!("step{}", std::process::id() % 100_000))?;
     let measured = measure(&domain, args.scene.as_deref(), args.rounds);
     domain.discard();
@@ -95,7 +97,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         say!("{}", report.table())?;
     }
     if let Some(path) = &args.table {
-        let caption = Run::here().caption("three processes");
+        let caption = machine.caption("three processes");
         page::put(path, &[(PART, format!("{caption}\n\n{}", report.table()))])?;
     }
     Ok(())
