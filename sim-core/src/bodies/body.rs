@@ -10,8 +10,8 @@ use crate::{
 
 /// Largest turn per step of the rotation [rad].
 const MAX_TURN: f64 = 0.2;
-/// Most steps of a turn: a body that turns further, 16 times over, has an attitude that nothing resolves. Angular momentum
-/// does not depend on it.
+/// Steps of a turn from which on it is made in one: a body that turns 16 times over and more has an attitude that nothing
+/// resolves.
 const MOST_STEPS: f64 = 512.0;
 /// Iterations for the turn of one step: it converges by a factor of `MAX_TURN` and better.
 const TURNS: usize = 24;
@@ -124,6 +124,9 @@ fn turned(mut rotation: [f64; 4], momentum: Vec3, moments: Vec3, dt: f64) -> [f6
     if steps == 0.0 {
         return rotation;
     }
+    if steps >= MOST_STEPS {
+        return about_momentum(rotation, momentum, moments, dt);
+    }
     let h = dt / steps;
     for _ in 0..steps as u32 {
         let before = rotate(conjugate(rotation), momentum);
@@ -144,6 +147,22 @@ fn turned(mut rotation: [f64; 4], momentum: Vec3, moments: Vec3, dt: f64) -> [f6
         rotation = product(rotation, [half[0], half[1], half[2], 1.0]);
     }
     rotation
+}
+
+/// Rotation for `dt` [s] about the angular momentum, by the spin along it: what a symmetric body's axis does, and what any
+/// body does on average. Momentum in the body's frame is the same after it, so energy is.
+fn about_momentum(rotation: [f64; 4], momentum: Vec3, moments: Vec3, dt: f64) -> [f64; 4] {
+    let size = length(momentum);
+    let axis = scaled(momentum, 1.0 / size);
+    let own = rotate(conjugate(rotation), axis);
+    // The spin is `size` times this.
+    let turn = dt * size * dot(own, over(own, moments));
+    if !turn.is_finite() {
+        return rotation;
+    }
+    let (sin, cos) = (0.5 * (turn % std::f64::consts::TAU)).sin_cos();
+    let [x, y, z] = scaled(axis, sin);
+    product([x, y, z, cos], rotation)
 }
 
 /// Steps that a turn for `dt` [s] is made in; 0 where there is none.

@@ -41,6 +41,26 @@ fn a_tumbling_body_keeps_its_energy_and_angular_momentum() {
 }
 
 #[test]
+fn a_turn_that_nothing_resolves_keeps_energy_and_momentum() {
+    let (shape, begin) = formed(&block([0.0; 3], 0.1, [9, 6, 3])).expect("has mass");
+    // From 60 times over in a step to what the frame of no scene resolves.
+    for spin in [4e5, 1e9, 1e15] {
+        let mut body = begin;
+        body.set_spin(&shape.inertia, [0.8 * spin, spin, 0.1 * spin]);
+        let energy = body.kinetic_energy(&shape.inertia);
+        let (momentum, rotation) = (body.angular_momentum, body.rotation);
+        for _ in 0..1000 {
+            body = body.after(&shape.inertia, [0.0; 3], [0.0; 3], 1e-3);
+        }
+        assert_eq!(body.angular_momentum, momentum);
+        assert_ne!(body.rotation, rotation);
+        let error = body.kinetic_energy(&shape.inertia) / energy - 1.0;
+        // Round-off of 1000 products of quaternions.
+        assert!(error.abs() < 1e-12, "{spin}: {error:e}");
+    }
+}
+
+#[test]
 fn a_steady_spin_turns_as_far_as_it_says() {
     let (shape, mut body) = formed(&block([0.0; 3], 0.1, [9, 6, 3])).expect("has mass");
     // About an axis of inertia.
