@@ -14,9 +14,11 @@ const FRAME: f64 = 1e-6;
 /// Farthest that a command may move or turn a collider to be applied here [m], [rad]. Farther is judged and no more: it
 /// takes thousands of substeps by right, each with a search for impacts.
 const MOVE_MAX: f64 = 0.01;
-/// Of orders that form a body one in so many is applied, by its number: the surface of a body takes longer than all else,
-/// and is always that of the same particles.
-const FORM_EVERY: u64 = 16;
+/// Of orders that form a body or spin one hard, one in so many is applied, by its number. The surface of a body takes
+/// longer than all else, and is always that of the same particles; the search for impacts is cut off at a count of its own.
+const RARE_EVERY: u64 = 16;
+/// From here on an order spins the body of the scene, some 0.1 kg m^2, by more than 0.2 rad in a step: [rad/s], [N s], [N].
+const FAST: f64 = 1e5;
 
 thread_local! {
     static STAGE: RefCell<(World, Vec<u8>)> = RefCell::new({
@@ -38,7 +40,7 @@ pub fn read(data: &[u8]) {
             };
             match world.check(&action) {
                 Err(error) => assert!(!error.to_string().is_empty()),
-                Ok(()) if is_far(&action) || is_repeated(&action, command.sequence) => {}
+                Ok(()) if is_far(&action) || is_left_out(&action, command.sequence) => {}
                 Ok(()) => good.push(Command {
                     apply_at_step: command.apply_at_step,
                     client: 1,
@@ -57,25 +59,44 @@ pub fn read(data: &[u8]) {
     });
 }
 
-/// Whether an action moves a collider far in a step.
+/// Whether an action moves a collider far in a frame of the scene.
 fn is_far(action: &Action) -> bool {
-    let Action::MoveCollider { pose, .. } = action else {
-        return false;
+    let (shift, turn) = match action {
+        Action::MoveCollider { pose, .. } => {
+            let [x, y, z, _] = pose.rotation;
+            (pose.translation, [x, y, z].map(|x| 2.0 * x))
+        }
+        Action::ColliderVelocity {
+            linear, angular, ..
+        } => (
+            linear.map(|v| v / world::FRAME_RATE),
+            angular.map(|w| w / world::FRAME_RATE),
+        ),
+        _ => return false,
     };
-    let [x, y, z, _] = pose.rotation;
-    let turns = [x, y, z].map(|x| 2.0 * x);
     let far = |x: &f64| x.abs() > MOVE_MAX;
-    pose.translation.iter().chain(&turns).any(far)
+    shift.iter().chain(&turn).any(far)
 }
 
-/// Whether an action forms one more body of the same particles.
-fn is_repeated(action: &Action, sequence: u64) -> bool {
-    let forms = match action {
+/// Whether an action is one of those of which most are left out.
+fn is_left_out(action: &Action, sequence: u64) -> bool {
+    let is_fast = |vector: &[f64; 3], bound: f64| vector.iter().any(|x| x.abs() > bound);
+    let is_rare = match action {
         Action::SetMaterial { material, .. } => material.law == Law::Rigid,
         Action::Reset => true,
+        Action::Impulse { impulse, .. } | Action::ImpulseAt { impulse, .. } => {
+            is_fast(impulse, FAST)
+        }
+        Action::SetVelocity {
+            linear, angular, ..
+        } => is_fast(angular, FAST) || is_fast(linear, FAST),
+        Action::Force { force, torque, .. } => {
+            is_fast(torque, FAST / FRAME) || is_fast(force, FAST / FRAME)
+        }
+        Action::ForceAt { force, .. } => is_fast(force, FAST / FRAME),
         _ => false,
     };
-    forms && !sequence.is_multiple_of(FORM_EVERY)
+    is_rare && !sequence.is_multiple_of(RARE_EVERY)
 }
 
 /// One command of each kind.
@@ -112,7 +133,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
         .filter(|c| [wire::COMMAND_RESET, wire::COMMAND_SET_MATERIAL].contains(&c.kind));
     seeds.extend(formed.map(|command| {
         let mut command = *command;
-        command.sequence = FORM_EVERY;
+        command.sequence = RARE_EVERY;
         command.material.law = 9;
         bytemuck::bytes_of(&command).to_vec()
     }));

@@ -47,6 +47,9 @@ surface = "separate"
 friction = 0.4
 "#;
 
+/// Frames of that scene per second [1/s].
+pub const FRAME_RATE: f64 = 60.0;
+
 /// The world at its beginning.
 pub fn new() -> World {
     let file = SceneFile::parse(SCENE).unwrap_or_else(|errors| panic!("{errors}"));
