@@ -113,7 +113,9 @@ fn processors() -> anyhow::Result<Option<[CpuSet; 2]>> {
         set
     };
     let first = numbers.next();
-    Ok(first.zip(numbers.last()).map(|(a, b)| [only(a), only(b)]))
+    Ok(first
+        .zip(numbers.next_back())
+        .map(|(a, b)| [only(a), only(b)]))
 }
 
 fn measure(domain: &Domain, scene: Option<&Path>, rounds: u32) -> anyhow::Result<Report> {
