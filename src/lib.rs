@@ -2,6 +2,7 @@
 
 mod bench;
 mod branch;
+mod camera_path;
 pub mod child;
 mod compact;
 pub mod ctl;

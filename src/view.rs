@@ -13,7 +13,7 @@ use cosplat_ipc::Domain;
 use cosplat_renderer::client::Options;
 use cosplat_renderer::drawing::{Look, Summary};
 
-use crate::{progress, say, seconds, signals, viewpoint::Viewpoint};
+use crate::{camera_path, progress, say, seconds, signals, viewpoint::Viewpoint};
 
 /// Render a running session to pictures and video, until its last frame or Ctrl-C; or a recording, every frame of it.
 #[derive(clap::Args)]
@@ -55,6 +55,9 @@ pub struct Args {
     /// Object that the camera looks at, wherever that goes.
     #[arg(long, value_name = "OBJECT", conflicts_with = "target")]
     follow: Option<String>,
+    /// Camera path: keys with eye, look_at, up and field of view at simulated times or steps, in TOML or JSON.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["orbit", "azimuth", "elevation", "distance", "target"])]
+    path: Option<PathBuf>,
     /// Shade on what stands still, below what moves.
     #[arg(long)]
     shade: bool,
@@ -72,7 +75,7 @@ pub struct Args {
         num_args = 0..=1,
         default_missing_value = "127.0.0.1:0",
         value_parser = page,
-        conflicts_with_all = ["png", "mp4", "frames", "participant", "json"]
+        conflicts_with_all = ["png", "mp4", "frames", "participant", "json", "path"]
     )]
     web: Option<Page>,
     /// The page takes no orders.
@@ -142,8 +145,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
-    fn look(&self, usual_fps: f64) -> Look {
-        Look {
+    /// # Errors
+    /// When the camera path cannot be used.
+    fn look(&self, usual_fps: f64) -> Result<Look, camera_path::PathFileError> {
+        let path = self.path.as_deref().map(camera_path::read).transpose()?;
+        Ok(Look {
+            path,
             turning: self.orbit.to_radians(),
             follow: self.follow.clone(),
             is_shaded: self.shade,
@@ -152,14 +159,14 @@ impl Args {
             mp4: self.mp4.clone(),
             fps: self.fps.unwrap_or(usual_fps),
             ..self.viewpoint.look()
-        }
+        })
     }
 }
 
 fn draw_recording(args: &Args, path: &Path) -> anyhow::Result<Summary> {
     let stop = signals::stop_flag()?;
     let mut reel = open_reel(path, args.run, Steps::Every(1))?;
-    let look = args.look(reel.scene.frame_rate);
+    let look = args.look(reel.scene.frame_rate)?;
     let bar = progress::bar("frames", reel.count() as u64);
     let summary = film::draw(&mut reel, &look, &stop, |step| {
         bar.inc(1);
@@ -189,7 +196,7 @@ fn watch_session(args: &Args) -> anyhow::Result<Summary> {
         domain: Domain::from_env()?,
         session: args.session.clone(),
         patience: args.timeout,
-        look: args.look(30.0),
+        look: args.look(30.0)?,
         frames: args.frames,
         participant: args.participant.clone(),
     };

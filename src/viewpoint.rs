@@ -38,6 +38,7 @@ impl Viewpoint {
             },
             turning: 0.0,
             follow: None,
+            path: None,
             is_shaded: false,
             png: None,
             every: 0,

@@ -397,6 +397,7 @@ impl<'a> Demo<'a> {
             orbit: self.view.as_ref().map(paper::orbit).unwrap_or_default(),
             turning: 0.0,
             follow: None,
+            path: None,
             is_shaded: false,
             png: None,
             every: 1,

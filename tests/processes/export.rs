@@ -121,6 +121,7 @@ fn look() -> Look {
         orbit: Default::default(),
         turning: 0.0,
         follow: None,
+        path: None,
         is_shaded: false,
         png: None,
         every: 1,
@@ -185,6 +186,66 @@ fn splat_files_of_a_run_look_as_the_run_did() {
     let refused =
         Process::start(stage.cosplat(&["export", "run.mcap", "--ply", "x", "--step", "99"])).wait();
     assert_eq!(refused.code(), Some(1));
+}
+
+/// Pixels of a picture that `view` left.
+fn png(path: &Path) -> Image {
+    let file = std::io::BufReader::new(std::fs::File::open(path).expect("a picture"));
+    let mut reader = png::Decoder::new(file).read_info().expect("a PNG file");
+    let mut rgb = vec![0; reader.output_buffer_size().expect("a size")];
+    let info = reader.next_frame(&mut rgb).expect("pixels");
+    Image {
+        width: info.width,
+        height: info.height,
+        rgb,
+    }
+}
+
+#[test]
+fn a_camera_path_leads_through_recordings_and_sessions() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let run = recorded(&stage);
+    let reel = reel(&run, Steps::Every(1));
+    // From where `--orbit` begins, to the other side.
+    let camera = look().camera(&reel.scene);
+    let target = camera.position + 2.0 * camera.world_from_camera.z_axis;
+    let key = |step, eye: Vec3| {
+        let (eye, target) = (eye.to_array(), target.to_array());
+        format!("[[keys]]\nstep = {step}\neye = {eye:?}\nlook_at = {target:?}\n")
+    };
+    let away = target + (target - camera.position);
+    let path = key(0, camera.position) + &key(20, away.with_y(camera.position.y));
+    std::fs::write(stage.path("path.toml"), path).expect("writable");
+    let view = |words: &[&str]| {
+        let size = ["--size", "320x240", "--path", "path.toml", "--json"];
+        Process::start(stage.cosplat(&[&["view"], words, &size].concat())).result()
+    };
+    view(&["run.mcap", "--png", "pictures", "--every", "20"]);
+    let drawn =
+        |folder: &str, step: u64| png(&stage.path(&format!("{folder}/frame_{step:08}.png")));
+    let mut reel = reel;
+    let states: Vec<TapeStep> = steps(&mut reel);
+    let plain = |step: usize| {
+        let drawn = project(
+            &states[step].frame.gaussians,
+            &reel.scene,
+            &reel.sh,
+            &camera,
+        );
+        drawn.draw(cosplat_renderer::drawing::BACKGROUND)
+    };
+    // A camera made of two points in place of two angles: single precision moves edges by less than a level.
+    let found = psnr(&drawn("pictures", 0), &plain(0));
+    assert!(found >= 45.0, "{found} dB");
+    let found = psnr(&drawn("pictures", 20), &plain(20));
+    assert!(found < 45.0, "{found} dB from the other side");
+    let _server = stage.serve_scene(SCENE, &["--paused"]);
+    view(&["--png", "live", "--frames", "1"]);
+    assert_eq!(drawn("live", 0).rgb, drawn("pictures", 0).rgb);
+    let mut refused = Process::start(stage.cosplat(&["view", "--png", "x", "--path", "none.toml"]));
+    assert_eq!(refused.wait().code(), Some(1));
+    assert!(refused.words().contains("none.toml"));
 }
 
 #[test]

@@ -11,6 +11,7 @@ use crate::Image;
 use crate::camera::{Camera, Orbit, up_from_gravity};
 use crate::client::RenderError;
 use crate::output::{Outputs, Plan, Wanted, Written};
+use crate::path::CameraPath;
 use crate::raster::{Projected, harmonics};
 use crate::shade::Shade;
 
@@ -30,6 +31,8 @@ pub struct Look {
     pub turning: f32,
     /// Name of the object that the camera looks at, wherever that goes.
     pub follow: Option<String>,
+    /// Where the camera goes, in place of `orbit` and `turning`.
+    pub path: Option<CameraPath>,
     /// Whether what stands still is darker below what moves.
     pub is_shaded: bool,
     /// Folder for `frame_STEP.png` files.
@@ -68,6 +71,14 @@ impl Look {
         header: &FrameHeader,
         gaussians: &[GaussianState],
     ) -> Result<Camera, RenderError> {
+        let followed = match &self.follow {
+            Some(name) => centre(gaussians, scene.object(name)?),
+            None => None,
+        };
+        if let Some(path) = &self.path {
+            let up = up_from_gravity(scene.header.gravity);
+            return Ok(path.camera(header, up, followed, [self.width, self.height]));
+        }
         let mut orbit = self.orbit;
         if self.turning == 0.0 && self.follow.is_none() {
             return Ok(self.camera(&scene.header));
@@ -80,10 +91,7 @@ impl Look {
         // A sphere around the box, in a picture that is 40 degrees high.
         let away = 0.5 * (high - low).length() / (20f32.to_radians().sin() * narrow);
         orbit.distance = orbit.distance.or(Some(away));
-        if let Some(name) = &self.follow {
-            let id = scene.object(name)?;
-            orbit.target = centre(gaussians, id).or(orbit.target);
-        }
+        orbit.target = followed.or(orbit.target);
         Ok(self.camera_of(&scene.header, orbit))
     }
 }

@@ -1,7 +1,7 @@
 //! Renderer client: pictures of the shared frame by the rasteriser of `cosplat-raster`, PNG and MP4 out.
 //!
 //! In reading order: [`camera`] says where the picture is taken from, [`sh`] gives a Gaussian its colour in that
-//! direction, [`raster`] blends the Gaussians; [`drawing`] hands the pictures to [`png`](mod@png) and [`mp4`], and
+//! direction, [`raster`] blends the Gaussians; [`path`] has the camera go somewhere, [`drawing`] hands the pictures to [`png`](mod@png) and [`mp4`], and
 //! [`client`] takes the frames of a running session.
 
 pub mod client;
@@ -12,6 +12,7 @@ pub mod image;
 pub mod mp4;
 mod output;
 mod painter;
+pub mod path;
 pub mod png;
 pub mod raster;
 mod shade;

@@ -161,6 +161,7 @@ fn options(domain: &Domain, folder: &Path) -> Options {
             orbit: Orbit::default(),
             turning: 0.0,
             follow: None,
+            path: None,
             is_shaded: false,
             png: Some(folder.join("pictures")),
             every: 1,
