@@ -21,6 +21,7 @@ mod table1;
 mod transport;
 mod trial;
 mod validate;
+mod web;
 
 use std::{
     path::{Path, PathBuf},
@@ -52,6 +53,7 @@ enum What {
     Table1(table1::Args),
     Transport(transport::Args),
     Validate(validate::Args),
+    Web(web::Args),
     // What measurements start as processes of their own.
     #[command(hide = true)]
     Ctl(cosplat::ctl::Args),
@@ -114,6 +116,7 @@ fn main() -> ExitCode {
         What::Table1(args) => table1::run(&args),
         What::Transport(args) => transport::run(&args),
         What::Validate(args) => validate::run(&args),
+        What::Web(args) => web::run(&args),
         What::Ctl(args) => cosplat::ctl::run(&args),
         What::Record(args) => cosplat::record::run(&args),
         What::Serve(args) => cosplat::serve::run(&args),

@@ -7,7 +7,7 @@ mod act;
 mod damage;
 mod events;
 mod orders;
-mod troupe;
+pub mod troupe;
 mod watch;
 
 use std::{collections::BTreeMap, path::PathBuf, time::Instant};
