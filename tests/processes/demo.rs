@@ -3,6 +3,7 @@
 use std::{path::Path, time::Duration};
 
 use crate::stage::{Process, Stage, has_bytes, watchdog};
+use crate::web::Page;
 
 /// Processes that a process has started and that still run.
 fn children(pid: u32) -> Vec<u32> {
@@ -60,6 +61,32 @@ fn the_demo_simulates_records_renders_and_pushes() {
         again["state_hash"], outcome["state_hash"],
         "the demo is deterministic"
     );
+}
+
+#[test]
+fn a_demo_in_the_browser_prints_one_link_that_works() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let mut demo = Process::start(stage.cosplat(&["demo", "--web", "--out", "out"]));
+    let line = demo.wait_for_output("\n");
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let links: Vec<_> = words.iter().filter(|word| word.contains("://")).collect();
+    let [link] = links.as_slice() else {
+        panic!("expected one link: {line}");
+    };
+    let page = Page::at(stage, link);
+    // Who has the link gets the page, the scene, and frames of a run that begins then.
+    assert_eq!(page.status_of("/"), 200);
+    let first = page.step_of_news(0);
+    assert!(page.step_of_news(first) > first);
+    let started = children(demo.id());
+    assert!(started.len() >= 2, "{started:?}");
+    demo.signal("INT");
+    assert!(demo.wait().success(), "{}", demo.words());
+    assert_eq!(demo.output(), "", "one line is all that it says");
+    while started.iter().any(|&pid| runs(pid)) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }
 
 #[test]
