@@ -2,7 +2,10 @@
 //!
 //! Its poses are world to camera with axes right, down, forward. Layouts: the format page of COLMAP's documentation.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -42,31 +45,59 @@ pub fn is_model(folder: &Path) -> bool {
         .any(|name| folder.join(name).is_file())
 }
 
+/// How the files of a model are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// `cameras.txt`, `images.txt`.
+    Text,
+    /// `cameras.bin`, `images.bin`.
+    Binary,
+}
+
+impl Form {
+    /// The files of cameras and of pictures.
+    fn files(self, folder: &Path) -> [PathBuf; 2] {
+        let extension = match self {
+            Self::Text => "txt",
+            Self::Binary => "bin",
+        };
+        ["cameras", "images"].map(|name| folder.join(format!("{name}.{extension}")))
+    }
+}
+
 /// Reads the views of a model, sorted by name. Binary files go before text where both are there, as in COLMAP.
 ///
 /// # Errors
 /// When a file cannot be read, is damaged, or a camera bends its picture.
 pub fn read(folder: &Path) -> Result<Vec<View>, SemanticsError> {
     let is_binary = folder.join("cameras.bin").is_file();
-    let extension = if is_binary { "bin" } else { "txt" };
-    let [cameras, images] =
-        ["cameras", "images"].map(|name| folder.join(format!("{name}.{extension}")));
+    let form = if is_binary { Form::Binary } else { Form::Text };
+    let [cameras, images] = form.files(folder);
     let load = |path: &Path| std::fs::read(path).map_err(SemanticsError::read(path));
+    parse(folder, form, [&load(&cameras)?, &load(&images)?])
+}
+
+/// As [`read`], from the bytes of the files of cameras and of pictures in `folder`.
+///
+/// # Errors
+/// When a file is damaged or a camera bends its picture.
+pub fn parse(folder: &Path, form: Form, bytes: [&[u8]; 2]) -> Result<Vec<View>, SemanticsError> {
+    let [cameras, images] = form.files(folder);
     let of = |path, why: String| SemanticsError::format(path, why);
-    let (camera_bytes, image_bytes) = (load(&cameras)?, load(&images)?);
-    let (found, pictures) = if is_binary {
-        (
-            binary_cameras(&camera_bytes).map_err(|why| of(&cameras, why))?,
-            binary_images(&image_bytes).map_err(|why| of(&images, why))?,
-        )
-    } else {
-        let text = |path, bytes| {
-            std::str::from_utf8(bytes).map_err(|error| of(path, format!("no text: {error}")))
-        };
-        (
-            text_cameras(text(&cameras, &camera_bytes)?).map_err(|why| of(&cameras, why))?,
-            text_images(text(&images, &image_bytes)?).map_err(|why| of(&images, why))?,
-        )
+    let (found, pictures) = match form {
+        Form::Binary => (
+            binary_cameras(bytes[0]).map_err(|why| of(&cameras, why))?,
+            binary_images(bytes[1]).map_err(|why| of(&images, why))?,
+        ),
+        Form::Text => {
+            let text = |path, bytes| {
+                std::str::from_utf8(bytes).map_err(|error| of(path, format!("no text: {error}")))
+            };
+            (
+                text_cameras(text(&cameras, bytes[0])?).map_err(|why| of(&cameras, why))?,
+                text_images(text(&images, bytes[1])?).map_err(|why| of(&images, why))?,
+            )
+        }
     };
     let mut lenses = BTreeMap::new();
     for (id, camera) in found {
@@ -91,14 +122,14 @@ pub fn read(folder: &Path) -> Result<Vec<View>, SemanticsError> {
         let rotation = DQuat::from_xyzw(x, y, z, w);
         let translation = DVec3::from(image.translation);
         let length = rotation.length();
-        if !(length.is_finite() && length > 1e-9 && translation.is_finite()) {
+        let world_from_camera = DMat3::from_quat(rotation.normalize()).transpose();
+        let position = -(world_from_camera * translation).as_vec3();
+        if !(length.is_finite() && length > 1e-9 && position.is_finite()) {
             return Err(wrong("its pose is no rotation and place".into()));
         }
-        let world_from_camera = DMat3::from_quat(rotation.normalize()).transpose();
-        let position = -(world_from_camera * translation);
         Ok(View {
             name: stem(&image.name),
-            camera: lens.camera(position.as_vec3(), world_from_camera.as_mat3()),
+            camera: lens.camera(position, world_from_camera.as_mat3()),
         })
     };
     let mut views: Vec<View> = pictures.iter().map(view).collect::<Result<_, _>>()?;
@@ -387,6 +418,26 @@ mod tests {
             ]);
             let error = read(folder.path()).expect_err("refused").to_string();
             assert!(error.contains("colmap image_undistorter"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_pose_that_is_none_is_refused() {
+        let [cameras, _] = text();
+        // The second place is finite in f64 alone.
+        for pose in [
+            "0 0 0 0 0 0 5",
+            "1 0 0 0 1e300 0 5",
+            "1 0 0 0 nan 0 5",
+            "1e200 0 0 1e200 0 0 5",
+        ] {
+            let images = format!("1 {pose} 7 b.jpg\n\n");
+            let bytes = [cameras.as_bytes(), images.as_bytes()];
+            let error = parse(Path::new("sparse"), Form::Text, bytes).expect_err(pose);
+            assert!(
+                error.to_string().contains("b.jpg: its pose is no"),
+                "{error}"
+            );
         }
     }
 

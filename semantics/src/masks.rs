@@ -43,11 +43,32 @@ pub fn is_proposals(path: &Path) -> bool {
 /// When a file cannot be read or is no such array.
 pub fn read_proposals(path: &Path, level: usize) -> Result<(MaskMap, Vectors), SemanticsError> {
     let read = |path: &Path| std::fs::read(path).map_err(SemanticsError::read(path));
+    let file = vectors_of(path);
+    parse_proposals(path, [&read(path)?, &read(&file)?], level)
+}
+
+/// The file of the vectors of LangSplat's masks.
+fn vectors_of(path: &Path) -> PathBuf {
+    let name = path.to_string_lossy();
+    let picture = name.strip_suffix(PROPOSALS).unwrap_or(&name);
+    PathBuf::from(format!("{picture}{VECTORS}"))
+}
+
+/// As [`read_proposals`], from the bytes of both files.
+///
+/// # Errors
+/// When one is no such array.
+pub fn parse_proposals(
+    path: &Path,
+    bytes: [&[u8]; 2],
+    level: usize,
+) -> Result<(MaskMap, Vectors), SemanticsError> {
+    let file = vectors_of(path);
     let wrong = |path: &Path| {
         let path = path.to_owned();
         move |why: String| SemanticsError::format(&path, why)
     };
-    let numbers = npy::ints(&read(path)?).map_err(wrong(path))?;
+    let numbers = npy::ints(bytes[0]).map_err(wrong(path))?;
     let &[levels, height, width] = numbers.shape.as_slice() else {
         let why = format!(
             "has shape {:?}, expected [levels, rows, columns]",
@@ -55,27 +76,30 @@ pub fn read_proposals(path: &Path, level: usize) -> Result<(MaskMap, Vectors), S
         );
         return Err(SemanticsError::format(path, why));
     };
-    let pixels = width * height;
-    if level >= levels || pixels == 0 {
+    if level >= levels || width == 0 || height == 0 {
         let why =
             format!("has {levels} levels of {width} x {height} pixels, level {level} is asked for");
         return Err(SemanticsError::format(path, why));
     }
-    let name = path.to_string_lossy();
-    let file = PathBuf::from(format!(
-        "{}{VECTORS}",
-        name.strip_suffix(PROPOSALS).unwrap_or(&name)
-    ));
-    let vectors = npy::floats(&read(&file)?).map_err(wrong(&file))?;
+    let vectors = npy::floats(bytes[1]).map_err(wrong(&file))?;
     let &[count, dim] = vectors.shape.as_slice() else {
         let why = format!("has shape {:?}, expected [masks, values]", vectors.shape);
         return Err(SemanticsError::format(&file, why));
     };
+    if dim == 0 {
+        return Err(SemanticsError::format(
+            &file,
+            format!("has {count} vectors of no values"),
+        ));
+    }
+    // There is a value for each pixel of each level: no product is too large.
+    let pixels = width * height;
     let mask = numbers.value[level * pixels..(level + 1) * pixels].to_vec();
-    if let Some(stranger) = mask.iter().find(|m| **m < -1 || **m >= count as i32) {
+    let most = i32::try_from(count).unwrap_or(i32::MAX);
+    if let Some(stranger) = mask.iter().find(|m| **m < -1 || **m >= most) {
         let why = format!(
             "names mask {stranger}, expected -1 to {}: so many vectors are beside it",
-            count as i32 - 1
+            most - 1
         );
         return Err(SemanticsError::format(path, why));
     }
@@ -146,16 +170,24 @@ pub fn with_objects(map: &MaskMap, said: &[Evidence], labels: &Labels) -> MaskMa
     }
 }
 
-fn read_array(path: &Path) -> Result<MaskMap, SemanticsError> {
-    let bytes = std::fs::read(path).map_err(SemanticsError::read(path))?;
+/// As [`read`], from the bytes of a `.npy` file.
+///
+/// # Errors
+/// When it is no such array, or names more than [`MOST_OBJECTS`] objects.
+pub fn parse_array(path: &Path, bytes: &[u8]) -> Result<MaskMap, SemanticsError> {
     let wrong = |why: String| SemanticsError::format(path, why);
-    let found = npy::ints(&bytes).map_err(wrong)?;
+    let found = npy::ints(bytes).map_err(wrong)?;
     let &[height, width] = found.shape.as_slice() else {
         return Err(wrong(format!(
             "has shape {:?}, expected [rows, columns]",
             found.shape
         )));
     };
+    if width == 0 || height == 0 {
+        return Err(wrong(format!(
+            "has {width} x {height} pixels, expected some"
+        )));
+    }
     let range = 0..=MOST_OBJECTS as i32;
     match found.value.iter().find(|v| !range.contains(*v)) {
         Some(stranger) => Err(wrong(format!(
@@ -183,7 +215,8 @@ pub fn read(path: &Path) -> Result<MaskMap, SemanticsError> {
         ));
     }
     if path.extension().is_some_and(|e| e == "npy") {
-        return read_array(path);
+        let bytes = std::fs::read(path).map_err(SemanticsError::read(path))?;
+        return parse_array(path, &bytes);
     }
     let file = File::open(path).map_err(SemanticsError::read(path))?;
     let mut decoder =
@@ -328,11 +361,34 @@ mod tests {
                 .to_string()
         };
         assert!(refused(4).contains("4 levels"));
+        // No pixel, and a picture whose size is beyond what can be counted.
+        for shape in ["(4, 0, 2)", "(0, 99999999999, 99999999999)"] {
+            std::fs::write(&path, file("<i4", shape, &[])).expect("written");
+            assert!(refused(0).contains("level 0 is asked for"), "{shape}");
+        }
         std::fs::write(&path, array([0, 0, 0, 0, 0, 0, 0, 2])).expect("written");
         assert!(refused(3).contains("names mask 2"));
         let plain = folder.path().join("b.npy");
         std::fs::write(&plain, file("|u1", "(1, 2)", &[0, 3])).expect("written");
         assert_eq!(read(&plain).expect("a mask").mask, [-1, 2]);
+        std::fs::write(&plain, file("|u1", "(0, 2)", &[])).expect("written");
+        let error = read(&plain).expect_err("no pixel").to_string();
+        assert!(error.contains("2 x 0 pixels"), "{error}");
+    }
+
+    #[test]
+    fn vectors_without_values_are_refused() {
+        let numbers = file("<i4", "(1, 1, 1)", &0i32.to_le_bytes());
+        let refused = |shape| {
+            let vectors = file("<f4", shape, &[]);
+            let found = parse_proposals(Path::new("a_s.npy"), [&numbers, &vectors], 0);
+            found.expect_err("refused").to_string()
+        };
+        // More than there are numbers of masks.
+        let error = refused("(4294967296, 0)");
+        assert!(error.contains("a_f.npy: has 4294967296 vectors"), "{error}");
+        let error = refused("(0, 4)");
+        assert!(error.contains("names mask 0, expected -1 to -1"), "{error}");
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! Arrays of numpy's `.npy` files (format 1 to 3 of NEP 1): numbers, little endian, in C order. Objects are pickles and refused.
+//! Arrays of numpy's `.npy` files (format 1 to 3 of NEP 1): numbers, little endian, in C or Fortran order. Objects are pickles
+//! and refused.
 //!
 //! A reader of our own: the one that is kept up brings fourteen crates and an assembler for a header of one line.
 
@@ -6,6 +7,8 @@ use half::f16;
 
 /// First bytes of a file.
 const MAGIC: &[u8] = b"\x93NUMPY";
+/// Most axes, as in numpy.
+const MOST_AXES: usize = 64;
 
 /// An array: its shape, and its values in C order.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,8 +26,17 @@ fn entry<'t>(header: &'t str, key: &str) -> Result<&'t str, String> {
     Ok(found.1.trim_start())
 }
 
-/// Kind of the numbers as numpy writes it, shape, and the bytes of the numbers.
-fn parse(bytes: &[u8]) -> Result<(String, Vec<usize>, &[u8]), String> {
+/// What a header says.
+struct Header {
+    /// Kind of the numbers, as numpy writes it.
+    kind: String,
+    /// Whether the first axis is the fastest.
+    is_fortran: bool,
+    shape: Vec<usize>,
+}
+
+/// What the header says, and the bytes of the numbers.
+fn parse(bytes: &[u8]) -> Result<(Header, &[u8]), String> {
     let rest = bytes.strip_prefix(MAGIC).ok_or("no .npy file of numpy")?;
     let (length, rest) = match rest {
         [1, _, a, b, rest @ ..] => (usize::from(u16::from_le_bytes([*a, *b])), rest),
@@ -37,8 +49,10 @@ fn parse(bytes: &[u8]) -> Result<(String, Vec<usize>, &[u8]), String> {
     let kind = entry(header, "descr")?;
     let kind = kind.strip_prefix('\'').and_then(|k| k.split_once('\''));
     let (kind, _) = kind.ok_or("holds records, expected numbers of one kind")?;
-    if !entry(header, "fortran_order")?.starts_with("False") {
-        return Err("is in Fortran order, expected C: numpy.ascontiguousarray".to_owned());
+    let order = entry(header, "fortran_order")?;
+    let is_fortran = order.starts_with("True");
+    if !is_fortran && !order.starts_with("False") {
+        return Err("its fortran_order is neither True nor False".to_owned());
     }
     let shape = entry(header, "shape")?;
     let shape = shape.strip_prefix('(').and_then(|s| s.split_once(')'));
@@ -49,16 +63,28 @@ fn parse(bytes: &[u8]) -> Result<(String, Vec<usize>, &[u8]), String> {
         .filter(|axis| !axis.is_empty());
     let shape: Result<Vec<usize>, _> = axes.map(str::parse).collect();
     let shape = shape.map_err(|error| format!("its shape is no list of lengths: {error}"))?;
-    Ok((kind.to_owned(), shape, cut.1))
+    if shape.len() > MOST_AXES {
+        return Err(format!(
+            "has {} axes, expected at most {MOST_AXES}",
+            shape.len()
+        ));
+    }
+    let header = Header {
+        kind: kind.to_owned(),
+        is_fortran,
+        shape,
+    };
+    Ok((header, cut.1))
 }
 
 /// Values of `size` bytes each.
-fn values<T>(
-    shape: Vec<usize>,
+fn values<T: Copy>(
+    header: Header,
     bytes: &[u8],
     size: usize,
     value: impl Fn(&[u8]) -> Option<T>,
 ) -> Result<Array<T>, String> {
+    let shape = header.shape;
     let all = shape
         .iter()
         .try_fold(size, |all, axis| all.checked_mul(*axis));
@@ -69,51 +95,85 @@ fn values<T>(
         ));
     }
     let found: Option<Vec<T>> = bytes.chunks_exact(size).map(value).collect();
-    let value = found.ok_or("has a number beyond 32 bits")?;
+    let mut value = found.ok_or("has a number beyond 32 bits")?;
+    if header.is_fortran && shape.len() > 1 {
+        value = in_c_order(&shape, &value);
+    }
     Ok(Array { shape, value })
+}
+
+/// Values whose first axis is the fastest, with the last axis the fastest.
+fn in_c_order<T: Copy>(shape: &[usize], value: &[T]) -> Vec<T> {
+    let place = |n: usize| {
+        // How many values the axes from here to the last have, and those before.
+        let (mut at, mut rest, mut before) = (0, n, value.len());
+        for axis in shape.iter().rev() {
+            before /= axis;
+            at += rest % axis * before;
+            rest /= axis;
+        }
+        at
+    };
+    (0..value.len()).map(|n| value[place(n)]).collect()
 }
 
 fn fixed<const N: usize>(bytes: &[u8]) -> [u8; N] {
     std::array::from_fn(|k| bytes[k])
 }
 
-/// Whole numbers of 8 to 64 bits.
+/// Whole numbers of 8 to 64 bits, or truth values as 0 and 1.
 ///
 /// # Errors
-/// When the bytes are no such array, in words.
+/// When the bytes are no such array or a number is beyond 32 bits, in words.
 pub fn ints(bytes: &[u8]) -> Result<Array<i32>, String> {
-    let (kind, shape, data) = parse(bytes)?;
-    match kind.as_str() {
-        "|u1" => values(shape, data, 1, |b| Some(b[0].into())),
-        "|i1" => values(shape, data, 1, |b| Some(i8::from_le_bytes(fixed(b)).into())),
-        "<u2" => values(shape, data, 2, |b| {
+    let (header, data) = parse(bytes)?;
+    match header.kind.as_str() {
+        "|b1" => values(header, data, 1, |b| Some(i32::from(b[0] != 0))),
+        "|u1" => values(header, data, 1, |b| Some(b[0].into())),
+        "|i1" => values(header, data, 1, |b| {
+            Some(i8::from_le_bytes(fixed(b)).into())
+        }),
+        "<u2" => values(header, data, 2, |b| {
             Some(u16::from_le_bytes(fixed(b)).into())
         }),
-        "<i2" => values(shape, data, 2, |b| {
+        "<i2" => values(header, data, 2, |b| {
             Some(i16::from_le_bytes(fixed(b)).into())
         }),
-        "<i4" => values(shape, data, 4, |b| Some(i32::from_le_bytes(fixed(b)))),
-        "<i8" => values(shape, data, 8, |b| {
+        "<u4" => values(header, data, 4, |b| {
+            u32::from_le_bytes(fixed(b)).try_into().ok()
+        }),
+        "<i4" => values(header, data, 4, |b| Some(i32::from_le_bytes(fixed(b)))),
+        "<u8" => values(header, data, 8, |b| {
+            u64::from_le_bytes(fixed(b)).try_into().ok()
+        }),
+        "<i8" => values(header, data, 8, |b| {
             i64::from_le_bytes(fixed(b)).try_into().ok()
         }),
-        _ => Err(format!(
+        kind => Err(format!(
             "holds {kind:?}, expected whole numbers such as int32"
         )),
     }
 }
 
-/// Numbers with a fraction, of 16 or 32 bits.
+/// Numbers with a fraction, of 16 to 64 bits; those of 64 are rounded to 32.
 ///
 /// # Errors
-/// When the bytes are no such array or a number is not finite, in words.
+/// When the bytes are no such array or a number is not finite in 32 bits, in words.
 pub fn floats(bytes: &[u8]) -> Result<Array<f32>, String> {
-    let (kind, shape, data) = parse(bytes)?;
-    let found = match kind.as_str() {
-        "<f2" => values(shape, data, 2, |b| {
+    let (header, data) = parse(bytes)?;
+    let found = match header.kind.as_str() {
+        "<f2" => values(header, data, 2, |b| {
             Some(f16::from_le_bytes(fixed(b)).to_f32())
         })?,
-        "<f4" => values(shape, data, 4, |b| Some(f32::from_le_bytes(fixed(b))))?,
-        _ => return Err(format!("holds {kind:?}, expected float16 or float32")),
+        "<f4" => values(header, data, 4, |b| Some(f32::from_le_bytes(fixed(b))))?,
+        "<f8" => values(header, data, 8, |b| {
+            Some(f64::from_le_bytes(fixed(b)) as f32)
+        })?,
+        kind => {
+            return Err(format!(
+                "holds {kind:?}, expected float16, float32 or float64"
+            ));
+        }
     };
     match found.value.iter().position(|v| !v.is_finite()) {
         Some(at) => Err(format!(
@@ -205,6 +265,8 @@ pub(crate) mod tests {
         assert!(refused(&file("<i4", "(3,)", &[0; 8])).contains("8 bytes"));
         assert!(refused(&file("<i4", "(99999999999, 99999999999)", &[0; 8])).contains("8 bytes"));
         assert!(refused(&file("<i4", "(-2,)", &[0; 8])).contains("lengths"));
+        let axes = format!("({})", "1, ".repeat(65));
+        assert!(refused(&file("<i4", &axes, &[0; 4])).contains("65 axes"));
         assert!(refused(&file("<i8", "(1,)", &i64::MAX.to_le_bytes())).contains("32 bits"));
         let wrong = floats(&file("<f4", "(1,)", &f32::NAN.to_le_bytes()));
         assert!(wrong.expect_err("refused").contains("finite"));

@@ -111,7 +111,15 @@ impl Lens {
 /// When the file cannot be read, is something else, or a camera bends its picture.
 pub fn read(path: &Path, size: Option<[u32; 2]>) -> Result<Vec<View>, SemanticsError> {
     let text = std::fs::read_to_string(path).map_err(SemanticsError::read(path))?;
-    let file: Transforms = serde_json::from_str(&text)
+    parse(path, &text, size)
+}
+
+/// As [`read`], from the text of the file.
+///
+/// # Errors
+/// When it is something else or a camera bends its picture.
+pub fn parse(path: &Path, text: &str, size: Option<[u32; 2]>) -> Result<Vec<View>, SemanticsError> {
+    let file: Transforms = serde_json::from_str(text)
         .map_err(|error| SemanticsError::format(path, format!("no transforms.json: {error}")))?;
     let of_size = Lens {
         w: size.map(|s| f64::from(s[0])),

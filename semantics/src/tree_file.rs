@@ -144,33 +144,10 @@ impl Tree {
         if let Some(stranger) = stranger.or((count > MOST).then_some(&0)) {
             return Err(format!("names superpoint {stranger} of {count}"));
         }
-        let pairs = touch
-            .as_chunks::<2>()
-            .0
-            .iter()
-            .zip(votes.as_chunks::<2>().0);
-        let touch: Vec<_> = pairs
-            .map(|(&[a, b], v)| (a, b, v.map(f32::from_bits)))
-            .collect();
-        let is_vote = |&(a, b, [parted, all]): &(u32, u32, [f32; 2])| {
-            a != b && 0.0 <= parted && parted <= all && all.is_finite()
-        };
-        if touch.len() * 2 != votes.len() || !touch.iter().all(is_vote) {
-            return Err(
-                "has votes that are none: expected 0 <= parting <= all for two superpoints"
-                    .to_owned(),
-            );
-        }
+        let touch = linked(&touch, &votes)?;
         let mut size = vec![0; count];
         superpoint.iter().for_each(|s| size[*s as usize] += 1);
-        let plane: Option<[f32; 6]> = serde_json::from_str(entry("plane")?)
-            .map_err(|error| format!("has a plane that is none: {error}"))?;
-        let ground = plane.map(|[x, y, z, offset, tolerance, confidence]| Ground {
-            up: Vec3::new(x, y, z),
-            offset,
-            tolerance,
-            confidence,
-        });
+        let ground = plane(entry("plane")?)?;
         let mut tree = Tree {
             superpoint,
             size,
@@ -181,6 +158,47 @@ impl Tree {
         };
         tree.join_all();
         Ok(tree)
+    }
+}
+
+/// Pairs that touch with their votes; joins add the votes up.
+fn linked(touch: &[u32], votes: &[u32]) -> Result<Vec<(u32, u32, [f32; 2])>, String> {
+    let pairs = touch.as_chunks::<2>().0.iter();
+    let pairs = pairs.zip(votes.as_chunks::<2>().0);
+    let linked: Vec<_> = pairs
+        .map(|(&[a, b], v)| (a, b, v.map(f32::from_bits)))
+        .collect();
+    let is_vote = |&(a, b, [parted, all]): &(u32, u32, [f32; 2])| {
+        a != b && 0.0 <= parted && parted <= all && all.is_finite()
+    };
+    let total: f64 = linked.iter().map(|t| f64::from(t.2[1])).sum();
+    let is_sum = total < f64::from(f32::MAX) / 2.0;
+    if touch.len() != votes.len() || !linked.iter().all(is_vote) || !is_sum {
+        return Err(
+            "has votes that are none: expected 0 <= parting <= all for two superpoints, with a finite sum"
+                .to_owned(),
+        );
+    }
+    Ok(linked)
+}
+
+/// The ground plane, where there is one.
+fn plane(text: &str) -> Result<Option<Ground>, String> {
+    let plane: Option<[f32; 6]> =
+        serde_json::from_str(text).map_err(|error| format!("has a plane that is none: {error}"))?;
+    let ground = plane.map(|[x, y, z, offset, tolerance, confidence]| Ground {
+        up: Vec3::new(x, y, z),
+        offset,
+        tolerance,
+        confidence,
+    });
+    let is_finite = |g: &Ground| {
+        let numbers = [g.offset, g.tolerance, g.confidence];
+        g.up.is_normalized() && numbers.iter().all(|x| x.is_finite())
+    };
+    match ground.filter(|g| !is_finite(g)) {
+        Some(bad) => Err(format!("has a plane that is none: {bad:?}")),
+        None => Ok(ground),
     }
 }
 
@@ -227,6 +245,25 @@ mod tests {
         for cut in 0..bytes.len() {
             assert!(Tree::parse(&bytes[..cut], 7, 40).is_err(), "{cut}");
         }
+    }
+
+    #[test]
+    fn planes_and_votes_that_are_not_finite_are_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.tree.safetensors");
+        let refused = |change: &dyn Fn(&mut Tree)| {
+            let mut tree = row();
+            change(&mut tree);
+            tree.write(&path, 7).expect("written");
+            Tree::read(&path, 7, 40).expect_err("refused").to_string()
+        };
+        for up in [Vec3::ZERO, 2.0 * Vec3::Y] {
+            let error = refused(&|tree| tree.ground.as_mut().expect("a plane").up = up);
+            assert!(error.contains("a plane that is none"), "{error}");
+        }
+        // Finite votes whose sum is not.
+        let error = refused(&|tree| tree.touch.iter_mut().for_each(|t| t.2[1] = f32::MAX));
+        assert!(error.contains("with a finite sum"), "{error}");
     }
 
     #[test]
