@@ -99,6 +99,12 @@ mutated! {
     mutated_commands_do_no_harm: "command",
     mutated_checkpoints_do_no_harm: "checkpoint",
     mutated_recordings_do_no_harm: "recording",
+    mutated_arrays_do_no_harm: "npy",
+    mutated_objects_do_no_harm: "objects",
+    mutated_trees_do_no_harm: "tree",
+    mutated_colmap_texts_do_no_harm: "colmap_text",
+    mutated_colmap_models_do_no_harm: "colmap_binary",
+    mutated_transforms_do_no_harm: "transforms",
 }
 
 #[test]

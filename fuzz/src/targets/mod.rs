@@ -4,6 +4,7 @@ mod assets;
 mod checkpoint;
 mod command;
 mod recording;
+mod semantics;
 mod text;
 mod world;
 
@@ -77,5 +78,41 @@ pub const TARGETS: &[Target] = &[
         shape: Shape::Binary,
         read: recording::read,
         seeds: recording::seeds,
+    },
+    Target {
+        name: "npy",
+        shape: Shape::Text,
+        read: semantics::array,
+        seeds: semantics::array_seeds,
+    },
+    Target {
+        name: "objects",
+        shape: Shape::Text,
+        read: semantics::objects,
+        seeds: semantics::objects_seeds,
+    },
+    Target {
+        name: "tree",
+        shape: Shape::Text,
+        read: semantics::tree,
+        seeds: semantics::tree_seeds,
+    },
+    Target {
+        name: "colmap_text",
+        shape: Shape::Text,
+        read: semantics::colmap_text,
+        seeds: semantics::colmap_text_seeds,
+    },
+    Target {
+        name: "colmap_binary",
+        shape: Shape::Binary,
+        read: semantics::colmap_binary,
+        seeds: semantics::colmap_binary_seeds,
+    },
+    Target {
+        name: "transforms",
+        shape: Shape::Text,
+        read: semantics::cameras,
+        seeds: semantics::cameras_seeds,
     },
 ];
