@@ -10,6 +10,7 @@ pub mod diagram;
 pub mod fill;
 pub mod load;
 pub mod materials;
+pub mod neighbours;
 pub mod scene_file;
 pub mod settings;
 pub mod sources;

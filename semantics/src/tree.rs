@@ -14,15 +14,9 @@ use crate::{
     ground::{Ground, ground},
     lift::{Labels, fill_from_nearest},
     linkage::{Linkage, Votes, unlike},
-    neighbours::Neighbours,
+    neighbours::{Neighbours, TOUCHING},
 };
 
-/// Neighbours of every Gaussian.
-const NEIGHBOURS: usize = 12;
-/// Neighbour whose distance is a Gaussian's own spacing.
-const OWN: usize = 5;
-/// Distance up to which neighbours touch, over the larger spacing of the two.
-const TOUCH: f32 = 3.0;
 /// Height up to which Gaussians join to superpoints.
 const ALIKE: f32 = 0.2;
 /// Least Gaussians of a superpoint where it touches another.
@@ -55,23 +49,6 @@ pub struct Tree {
     pub is_ground: Vec<bool>,
 }
 
-/// Median distance of the [`OWN`]th neighbour [asset unit].
-fn spacing(near: &Neighbours) -> f32 {
-    let own = OWN.min(near.count.saturating_sub(1));
-    let mut all: Vec<f32> = near
-        .distance
-        .iter()
-        .skip(own)
-        .step_by(near.count.max(1))
-        .copied()
-        .collect();
-    let middle = all.len() / 2;
-    match all.is_empty() {
-        true => 0.0,
-        false => *all.select_nth_unstable_by(middle, f32::total_cmp).1,
-    }
-}
-
 /// Votes between superpoints that touch.
 fn touching(edges: &[(u32, u32, Votes)], superpoint: &[u32]) -> Vec<(u32, u32, [f32; 2])> {
     let mut links = BTreeMap::<(u32, u32), Votes>::new();
@@ -90,24 +67,14 @@ fn touching(edges: &[(u32, u32, Votes)], superpoint: &[u32]) -> Vec<(u32, u32, [
 impl Tree {
     /// The tree of a splat.
     pub fn new(splat: &Splat) -> Self {
-        let near = Neighbours::new(&splat.position, NEIGHBOURS);
-        let typical = spacing(&near);
-        let ground = ground(splat, 0.5 * typical);
-        let own = |n: u32| {
-            let own = OWN.min(near.count - 1);
-            // A floater far from everything has no spacing of its own.
-            near.distance[n as usize * near.count + own].min(4.0 * typical)
-        };
-        let touches = |&(a, b): &(u32, u32)| {
-            let apart = splat.position[a as usize].distance(splat.position[b as usize]);
-            apart <= TOUCH * own(a).max(own(b))
-        };
+        let near = Neighbours::new(&splat.position, TOUCHING);
+        let ground = ground(splat, 0.5 * near.spacing());
         let votes = |&(a, b): &(u32, u32)| {
             let parted = unlike(splat, a as usize, b as usize);
             (a, b, Votes { parted, all: 1.0 })
         };
-        let pairs = near.pairs();
-        let edges: Vec<_> = pairs.par_iter().filter(|p| touches(p)).map(votes).collect();
+        let pairs = near.touching(&splat.position);
+        let edges: Vec<_> = pairs.par_iter().map(votes).collect();
         let mut linkage = Linkage::new(splat.len(), &edges);
         linkage.run(ALIKE);
         linkage.absorb(MIN_SUPERPOINT);

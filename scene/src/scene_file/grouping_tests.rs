@@ -139,6 +139,29 @@ fn splitting_names_the_parts_largest_first() {
 }
 
 #[test]
+fn a_floater_far_away_changes_no_component() {
+    let lines = "version = 1\n[[assets]]\nname = \"pair\"\npath = \"pair.ply\"\n[[objects]]\nname = \"part\"\n\
+                 asset = \"pair\"\nfidelity = \"static\"\n";
+    let with_floater = |at: Option<[f32; 3]>, text: &str| {
+        let mut asset = pair();
+        asset.position[220] = at.unwrap_or(asset.position[0]);
+        counts(&with(asset, &format!("{lines}{text}\n")))
+    };
+    // A twin of the first Gaussian, a floater in sight, and one that makes a fiftieth of the splat span both vases.
+    for (floater, first) in [
+        (None, 101),
+        (Some([5.0, 20.0, 0.0]), 100),
+        (Some([5.0, 9e3, 0.0]), 100),
+    ] {
+        assert_eq!(
+            with_floater(floater, "split = \"components\""),
+            [120, first]
+        );
+        assert_eq!(with_floater(floater, "select = { component = 1 }"), [first]);
+    }
+}
+
+#[test]
 fn an_asset_is_cut_by_the_names_of_its_file_of_objects() {
     for (select, count) in [
         ("names = [\"left\"]", 100),

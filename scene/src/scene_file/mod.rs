@@ -7,6 +7,7 @@ mod boundaries;
 mod build;
 mod checks;
 mod clones;
+mod components;
 mod contact;
 mod drop;
 mod edit;

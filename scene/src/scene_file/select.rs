@@ -1,10 +1,12 @@
 //! Groups the Gaussians of an asset into objects: by index, semantic id, box, connection.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use cosplat_sim_core::scene::Aabb;
+use glam::Vec3;
 
 use super::{
+    components,
     edit::bounds,
     error::suggest,
     spec::{Link, Select, Split},
@@ -157,55 +159,16 @@ impl Placed {
         self.components_of(&all, link)
     }
 
-    /// Connected components, largest first. Gaussians are connected when their centres lie in the same or in
-    /// touching cells of the link distance.
+    /// Connected components, largest first.
     fn components_of(&self, chosen: &[usize], link: &Link) -> Result<Vec<Vec<usize>>, String> {
-        let size = link.distance.unwrap_or_else(|| {
-            let b = bounds(&self.gaussians);
-            let longest = b.map_or(0.0, |b| longest_side(&b));
-            // A fiftieth bridges the gaps between the Gaussians of a surface and keeps clear objects apart.
-            (longest / 50.0).max(1e-9)
-        });
-        let cell =
-            |i: usize| self.gaussians.position[i].map(|x| (f64::from(x) / size).floor() as i64);
-        // Cells are numbered in the order of their first Gaussian: the map's own order plays no part.
-        let mut cells: HashMap<[i64; 3], usize> = HashMap::new();
-        let mut keys = Vec::new();
-        let cell_of: Vec<usize> = chosen
+        let points: Vec<Vec3> = chosen
             .iter()
-            .map(|&i| {
-                *cells.entry(cell(i)).or_insert_with_key(|key| {
-                    keys.push(*key);
-                    keys.len() - 1
-                })
-            })
+            .map(|&i| self.gaussians.position[i].into())
             .collect();
-        let mut label = vec![usize::MAX; keys.len()];
-        let mut count = 0;
-        for first in 0..keys.len() {
-            if label[first] != usize::MAX {
-                continue;
-            }
-            label[first] = count;
-            let mut open = vec![first];
-            while let Some(at) = open.pop() {
-                for offset in 0..27 {
-                    let step = [offset % 3, offset / 3 % 3, offset / 9].map(|s| s - 1);
-                    let near = std::array::from_fn(|a| keys[at][a].saturating_add(step[a]));
-                    if let Some(&near) = cells.get(&near)
-                        && label[near] == usize::MAX
-                    {
-                        label[near] = count;
-                        open.push(near);
-                    }
-                }
-            }
-            count += 1;
-        }
-        let mut parts = vec![Vec::new(); count];
-        for (&i, &c) in chosen.iter().zip(&cell_of) {
-            parts[label[c]].push(i);
-        }
+        let mut parts = match link.distance {
+            Some(size) => components::by_cells(&points, size),
+            None => components::by_neighbours(&points),
+        };
         let largest = parts.iter().map(Vec::len).max().unwrap_or(0);
         parts.retain(|p| p.len() >= link.min_gaussians);
         if parts.is_empty() {
@@ -213,6 +176,9 @@ impl Placed {
                 "finds no connected component of {} Gaussians (`min_gaussians`): the largest has {largest}",
                 link.min_gaussians
             ));
+        }
+        for part in &mut parts {
+            part.iter_mut().for_each(|n| *n = chosen[*n]);
         }
         parts.sort_by_key(|p| (usize::MAX - p.len(), p[0]));
         Ok(parts)

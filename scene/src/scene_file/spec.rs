@@ -268,7 +268,7 @@ pub enum Split {
 /// When Gaussians are connected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Link {
-    /// Cell size of the connection test [m]; derived from the asset when absent.
+    /// Cell size of the connection test [m]; by which neighbours touch when absent.
     pub distance: Option<f64>,
     /// Smaller components are left out.
     pub min_gaussians: usize,

@@ -1,10 +1,18 @@
-//! Nearest neighbours of every Gaussian: a k-d tree over the centres.
+//! Nearest neighbours of every Gaussian, by a k-d tree over the centres, and which of them touch.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Points of a leaf.
 const LEAF: usize = 12;
+/// Neighbours of every Gaussian that may touch it.
+pub const TOUCHING: usize = 12;
+/// Neighbour whose distance is a Gaussian's own spacing.
+const OWN: usize = 5;
+/// Distance up to which neighbours touch, over the larger spacing of the two.
+const TOUCH: f32 = 3.0;
+/// Largest spacing over the typical one: a floater far from everything has no spacing of its own.
+const SPARSE: f32 = 4.0;
 
 /// The `count` nearest other points of each point, nearest first: `[points][count]`.
 #[derive(Clone, Debug)]
@@ -148,6 +156,32 @@ impl Neighbours {
         pairs.par_sort_unstable();
         pairs.dedup();
         pairs
+    }
+
+    /// The typical distance of neighbours in a surface: the median of the points' own spacing [asset unit]; 0 without points.
+    pub fn spacing(&self) -> f32 {
+        let own = OWN.min(self.count.saturating_sub(1));
+        let distances = self.distance.iter().skip(own);
+        let mut all: Vec<f32> = distances.step_by(self.count.max(1)).copied().collect();
+        let middle = all.len() / 2;
+        match all.is_empty() {
+            true => 0.0,
+            false => *all.select_nth_unstable_by(middle, f32::total_cmp).1,
+        }
+    }
+
+    /// Pairs of neighbours that touch, as [`pairs`](Self::pairs) has them: no farther from each other than three times the
+    /// larger spacing of the two. `points` are those that the neighbours were found for.
+    pub fn touching(&self, points: &[Vec3]) -> Vec<(u32, u32)> {
+        let largest = SPARSE * self.spacing();
+        let own = OWN.min(self.count.saturating_sub(1));
+        let own = |n: u32| self.distance[n as usize * self.count + own].min(largest);
+        let touch = |&(a, b): &(u32, u32)| {
+            let apart = points[a as usize].distance(points[b as usize]);
+            apart <= TOUCH * own(a).max(own(b))
+        };
+        let pairs = self.pairs();
+        pairs.into_par_iter().filter(touch).collect()
     }
 
     /// Neighbours of point `n`, with their distances.
