@@ -122,6 +122,8 @@ struct Prepared {
     rows: Vec<usize>,
     count: usize,
     tree: Tree,
+    /// When all of it was there.
+    ready: Instant,
 }
 
 fn tree_file(splat: &Path) -> PathBuf {
@@ -144,6 +146,7 @@ impl Prepared {
             rows: found.rows(),
             count: found.count,
             tree,
+            ready: Instant::now(),
         })
     }
 
@@ -208,6 +211,7 @@ impl Prepared {
         };
         objects.clone().spread(&self.rows, self.count).write(&out)?;
         let seconds = since.elapsed().as_secs_f64();
+        let answer = self.ready.elapsed().as_secs_f64();
         if output.json {
             let all = objects.names.iter().zip(&sizes);
             let all: Vec<_> = all
@@ -223,6 +227,7 @@ impl Prepared {
                 "{}",
                 serde_json::json!({
                     "file": out, "objects": all, "ground": ground, "superpoints": self.tree.size.len(), "seconds": seconds,
+                    "answer_seconds": answer,
                 })
             );
         }
@@ -231,7 +236,7 @@ impl Prepared {
         }
         say!("{}", self.ground_sentence())?;
         say!(
-            "{} superpoints; {seconds:.2} s; {}",
+            "{} superpoints; {seconds:.2} s, of which {answer:.2} s after the splat and its tree were there; {}",
             self.tree.size.len(),
             out.display()
         )

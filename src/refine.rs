@@ -13,6 +13,7 @@ use cosplat_semantics::{
     masks,
     objects::Objects,
     refine::{Refined, Score, Settings, Straddling, is_held_out, observe, refine},
+    tree::Tree,
 };
 
 use crate::{
@@ -215,7 +216,7 @@ fn finish(
         .map(|(f, n)| f * seen[n / names.len()]);
     fill_unseen(
         &mut learnt,
-        &splat,
+        &Tree::new(&splat),
         &weight.collect::<Vec<_>>(),
         names.len(),
     );

@@ -2,7 +2,7 @@
 //!
 //! The closed form is the mean over pixels, weighted by opacity times transmittance (Occam's LGS, BMVC 2025; LUDVIG, ICCV
 //! 2025; Splat Feature Solver, ICLR 2026). Diffusion takes the same mean again over neighbours, in which a Gaussian that
-//! was hardly seen counts little and takes much.
+//! was hardly seen counts little and takes much. What lies in one superpoint is alike and hangs together, and mostly of one object.
 
 pub use cosplat_scene::assets::objects::Labels;
 use glam::Vec3;
@@ -25,8 +25,12 @@ const TRUST: f32 = 4.0;
 const UNSEEN: f32 = 1.0;
 /// Weight above which a node of the tree counts as seen [pixel].
 const SEEN: f64 = 20.0;
-/// Share of a mask's weight that must lie in Gaussians of its object for it to count.
+/// Share of a mask's weight that must lie in Gaussians of its object for it to count; the same of an object's weight in masks
+/// of its name.
 const AGREEMENT: f64 = 0.5;
+/// Weight of the shares of a Gaussian's superpoint against its own. A part of less than a third of a superpoint keeps its name
+/// where all masks agree on it, as `1 + 1.5 / 3 = 1.5 * 2 / 3`; a Gaussian in doubt goes with the superpoint.
+const SUPERPOINT: f32 = 1.5;
 /// Difference of colour at which an edge weighs 1/e.
 const COLOR_SCALE: f32 = 0.25;
 
@@ -194,19 +198,43 @@ pub(crate) fn fill_from_nearest(labels: &mut Labels, position: &[Vec3]) {
     }
 }
 
-/// Gives Gaussians that no view shows the object of most weight in their superpoint, or in the first node above it that is
-/// seen: a bottom that stands on the ground is of what is above it and alike, not of the ground. `weight` is
-/// `[gaussians][objects]` [pixel].
-pub fn fill_unseen(labels: &mut Labels, splat: &Splat, weight: &[f32], objects: usize) {
-    let tree = superpoints::Tree::new(splat);
-    let of = |n: usize| &weight[n * objects..(n + 1) * objects];
-    let mut sum = vec![0.0f64; tree.nodes() * objects];
+/// Sums of `weight` `[gaussians][objects]` over superpoints, `[superpoints][objects]`.
+fn of_superpoints(tree: &superpoints::Tree, weight: &[f32], objects: usize) -> Vec<f64> {
+    let mut sum = vec![0.0f64; tree.size.len() * objects];
     for (n, superpoint) in tree.superpoint.iter().enumerate() {
         let sums = &mut sum[*superpoint as usize * objects..][..objects];
-        for (sum, weight) in sums.iter_mut().zip(of(n)) {
+        for (sum, weight) in sums.iter_mut().zip(&weight[n * objects..]) {
             *sum += f64::from(*weight);
         }
     }
+    sum
+}
+
+/// Adds to the shares of every Gaussian those of its superpoint by `weight`, both `[gaussians][objects]`; they sum to 1 again.
+fn join_superpoints(shares: &mut [f32], tree: &superpoints::Tree, weight: &[f32], objects: usize) {
+    let sum = of_superpoints(tree, weight, objects);
+    let rows = shares.par_chunks_mut(objects.max(1));
+    rows.zip(&tree.superpoint).for_each(|(shares, superpoint)| {
+        let sums = &sum[*superpoint as usize * objects..][..objects];
+        let all: f64 = sums.iter().sum();
+        if all <= SEEN {
+            return;
+        }
+        for (share, sum) in shares.iter_mut().zip(sums) {
+            *share += SUPERPOINT * (sum / all) as f32;
+        }
+        let total: f32 = shares.iter().sum();
+        shares.iter_mut().for_each(|share| *share /= total);
+    });
+}
+
+/// Gives Gaussians that no view shows the object of most weight in their superpoint, or in the first node above it that is
+/// seen: a bottom that stands on the ground is of what is above it and alike, not of the ground. `weight` is
+/// `[gaussians][objects]` [pixel].
+pub fn fill_unseen(labels: &mut Labels, tree: &superpoints::Tree, weight: &[f32], objects: usize) {
+    let of = |n: usize| &weight[n * objects..(n + 1) * objects];
+    let mut sum = of_superpoints(tree, weight, objects);
+    sum.resize(tree.nodes() * objects, 0.0);
     for node in tree.size.len()..tree.nodes() {
         for part in tree.children(node).into_iter().flatten() {
             for k in 0..objects {
@@ -236,26 +264,41 @@ pub fn fill_unseen(labels: &mut Labels, splat: &Splat, weight: &[f32], objects: 
     }
 }
 
-/// Masks of a view that agree with labels: those of whose weight at least [`AGREEMENT`] lies in Gaussians of their object. A
-/// mask that says little is believed.
-fn believed(view: &[Evidence], labels: &Labels, objects: usize) -> Vec<bool> {
-    let mut sums = vec![[0.0f64; 2]; objects];
-    for e in view {
-        let Some(sum) = usize::try_from(e.mask).ok().and_then(|m| sums.get_mut(m)) else {
-            continue;
-        };
-        let agrees = labels.object[e.gaussian as usize] == e.mask;
-        sum[0] += if agrees { f64::from(e.weight) } else { 0.0 };
-        sum[1] += f64::from(e.weight);
+/// What a view says that agrees with labels: masks of whose weight at least [`AGREEMENT`] lies in Gaussians of their object,
+/// about objects of whose weight as much lies in masks of their name. A mask with the name of another object is of neither kind,
+/// also where it is small beside the right mask of that name. What says nothing is believed.
+fn believed(view: &[Evidence], labels: &Labels, objects: usize) -> Vec<Evidence> {
+    let named = |e: &&Evidence| usize::try_from(e.mask).is_ok_and(|mask| mask < objects);
+    let label = |e: &Evidence| usize::try_from(labels.object[e.gaussian as usize]).ok();
+    let mut sums = vec![[[0.0f64; 2]; 2]; objects];
+    for e in view.iter().filter(named) {
+        let (mask, label) = (Some(e.mask as usize), label(e));
+        for (kind, object) in [mask, label].into_iter().enumerate() {
+            let Some(object) = object else {
+                continue;
+            };
+            let sum = &mut sums[object][kind];
+            sum[0] += if mask == label {
+                f64::from(e.weight)
+            } else {
+                0.0
+            };
+            sum[1] += f64::from(e.weight);
+        }
     }
-    sums.iter()
-        .map(|[agree, all]| *agree >= AGREEMENT * all)
-        .collect()
+    let holds = |object: usize, kind: usize| {
+        let [agree, all] = sums[object][kind];
+        agree >= AGREEMENT * all
+    };
+    let is_believed = |e: &&Evidence| {
+        named(e) && holds(e.mask as usize, 0) && label(e).is_none_or(|label| holds(label, 1))
+    };
+    view.iter().filter(is_believed).copied().collect()
 }
 
 /// Labels of all Gaussians of `splat` from masks of `views` views that name `objects` objects; `evidence` gives what those of
-/// a view say, and is asked twice for each. First all masks count; then those that most of what they cover contradicts, as
-/// one with the name of another object, are left out.
+/// a view say, and is asked twice for each. First all masks count; then those that most of what they cover contradicts are left
+/// out, and what a view says about objects that it calls something else.
 ///
 /// # Errors
 /// Those of `evidence`.
@@ -266,30 +309,32 @@ pub fn lift<E>(
     mut evidence: impl FnMut(usize) -> Result<Vec<Evidence>, E>,
 ) -> Result<(Lifted, Labels), E> {
     let graph = Graph::new(splat);
+    let tree = superpoints::Tree::new(splat);
     let mut all = Lifted::new(splat.len(), objects);
     for view in 0..views {
         all.add(&evidence(view)?, |mask| usize::try_from(mask).ok());
     }
     // A third time changes nothing any more where it was tried.
-    let labels = label(splat, &graph, &all);
+    let labels = label(splat, &graph, &tree, &all);
     let mut agreed = Lifted::new(splat.len(), objects);
     for view in 0..views {
-        let said = evidence(view)?;
-        let is_believed = believed(&said, &labels, objects);
-        agreed.add(&said, |mask| {
-            let object = usize::try_from(mask).ok()?;
-            (is_believed.get(object) == Some(&true)).then_some(object)
-        });
+        let said = believed(&evidence(view)?, &labels, objects);
+        agreed.add(&said, |mask| usize::try_from(mask).ok());
     }
-    let mut labels = label(splat, &graph, &agreed);
-    fill_unseen(&mut labels, splat, &agreed.weight, objects);
+    let mut labels = label(splat, &graph, &tree, &agreed);
+    fill_unseen(&mut labels, &tree, &agreed.weight, objects);
     Ok((agreed, labels))
 }
 
-/// Labels of all Gaussians from what masks with names said: closed form, diffusion, nearest labelled region.
-fn label(splat: &Splat, graph: &Graph, lifted: &Lifted) -> Labels {
+/// Labels of all Gaussians from what masks with names said: closed form, diffusion, superpoints, nearest labelled region.
+fn label(splat: &Splat, graph: &Graph, tree: &superpoints::Tree, lifted: &Lifted) -> Labels {
+    let objects = lifted.objects;
     let seen: Vec<f32> = (0..splat.len()).map(|n| lifted.seen(n)).collect();
-    spread(splat, graph, &lifted.shares(), &seen)
+    let mut shares = graph.diffuse(&lifted.shares(), &seen, objects);
+    join_superpoints(&mut shares, tree, &lifted.weight, objects);
+    let mut labels = largest(&shares, objects);
+    fill_from_nearest(&mut labels, &splat.position);
+    labels
 }
 
 /// Labels of all Gaussians from shares `[gaussians][objects]` of those that are `seen` [pixel]: diffusion, nearest labelled

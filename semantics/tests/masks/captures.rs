@@ -64,8 +64,8 @@ fn scores(name: &str, scene: &Known, shown: &Known, up: Vec3, count: usize) -> V
     DAMAGE.iter().map(of).collect()
 }
 
-/// The bars are those of `docs/semantics.md`, where they are reached: right masks everywhere, and shifted edges in the scenes
-/// in which little is hidden. What else is asked is missed, and shown there.
+/// The bars are those of `docs/semantics.md`, where they are reached: everywhere but for toys with edges off by
+/// 8 pixels, which is shown there.
 #[test]
 fn right_names_label_what_is_seen_of_the_captures() {
     let (Some(toys), Some(plant), Some(playbot)) =
@@ -86,8 +86,16 @@ fn right_names_label_what_is_seen_of_the_captures() {
         // With right masks, of what is seen and of all matter.
         assert!(scene[0][0] >= 0.998 && scene[0][1] >= 0.98, "{scene:?}");
     }
-    for scene in &found[2..] {
-        // Seen matter with edges off by 4 and 8 pixels.
-        assert!(scene[1][0] >= 0.98 && scene[2][0] >= 0.95, "{scene:?}");
+    for scene in &found {
+        // Seen matter with edges off by 4 pixels, with wrong names, and with coarse maps.
+        let seen = [1, 3, 4].map(|kind| scene[kind][0]);
+        assert!(
+            seen[0] >= 0.98 && seen[1] >= 0.98 && seen[2] >= 0.985,
+            "{scene:?}"
+        );
+    }
+    for scene in &found[1..] {
+        // With edges off by 8 pixels.
+        assert!(scene[2][0] >= 0.95, "{scene:?}");
     }
 }
