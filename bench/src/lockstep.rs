@@ -6,15 +6,13 @@
 
 use std::{
     path::{Path, PathBuf},
-    process::{Command, Stdio},
     time::{Duration, Instant},
 };
 
 use anyhow::{Context, ensure};
-use cosplat::say;
 use cosplat_ipc::{
-    Client, Domain,
-    client::{ConnectError, Participant},
+    Domain,
+    client::Participant,
     schema::{self as wire, Ack, StepDone, StepRequest},
 };
 use iceoryx2::{
@@ -23,10 +21,15 @@ use iceoryx2::{
     prelude::*,
     service::port_factory::{PortFactory as _, request_response::PortFactory},
 };
-
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
-use crate::{child::Owned, machine::Run, page};
+use crate::{
+    child::Owned,
+    machine::Run,
+    page,
+    process::{attach, this},
+    quantiles::Quantiles,
+};
 
 const SESSION: &str = "bench";
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -63,12 +66,8 @@ pub struct Args {
     /// Measure with this scene; without it, with one small block that floats.
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// Print one JSON object.
-    #[arg(long)]
-    json: bool,
-    /// Write the table between the markers of this Markdown file.
-    #[arg(long, value_name = "FILE")]
-    table: Option<PathBuf>,
+    #[command(flatten)]
+    telling: page::Telling,
     /// Be the bare server; the measuring process starts it.
     #[arg(long, hide = true)]
     echo: bool,
@@ -82,25 +81,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if args.echo {
         return echo(&Domain::from_env()?);
     }
-    if let Some(path) = &args.table {
-        page::check(path, &[PART])?;
-    }
+    args.telling.check(PART)?;
     // Before the processors are shared out: the caption counts them.
     let machine = Run::here();
     let domain = Domain::named(&format!("step{}", std::process::id() % 100_000))?;
     let measured = measure(&domain, args.scene.as_deref(), args.rounds);
     domain.discard();
     let report = measured?;
-    if args.json {
-        say!("{}", serde_json::to_string(&report)?)?;
-    } else {
-        say!("{}", report.table())?;
-    }
-    if let Some(path) = &args.table {
-        let caption = machine.caption("three processes");
-        page::put(path, &[(PART, format!("{caption}\n\n{}", report.table()))])?;
-    }
-    Ok(())
+    let here = (&machine, "three processes");
+    args.telling.tell(PART, &report, &report.table(), here)
 }
 
 /// The first and the last processor that this process may use; `None` where there is but one.
@@ -134,12 +123,8 @@ fn measure(domain: &Domain, scene: Option<&Path>, rounds: u32) -> anyhow::Result
         if let Some([_, servers]) = &processors {
             sched_setaffinity(None, servers)?;
         }
-        let mut command = Command::new(std::env::current_exe()?);
-        command
-            .args(arguments)
-            .env("COSPLAT_DOMAIN", domain.root())
-            .stdout(Stdio::null());
-        let child = command.spawn().context("a process cannot be started")?;
+        let child = this(domain, arguments)?.spawn();
+        let child = child.context("a process cannot be started")?;
         if let Some([participant, _]) = &processors {
             sched_setaffinity(None, participant)?;
         }
@@ -161,7 +146,7 @@ fn measure(domain: &Domain, scene: Option<&Path>, rounds: u32) -> anyhow::Result
         "1",
     ])?;
     // First, as it makes the domain's folder with the right mode.
-    let client = attach(domain)?;
+    let client = attach(domain, SESSION, PATIENCE)?;
     let _echo = start(&["lockstep", "--echo"])?;
     let bare = Bare::open(domain)?;
     let mut participant = client.participate("bench", PATIENCE)?;
@@ -200,18 +185,6 @@ fn measure(domain: &Domain, scene: Option<&Path>, rounds: u32) -> anyhow::Result
         steps_per_second: rate(&mut participant, rounds, 1)?,
         steps_per_second_by_hundreds: rate(&mut participant, rounds.div_ceil(MANY), MANY)?,
     })
-}
-
-fn attach(domain: &Domain) -> anyhow::Result<Client> {
-    let deadline = Instant::now() + PATIENCE;
-    loop {
-        match Client::connect(domain, SESSION, "bench", Duration::from_millis(100)) {
-            Ok(client) => return Ok(client),
-            Err(error) if error.may_pass() && Instant::now() < deadline => {}
-            Err(ConnectError::NoServer { .. }) => anyhow::bail!("the server did not start"),
-            Err(error) => return Err(error.into()),
-        }
-    }
 }
 
 /// Steps per second of requests for `frames` steps each, without commands [1/s].
@@ -332,24 +305,6 @@ impl Bare {
     }
 }
 
-/// Times of one path [us].
-#[derive(Clone, Copy, serde::Serialize)]
-struct Quantiles {
-    p50: f64,
-    p99: f64,
-}
-
-impl Quantiles {
-    fn of(mut values: Vec<f64>) -> Self {
-        values.sort_by(f64::total_cmp);
-        let at = |part: f64| values[((values.len() - 1) as f64 * part).round() as usize];
-        Self {
-            p50: at(0.5),
-            p99: at(0.99),
-        }
-    }
-}
-
 #[derive(serde::Serialize)]
 struct Report {
     rounds: u32,
@@ -368,6 +323,10 @@ struct Report {
 impl Report {
     fn table(&self) -> String {
         let Quantiles { p50, p99 } = self.bare_us;
+        let processors = match self.has_two_processors {
+            true => "servers on one processor, the participant on another",
+            false => "all on one processor",
+        };
         let row = |what: &str, q: Quantiles| {
             format!(
                 "| {what} | {:.1} | {:.1} | {:.2} | {:.2} |",
@@ -388,11 +347,9 @@ impl Report {
                 "{} rounds of {} commands each, {}. Steps per second without commands: {:.0} one by one, {:.0} by {MANY} per request.",
                 self.rounds,
                 self.commands,
-                if self.has_two_processors {
-                    "servers on one processor, the participant on another"
-                } else {
-                    "all on one processor"
-                }, self.steps_per_second, self.steps_per_second_by_hundreds
+                processors,
+                self.steps_per_second,
+                self.steps_per_second_by_hundreds
             ),
         ]
         .join("\n")

@@ -14,6 +14,8 @@ mod lockstep;
 mod machine;
 mod page;
 mod precision;
+mod process;
+mod quantiles;
 mod recording;
 mod scenes;
 mod stability;

@@ -1,8 +1,58 @@
 //! Parts of Markdown pages that are measured: what stands between `<!-- begin: NAME -->` and `<!-- end: NAME -->`.
 
-use std::{fs, path::Path};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use anyhow::Context;
+use cosplat::say;
+use serde::Serialize;
+
+use crate::machine::Run;
+
+/// How a measurement of one table is told.
+#[derive(clap::Args)]
+pub struct Telling {
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+    /// Write the table between the markers of this Markdown file.
+    #[arg(long, value_name = "FILE")]
+    table: Option<PathBuf>,
+}
+
+impl Telling {
+    /// Whether the page has the part. To be asked before anything is measured.
+    ///
+    /// # Errors
+    /// When it cannot be read or lacks a marker.
+    pub fn check(&self, part: &str) -> anyhow::Result<()> {
+        self.table.iter().try_for_each(|path| check(path, &[part]))
+    }
+
+    /// Prints a report, or its `text` in Markdown, and writes that below a caption: what was measured, and where.
+    ///
+    /// # Errors
+    /// When it cannot be printed or written.
+    pub fn tell(
+        &self,
+        part: &str,
+        report: &impl Serialize,
+        text: &str,
+        (run, what): (&Run, &str),
+    ) -> anyhow::Result<()> {
+        if self.json {
+            say!("{}", serde_json::to_string(report)?)?;
+        } else {
+            say!("{text}")?;
+        }
+        match &self.table {
+            Some(path) => put(path, &[(part, format!("{}\n\n{text}", run.caption(what)))]),
+            None => Ok(()),
+        }
+    }
+}
 
 /// Whether a page has these parts. To be asked before anything is measured.
 ///

@@ -27,7 +27,7 @@ use iceoryx2::{
     prelude::*,
 };
 
-use crate::child::Owned;
+use crate::{child::Owned, quantiles::Quantiles};
 use publish::PublishReport;
 
 const SESSION: &str = "bench";
@@ -191,7 +191,7 @@ fn bandwidth(ports: &ServerPorts) -> anyhow::Result<(f64, f64)> {
         copy.push(start.elapsed().as_secs_f64());
     }
     let rate = |seconds: Vec<f64>| {
-        (LARGEST * size_of::<GaussianState>()) as f64 / 1e9 / Latency::of(seconds).p50
+        (LARGEST * size_of::<GaussianState>()) as f64 / 1e9 / Quantiles::of(seconds).p50
     };
     Ok((rate(write), rate(copy)))
 }
@@ -318,30 +318,12 @@ impl PingReceiver {
     }
 }
 
-/// Latency [us].
-#[derive(Clone, Copy, serde::Serialize)]
-struct Latency {
-    p50: f64,
-    p99: f64,
-}
-
-impl Latency {
-    fn of(mut values: Vec<f64>) -> Self {
-        values.sort_by(f64::total_cmp);
-        let at = |fraction: f64| values[((values.len() - 1) as f64 * fraction).round() as usize];
-        Self {
-            p50: at(0.5),
-            p99: at(0.99),
-        }
-    }
-}
-
 #[derive(serde::Serialize)]
 struct SizeReport {
     bytes: usize,
-    in_place_us: Latency,
-    memcpy_us: Latency,
-    unix_socket_us: Latency,
+    in_place_us: Quantiles,
+    memcpy_us: Quantiles,
+    unix_socket_us: Quantiles,
     /// Ratios of medians.
     memcpy_over_in_place: f64,
     unix_socket_over_in_place: f64,
@@ -352,7 +334,7 @@ struct SizeReport {
 struct Report {
     rounds: u32,
     sizes: Vec<SizeReport>,
-    ping_64_bytes_us: Latency,
+    ping_64_bytes_us: Quantiles,
     largest_over_smallest_in_place: f64,
     write_in_place_gb_per_s: f64,
     copy_into_loan_gb_per_s: f64,
@@ -361,7 +343,7 @@ struct Report {
 
 impl Report {
     fn new(rounds: u32, latencies: &[Vec<f64>], write: f64, copy: f64) -> Self {
-        let latency: Vec<Latency> = latencies.iter().cloned().map(Latency::of).collect();
+        let latency: Vec<Quantiles> = latencies.iter().cloned().map(Quantiles::of).collect();
         let ping = latency[PATHS - 1];
         let sizes: Vec<SizeReport> = COUNTS
             .iter()
@@ -400,7 +382,7 @@ impl Report {
             "memcpy (ratio)",
             "Unix socket (ratio)"
         )?;
-        let pair = |l: Latency| format!("{:.1} / {:.1}", l.p50, l.p99);
+        let pair = |l: Quantiles| format!("{:.1} / {:.1}", l.p50, l.p99);
         for size in &self.sizes {
             say!(
                 "{:>10} {:>18} {:>25} {:>25}",

@@ -20,9 +20,10 @@ use rand_pcg::Pcg64Mcg;
 use super::{
     Report, damage,
     events::Event,
-    troupe::{PATIENCE, Player, SESSION, Stage, descriptors, own_memory, silent, write},
+    troupe::{PATIENCE, Player, SESSION, Stage, silent, write},
     watch::Watch,
 };
+use crate::process::{descriptors, own_memory};
 
 /// A scene of one small block over a floor, of some hundred Gaussians: what is measured is what surrounds its steps.
 pub const SCENE: &str = r#"

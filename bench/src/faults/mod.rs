@@ -7,10 +7,10 @@ mod act;
 mod damage;
 mod events;
 mod orders;
-pub mod troupe;
+mod troupe;
 mod watch;
 
-use std::{collections::BTreeMap, path::PathBuf, time::Instant};
+use std::{collections::BTreeMap, time::Instant};
 
 use anyhow::bail;
 use indicatif::ProgressBar;
@@ -35,12 +35,8 @@ pub struct Args {
     /// Seed of the schedule; the same seed injects the same faults in the same order.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Print one JSON object.
-    #[arg(long)]
-    json: bool,
-    /// Write the table between the markers of this Markdown file.
-    #[arg(long, value_name = "FILE")]
-    table: Option<PathBuf>,
+    #[command(flatten)]
+    telling: page::Telling,
     /// Be a client that takes a frame and never lets go; the campaign starts it.
     #[arg(long, hide = true)]
     hold: bool,
@@ -54,19 +50,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if args.hold {
         return troupe::hold();
     }
-    if let Some(path) = &args.table {
-        page::check(path, &[PART])?;
-    }
+    args.telling.check(PART)?;
     let report = campaign(args)?;
-    if args.json {
-        println!("{}", serde_json::to_string(&report)?);
-    } else {
-        println!("{}", report.table());
-    }
-    if let Some(path) = &args.table {
-        let caption = Run::here().caption("a campaign of faults");
-        page::put(path, &[(PART, format!("{caption}\n\n{}", report.table()))])?;
-    }
+    let here = (&Run::here(), "a campaign of faults");
+    args.telling.tell(PART, &report, &report.table(), here)?;
     if !report.counters.are_zero() {
         bail!("seed {}: {}", args.seed, report.findings.join("; "));
     }

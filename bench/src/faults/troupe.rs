@@ -163,19 +163,6 @@ pub fn is_orderly(status: ExitStatus) -> bool {
     matches!(status.code(), Some(code) if code != 101 && code < 126)
 }
 
-/// Bytes of memory that belong to a process alone.
-pub fn own_memory(pid: u32) -> Option<u64> {
-    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
-    let line = status.lines().find(|line| line.starts_with("RssAnon:"))?;
-    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib << 10)
-}
-
-/// Descriptors that a process holds.
-pub fn descriptors(pid: u32) -> Option<usize> {
-    Some(std::fs::read_dir(format!("/proc/{pid}/fd")).ok()?.count())
-}
-
 /// The part of a client that takes a frame and never lets go.
 pub fn hold() -> anyhow::Result<()> {
     let domain = Domain::from_env()?;

@@ -24,6 +24,7 @@ use super::{
     act::Pace,
     troupe::{PATIENCE, Stage},
 };
+use crate::process::processor_time;
 
 /// How often the noise of the machine is looked at.
 const SAMPLE: Duration = Duration::from_millis(10);
@@ -200,16 +201,6 @@ impl Watch {
     }
 }
 
-/// What all threads of a process waited for processors so far [ns].
-fn waited(pid: u32) -> Option<u64> {
-    let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).ok()?;
-    let delays = tasks.flatten().filter_map(|task| {
-        let text = std::fs::read_to_string(task.path().join("schedstat")).ok()?;
-        text.split_whitespace().nth(1)?.parse::<u64>().ok()
-    });
-    Some(delays.sum())
-}
-
 /// Takes note of the noise.
 fn sample(shared: &Shared) {
     let (mut overslept, mut delay, mut last) = (0, 0, (0, 0));
@@ -220,7 +211,7 @@ fn sample(shared: &Shared) {
         overslept += (now - before).saturating_sub(SAMPLE.as_nanos() as u64);
         before = now;
         let pid = shared.server.load(Ordering::Relaxed);
-        let (known, newest) = (last, waited(pid).unwrap_or_default());
+        let (known, newest) = (last, processor_time(pid).map_or(0, |[_, waited]| waited));
         // Another server begins anew, and threads that end take their share with them.
         if known.0 == pid {
             delay += newest.saturating_sub(known.1);

@@ -19,8 +19,7 @@ use cosplat_sim_core::{
 use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 
-use super::Latency;
-use crate::kernel::on_processor;
+use crate::{kernel::on_processor, quantiles::Quantiles};
 
 const OBJECTS: usize = 10;
 /// Gaussians of an object.
@@ -232,7 +231,7 @@ pub fn measure(rounds: usize) -> anyhow::Result<PublishReport> {
             all.step()?;
             tenth.step()?;
         }
-        let median = |us: &[f64]| Latency::of(us.to_vec()).p50;
+        let median = |us: &[f64]| Quantiles::of(us.to_vec()).p50;
         let [frame_all_us, frame_tenth_us] = [&all, &tenth].map(|s| median(&s.frame));
         let [changes_all_us, changes_tenth_us] = [&all, &tenth].map(|s| median(&s.changes));
         Ok(PublishReport {

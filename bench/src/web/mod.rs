@@ -10,17 +10,17 @@ mod session;
 use std::path::PathBuf;
 
 use anyhow::Context;
-use cosplat::say;
 use cosplat_ipc::{Domain, monotonic_ns};
 use rustix::process::Signal;
 
 use crate::{
     machine::Run,
-    page as document,
+    page::Telling,
     trial::{SceneText, scene_text},
 };
+use page::Got;
 use report::{Report, Round};
-use session::Session;
+use session::{Session, Watched};
 
 /// What the table is called in a page of the documentation.
 const PART: &str = "cosplat bench web";
@@ -72,12 +72,8 @@ pub struct Args {
     /// Clicks of a round; with 0 nothing is said of them.
     #[arg(long, value_name = "N", default_value_t = 60)]
     clicks: u32,
-    /// Print one JSON object.
-    #[arg(long)]
-    json: bool,
-    /// Write the table between the markers of this Markdown file.
-    #[arg(long, value_name = "FILE")]
-    table: Option<PathBuf>,
+    #[command(flatten)]
+    telling: Telling,
     /// Be the page with this link; the measuring process starts it.
     #[arg(long, value_name = "LINK", hide = true)]
     page: Option<String>,
@@ -94,23 +90,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(link) = &args.page {
         return page::run(link, args.number, args.clicks as usize);
     }
-    if let Some(path) = &args.table {
-        document::check(path, &[PART])?;
-    }
+    args.telling.check(PART)?;
     let domain = Domain::named(&format!("bweb{}", std::process::id() % 100_000))?;
     let measured = measure(&domain, args);
     domain.discard();
     let report = measured?;
-    if args.json {
-        say!("{}", serde_json::to_string(&report)?)?;
-    } else {
-        say!("{}", report.table())?;
-    }
-    if let Some(path) = &args.table {
-        let caption = Run::here().caption("five or six processes");
-        document::put(path, &[(PART, format!("{caption}\n\n{}", report.table()))])?;
-    }
-    Ok(())
+    let here = (&Run::here(), "five or six processes");
+    args.telling.tell(PART, &report, &report.table(), here)
 }
 
 /// The text of the scene, with the capture where there is one.
@@ -149,18 +135,21 @@ fn measure(domain: &Domain, args: &Args) -> anyhow::Result<Report> {
     let resting = write("resting.toml", RESTING)?;
     let mut session = Session::open(domain, "resting", &resting)?;
     session.run_until_all_have(SLEEPS)?;
+    let (watched, answers) = one_page(&mut session, args.seconds)?;
+    let bytes: u64 = answers.iter().map(|got| got.bytes).sum();
+    Ok(Report::of(&rounds, bytes as f64 / watched.seconds))
+}
+
+/// Makes steps for so long [s] while one page looks, and the answers that it got meanwhile.
+fn one_page(session: &mut Session, seconds: f64) -> anyhow::Result<(Watched, Vec<Got>)> {
     let page = session.page(1, 0)?;
     session.run(WARM_UP)?;
     let begin = monotonic_ns();
-    let watched = session.run(args.seconds)?;
+    let watched = session.run(seconds)?;
     let end = monotonic_ns();
-    let seen = page.end()?;
-    let within = seen
-        .answers
-        .iter()
-        .filter(|got| (begin..end).contains(&got.at));
-    let bytes: u64 = within.map(|got| got.bytes).sum();
-    Ok(Report::of(&rounds, bytes as f64 / watched.seconds))
+    let mut answers = page.end()?.answers;
+    answers.retain(|got| (begin..end).contains(&got.at));
+    Ok((watched, answers))
 }
 
 /// All of it once, in the order of the table.
@@ -168,18 +157,12 @@ fn round(session: &mut Session, args: &Args) -> anyhow::Result<Round> {
     session.run_until_nobody_looks()?;
     let alone = session.run(args.seconds)?;
 
-    let page = session.page(1, 0)?;
-    session.run(WARM_UP)?;
-    let begin = monotonic_ns();
-    let watched = session.run(args.seconds)?;
-    let end = monotonic_ns();
-    let seen = page.end()?;
-    let news = seen.answers.iter().filter(|got| got.has_news);
+    let (watched, answers) = one_page(session, args.seconds)?;
+    let news = answers.iter().filter(|got| got.has_news);
     let answer_bytes = news.clone().map(|got| got.bytes).max().unwrap_or(0);
-    let delivered = news.filter(|got| (begin..end).contains(&got.at));
     let one_page = report::OnePage {
         steps_per_second: watched.steps.len() as f64 / watched.seconds,
-        frames_per_second: delivered.count() as f64 / watched.seconds,
+        frames_per_second: news.count() as f64 / watched.seconds,
         cores: watched.web_seconds / watched.seconds,
     };
 

@@ -7,6 +7,7 @@ use super::{
     page::Seen,
     session::{Step, Watched},
 };
+use crate::quantiles::quantile;
 
 /// One page alone.
 pub struct OnePage {
@@ -50,14 +51,14 @@ impl Stopped {
 ///
 /// # Errors
 /// When a click is not in the journal at the step that its answer says, or the page ended before its frame.
-pub fn reactions(seen: &Seen, applied: &[(u64, u64)]) -> anyhow::Result<Vec<f64>> {
+pub fn reactions(seen: &Seen, applied: &[u64]) -> anyhow::Result<Vec<f64>> {
     ensure!(
         seen.clicks.len() == applied.len(),
         "{} clicks were answered and {} are in the journal",
         seen.clicks.len(),
         applied.len()
     );
-    let frames = seen.clicks.iter().zip(applied).map(|(click, (_, step))| {
+    let frames = seen.clicks.iter().zip(applied).map(|(click, step)| {
         ensure!(
             click.step == *step,
             "a click takes effect at step {} by its answer and {step} by the journal",
@@ -161,14 +162,6 @@ pub struct Report {
     /// In all rounds.
     clicks: usize,
     rows: Vec<Row>,
-}
-
-/// Value below which a part of all lies.
-fn quantile(mut values: Vec<f64>, part: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let last = values.len().saturating_sub(1);
-    let at = (last as f64 * part).round() as usize;
-    values.get(at).copied().unwrap_or(f64::NAN)
 }
 
 /// By how much the memory of the page server is larger in the second half of a watch than in the first [byte].

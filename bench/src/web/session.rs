@@ -5,19 +5,22 @@
 
 use std::{
     io::{BufRead, BufReader},
-    process::{Child, Command, Stdio},
+    process::{Child, Stdio},
     time::{Duration, Instant},
 };
 
 use anyhow::{Context, ensure};
 use cosplat_ipc::{
     Client, Domain,
-    client::{ConnectError, JournalReader, Participant},
+    client::{JournalReader, Participant},
 };
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::page::Seen;
-use crate::{child::Owned, faults::troupe::own_memory};
+use crate::{
+    child::Owned,
+    process::{attach, own_memory, processor_time, this},
+};
 
 /// Steps per second of the clock [1/s].
 const RATE: f64 = 60.0;
@@ -49,30 +52,18 @@ pub struct Watched {
 
 /// Server, page server and participant.
 pub struct Session {
-    name: String,
     domain: Domain,
     participant: Participant,
     client: Client,
     journal: JournalReader,
-    /// Of commands applied so far: who gave them, and at which step.
-    pub applied: Vec<(u64, u64)>,
+    /// Steps at whose start commands were applied so far.
+    pub applied: Vec<u64>,
     /// The last step.
     pub step: u64,
     web: Owned,
     _server: Owned,
     /// Where the page is.
     link: String,
-}
-
-/// This program with other words, in a domain.
-fn this(domain: &Domain, arguments: &[&str]) -> anyhow::Result<Command> {
-    let mut command = Command::new(std::env::current_exe()?);
-    command
-        .args(arguments)
-        .env("COSPLAT_DOMAIN", domain.root())
-        .stdin(Stdio::null())
-        .stdout(Stdio::null());
-    Ok(command)
 }
 
 impl Session {
@@ -85,7 +76,7 @@ impl Session {
         let more = ["--participants", "bench"];
         let mut server = this(domain, &[&arguments[..], &more].concat())?;
         let server = Owned(server.spawn().context("the server does not start")?);
-        let client = attach(domain, name)?;
+        let client = attach(domain, name, PATIENCE)?;
         let mut web = this(domain, &["view", "--web", "--session", name])?;
         web.stdout(Stdio::piped());
         let mut web = Owned(web.spawn().context("the page server does not start")?);
@@ -94,7 +85,6 @@ impl Session {
         BufReader::new(output).read_line(&mut link)?;
         ensure!(link.contains("/#"), "the page server says no link");
         Ok(Session {
-            name: name.into(),
             domain: domain.clone(),
             participant: client.participate("bench", PATIENCE)?,
             journal: client.journal()?,
@@ -114,7 +104,7 @@ impl Session {
     pub fn run(&mut self, seconds: f64) -> anyhow::Result<Watched> {
         let period = Duration::from_secs_f64(1.0 / RATE);
         let begin = Instant::now();
-        let before = processor_seconds(self.web.0.id());
+        let before = self.web_time()?;
         let mut seen = Watched::default();
         let (mut due, mut looked) = (begin, 0);
         while begin.elapsed().as_secs_f64() < seconds {
@@ -136,14 +126,20 @@ impl Session {
             due = (due + period).max(Instant::now());
         }
         seen.seconds = begin.elapsed().as_secs_f64();
-        seen.web_seconds = processor_seconds(self.web.0.id()) - before;
+        seen.web_seconds = (self.web_time()? - before) as f64 * 1e-9;
         Ok(seen)
+    }
+
+    /// What the page server spent on processors so far [ns].
+    fn web_time(&self) -> anyhow::Result<u64> {
+        let [spent, _] = processor_time(self.web.0.id()).context("the page server is gone")?;
+        Ok(spent)
     }
 
     fn read_journal(&mut self) -> anyhow::Result<()> {
         while let Some(message) = self.journal.next(Duration::ZERO)? {
             let entries = message.items().iter();
-            self.applied.extend(entries.map(|e| (e.client, e.step)));
+            self.applied.extend(entries.map(|entry| entry.step));
         }
         ensure!(
             self.journal.missed() == 0,
@@ -194,9 +190,7 @@ impl Session {
         let more = ["--clicks", &clicks];
         let mut page = this(&self.domain, &[&arguments[..], &more].concat())?;
         page.stdin(Stdio::piped()).stdout(Stdio::piped());
-        let page = page
-            .spawn()
-            .with_context(|| format!("no page of session {}", self.name))?;
+        let page = page.spawn().context("a page cannot be started")?;
         Ok(PageProcess(Owned(page)))
     }
 }
@@ -224,26 +218,4 @@ impl PageProcess {
         let output = child.stdout.take().context("what a page saw")?;
         serde_json::from_reader(output).context("a page ended early")
     }
-}
-
-fn attach(domain: &Domain, session: &str) -> anyhow::Result<Client> {
-    let deadline = Instant::now() + PATIENCE;
-    loop {
-        match Client::connect(domain, session, "bench", Duration::from_millis(100)) {
-            Ok(client) => return Ok(client),
-            Err(error) if error.may_pass() && Instant::now() < deadline => {}
-            Err(ConnectError::NoServer { .. }) => anyhow::bail!("the server did not start"),
-            Err(error) => return Err(error.into()),
-        }
-    }
-}
-
-/// Time that all threads of a process spent on processors [s].
-fn processor_seconds(pid: u32) -> f64 {
-    let tasks = std::fs::read_dir(format!("/proc/{pid}/task"));
-    let spent = tasks.into_iter().flatten().flatten().filter_map(|task| {
-        let text = std::fs::read_to_string(task.path().join("schedstat")).ok()?;
-        text.split_whitespace().next()?.parse::<f64>().ok()
-    });
-    spent.sum::<f64>() * 1e-9
 }
