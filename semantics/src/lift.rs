@@ -273,17 +273,12 @@ fn believed(view: &[Evidence], labels: &Labels, objects: usize) -> Vec<Evidence>
     let mut sums = vec![[[0.0f64; 2]; 2]; objects];
     for e in view.iter().filter(named) {
         let (mask, label) = (Some(e.mask as usize), label(e));
+        let weight = f64::from(e.weight);
         for (kind, object) in [mask, label].into_iter().enumerate() {
-            let Some(object) = object else {
-                continue;
-            };
-            let sum = &mut sums[object][kind];
-            sum[0] += if mask == label {
-                f64::from(e.weight)
-            } else {
-                0.0
-            };
-            sum[1] += f64::from(e.weight);
+            if let Some(object) = object {
+                sums[object][kind][0] += if mask == label { weight } else { 0.0 };
+                sums[object][kind][1] += weight;
+            }
         }
     }
     let holds = |object: usize, kind: usize| {
@@ -332,7 +327,12 @@ fn label(splat: &Splat, graph: &Graph, tree: &superpoints::Tree, lifted: &Lifted
     let seen: Vec<f32> = (0..splat.len()).map(|n| lifted.seen(n)).collect();
     let mut shares = graph.diffuse(&lifted.shares(), &seen, objects);
     join_superpoints(&mut shares, tree, &lifted.weight, objects);
-    let mut labels = largest(&shares, objects);
+    of_shares(splat, &shares, objects)
+}
+
+/// The object of the largest share for every Gaussian; where there is none, that of the nearest Gaussian with one.
+fn of_shares(splat: &Splat, shares: &[f32], objects: usize) -> Labels {
+    let mut labels = largest(shares, objects);
     fill_from_nearest(&mut labels, &splat.position);
     labels
 }
@@ -341,10 +341,7 @@ fn label(splat: &Splat, graph: &Graph, tree: &superpoints::Tree, lifted: &Lifted
 /// region.
 pub fn spread(splat: &Splat, graph: &Graph, shares: &[f32], seen: &[f32]) -> Labels {
     let objects = shares.len() / splat.len().max(1);
-    let shares = graph.diffuse(shares, seen, objects);
-    let mut labels = largest(&shares, objects);
-    fill_from_nearest(&mut labels, &splat.position);
-    labels
+    of_shares(splat, &graph.diffuse(shares, seen, objects), objects)
 }
 
 /// How far labels agree with what views say: intersection over union of weights, mean over the objects that either has.

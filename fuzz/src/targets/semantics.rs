@@ -30,14 +30,15 @@ pub fn array(data: &[u8]) {
     };
     let (header, values) = lines(data);
     let length = header.len() as u32 + 1;
-    let file = match first & 3 {
-        0 => data.to_vec(),
-        1 => [b"\x93NUMPY\x01\x00", &(length as u16).to_le_bytes()[..]].concat(),
-        version => [b"\x93NUMPY", &[version, 0][..], &length.to_le_bytes()].concat(),
+    let length = length.to_le_bytes();
+    let whole = |version: u8, length: &[u8]| {
+        let magic = [&b"\x93NUMPY"[..], &[version, 0]].concat();
+        [&magic, length, header, b"\n", values].concat()
     };
     let file = match first & 3 {
-        0 => file,
-        _ => [&file[..], header, b"\n", values].concat(),
+        0 => data.to_vec(),
+        1 => whole(1, &length[..2]),
+        version => whole(version, &length),
     };
     if let Ok(found) = npy::ints(&file) {
         assert_eq!(found.shape.iter().product::<usize>(), found.value.len());
