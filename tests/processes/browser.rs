@@ -3,7 +3,6 @@
 use std::io::Write;
 use std::net::TcpStream;
 use std::path::PathBuf;
-use std::process::Command;
 use std::time::{Duration, Instant};
 
 use cosplat_ipc::client::Client;
@@ -17,7 +16,9 @@ use cosplat_renderer::{
 use cosplat_web::packing::{Bounds, pack, unpack};
 use serde_json::{Value, json};
 
-use crate::stage::{PATIENCE, Process, Stage, next_frame, test_data, wait_for_status, watchdog};
+use crate::stage::{
+    PATIENCE, Process, Stage, command, next_frame, psnr, test_data, wait_for_status, watchdog,
+};
 use crate::web::{Page, read_answer};
 
 /// Keys that WebDriver gives numbers to.
@@ -47,7 +48,7 @@ fn program(name: &str) -> Option<PathBuf> {
 impl Browser {
     pub fn open(link: &str) -> Option<Browser> {
         let (driver, chromium) = (program("chromedriver")?, program("chromium")?);
-        let mut command = Command::new(driver);
+        let mut command = command(driver);
         command.arg("--port=0");
         let mut driver = Process::start(command);
         let mut seen = driver.wait_for_output("started successfully on port");
@@ -202,18 +203,6 @@ fn camera(scene: &SceneHeader, orbit: Orbit, width: u32, height: u32) -> Camera 
     Camera::orbit(bounds, up_from_gravity(scene.gravity), orbit, width, height)
 }
 
-/// Peak signal to noise of a picture [dB].
-fn decibels(a: &Image, b: &Image) -> f64 {
-    let squares: f64 = a
-        .rgb
-        .iter()
-        .zip(&b.rgb)
-        .map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2))
-        .sum();
-    let mean = squares / a.rgb.len() as f64;
-    10.0 * (255.0 * 255.0 / mean.max(1e-12)).log10()
-}
-
 /// The camera that the page begins with.
 pub fn first_camera(client: &Client, width: u32, height: u32) -> Camera {
     let orbit = Orbit {
@@ -231,7 +220,7 @@ fn assert_alike(browser: &Browser, client: &Client, step: u64) {
     let theirs = browser.picture();
     let camera = first_camera(client, theirs.width, theirs.height);
     let ours = picture(&gaussians, None, &camera, BACKGROUND);
-    let found = decibels(&ours, &theirs);
+    let found = psnr(&ours, &theirs);
     // Another order of two Gaussians at one depth, half floats and 8 bits at the end: 54 dB and more where there is no
     // mistake.
     assert!(found >= 45.0, "{found:.1} dB");
@@ -241,7 +230,7 @@ fn assert_alike(browser: &Browser, client: &Client, step: u64) {
         center: [x + 1.0, y],
         ..camera
     };
-    let missed = decibels(&picture(&gaussians, None, &aside, BACKGROUND), &theirs);
+    let missed = psnr(&picture(&gaussians, None, &aside, BACKGROUND), &theirs);
     assert!(missed < 45.0, "{missed:.1} dB one pixel aside");
 }
 
@@ -321,12 +310,12 @@ fn what_was_removed_is_not_drawn() {
     let camera = first_camera(&client, theirs.width, theirs.height);
     let ours = picture(&gaussians, None, &camera, BACKGROUND);
     // As where nothing was removed.
-    let found = decibels(&ours, &theirs);
+    let found = psnr(&ours, &theirs);
     assert!(found >= 45.0, "{found:.1} dB");
     let mut whole = gaussians;
     let hidden = whole.iter_mut().filter(|g| g.object == 0);
     assert!(hidden.map(|g| g.color[3] = 255).count() > 0);
-    let found = decibels(&picture(&whole, None, &camera, BACKGROUND), &theirs);
+    let found = psnr(&picture(&whole, None, &camera, BACKGROUND), &theirs);
     assert!(found < 45.0, "{found:.1} dB with what was removed");
 }
 
@@ -355,6 +344,6 @@ fn sixteen_bytes_cost_a_picture_less_than_60_decibels() {
     let camera = camera(scene.header(), Orbit::default(), 640, 480);
     let [a, b] = [&whole, &packed].map(|g| picture(g, None, &camera, BACKGROUND));
     // Positions are within a 130,000th of their box: with 75 dB measured there is room to the bar of 60.
-    let found = decibels(&a, &b);
+    let found = psnr(&a, &b);
     assert!(found >= 60.0, "{found:.1} dB");
 }

@@ -10,7 +10,7 @@ use cosplat_scene::assets::ply;
 use glam::{DQuat, DVec3, Mat3, Quat, Vec3};
 use gltf::{Semantic, animation::util::ReadOutputs, mesh::util::ReadColors};
 
-use crate::stage::{Process, Stage, wait_for_status, watchdog};
+use crate::stage::{Process, Stage, psnr, wait_for_status, watchdog};
 
 /// A box of Gaussians whose colours depend on the direction, falls and spins: once as a rigid body, once as soft matter.
 const SCENE: &str = r#"
@@ -128,14 +128,6 @@ fn look() -> Look {
         mp4: None,
         fps: 50.0,
     }
-}
-
-/// Peak signal-to-noise ratio of two pictures [dB].
-fn psnr(a: &Image, b: &Image) -> f64 {
-    let differences = a.rgb.iter().zip(&b.rgb);
-    let squares = differences.map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
-    let mean = squares.sum::<f64>() / a.rgb.len() as f64;
-    10.0 * (255.0 * 255.0 / mean.max(1e-9)).log10()
 }
 
 /// The picture of a splat file, by the scene's reader.

@@ -12,7 +12,7 @@ use cosplat_ipc::{
     },
 };
 
-use crate::stage::{PATIENCE, Process, Stage, next_frame, wait_for_status, watchdog};
+use crate::stage::{PATIENCE, Process, Stage, command, next_frame, wait_for_status, watchdog};
 
 const LOCKSTEP: &[&str] = &["--pace", "lockstep"];
 /// Objects of the scene.
@@ -553,7 +553,7 @@ fn the_example_of_a_closed_loop_holds_its_object() {
     let _watchdog = watchdog();
     let exe = std::env::current_exe().expect("this binary");
     let profile = exe.ancestors().nth(2).expect("the profile's folder");
-    let mut build = std::process::Command::new(env!("CARGO"));
+    let mut build = command(env!("CARGO"));
     build.args(["build", "--quiet", "--package", "cosplat-ipc"]);
     build.args(["--example", "closed_loop"]);
     if profile.ends_with("release") {
@@ -562,7 +562,7 @@ fn the_example_of_a_closed_loop_holds_its_object() {
     assert!(build.status().expect("cargo").success());
     let stage = Stage::new();
     let _server = serve(&stage, &["--participants", "robot"]);
-    let mut example = std::process::Command::new(profile.join("examples/closed_loop"));
+    let mut example = command(profile.join("examples/closed_loop"));
     example.env("COSPLAT_DOMAIN", stage.domain.root());
     let mut example = Process::start(example);
     assert!(example.wait().success(), "{}", example.words());

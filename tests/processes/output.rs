@@ -185,11 +185,10 @@ fn recover_takes_no_memory_for_what_a_damaged_length_claims() {
     let metadata = record(12, &[&(1_u32 << 31).to_le_bytes()[..], b"name"].concat());
     let bytes = [&magic[..], &header, &metadata].concat();
     std::fs::write(stage.path("bad.mcap"), bytes).expect("writable");
-    let program = stage.cosplat(&[]);
     let output = Command::new("sh")
         // In KiB: program and threads fit, and less than that name besides.
         .args(["-c", "ulimit -v 1500000 && exec \"$0\" recover bad.mcap"])
-        .arg(program.get_program())
+        .arg(env!("CARGO_BIN_EXE_cosplat"))
         .current_dir(stage.path("."))
         .output()
         .expect("a shell");

@@ -2,9 +2,10 @@
 
 use std::{
     path::{Path, PathBuf},
-    process::Command,
     sync::OnceLock,
 };
+
+use crate::stage::command;
 
 const PACKAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/clients/python");
 
@@ -28,7 +29,7 @@ fn environment() -> Result<PathBuf, String> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python-cosplat");
     let python = folder.join("bin/python");
     let run = |program: &Path, arguments: &[&str]| {
-        let output = Command::new(program).args(arguments).output();
+        let output = command(program).args(arguments).output();
         let output = output.map_err(|error| format!("{}: {error}", program.display()))?;
         let words = || String::from_utf8_lossy(&output.stderr).into_owned();
         output.status.success().then_some(()).ok_or_else(words)
@@ -49,7 +50,7 @@ fn environment() -> Result<PathBuf, String> {
 /// Runs a tool of the environment in the package's folder.
 fn passes(tool: &[&str]) {
     let Some(python) = python() else { return };
-    let output = Command::new(python)
+    let output = command(python)
         .arg("-m")
         .args(tool)
         .current_dir(PACKAGE)

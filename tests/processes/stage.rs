@@ -1,6 +1,7 @@
 //! A domain of its own for every story, and the processes that play in it.
 
 use std::{
+    ffi::OsStr,
     io::Read,
     path::{Path, PathBuf},
     process::{Child, Command, ExitStatus, Output, Stdio},
@@ -13,9 +14,19 @@ use cosplat_ipc::{
     client::{Client, CommandSender, Frame, FrameReader},
     schema::Status,
 };
+use cosplat_renderer::Image;
 
 /// Longest that any single wait may take before a story is called hung.
 pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Starts a program with the usual mask of file modes. iceoryx2 narrows that of this whole process while it makes its own
+/// files, two threads at once may leave it narrow, and a child would keep it: its folders then could not be entered.
+pub fn command(program: impl AsRef<OsStr>) -> Command {
+    let mut command = Command::new("sh");
+    command.args(["-c", "umask 022 && exec \"$0\" \"$@\""]);
+    command.arg(program);
+    command
+}
 
 /// A small scene that steps fast: two blocks fall onto a floor.
 pub const SMALL_SCENE: &str = r#"
@@ -70,7 +81,7 @@ impl Stage {
 
     /// The `cosplat` program in this stage's domain.
     pub fn cosplat(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_cosplat"));
+        let mut command = command(env!("CARGO_BIN_EXE_cosplat"));
         command
             .args(arguments)
             .env("COSPLAT_DOMAIN", &self.domain_name)
@@ -82,7 +93,7 @@ impl Stage {
     /// This test program again, playing the part of a client that takes a frame and never lets go.
     pub fn holder(&self) -> Process {
         let mut command =
-            Command::new(std::env::current_exe().expect("the test program knows its file"));
+            command(std::env::current_exe().expect("the test program knows its file"));
         command
             .args([
                 "--exact",
@@ -97,7 +108,7 @@ impl Stage {
     /// This test program again, taking part in lock-step: see `lockstep::a_child_takes_part`.
     pub fn participant(&self, name: &str, part: &str) -> Process {
         let mut command =
-            Command::new(std::env::current_exe().expect("the test program knows its file"));
+            command(std::env::current_exe().expect("the test program knows its file"));
         command
             .args(["--exact", "lockstep::a_child_takes_part", "--nocapture"])
             .env("COSPLAT_TEST_DOMAIN", &self.domain_name)
@@ -349,4 +360,16 @@ pub fn test_data(name: &str) -> Option<PathBuf> {
     assert!(!required, "{} is missing", path.display());
     eprintln!("SKIPPED: {name}: not in {}", folder.display());
     None
+}
+
+/// Peak signal to noise of a picture [dB].
+pub fn psnr(a: &Image, b: &Image) -> f64 {
+    let squares: f64 = a
+        .rgb
+        .iter()
+        .zip(&b.rgb)
+        .map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2))
+        .sum();
+    let mean = squares / a.rgb.len() as f64;
+    10.0 * (255.0 * 255.0 / mean.max(1e-12)).log10()
 }
