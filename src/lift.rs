@@ -10,7 +10,7 @@ use cosplat_scene::{
     sources::{SourceFile, SourceKind},
 };
 use cosplat_semantics::{
-    MaskMap, SemanticsError, Splat, View, colmap, evidence,
+    Evidence, MaskMap, SemanticsError, Splat, View, colmap, dense, evidence,
     grouping::group,
     lift::{Labels, lift},
     masks,
@@ -42,7 +42,8 @@ pub struct ViewsArgs {
     up: Vec3,
 }
 
-/// Lift masks of pictures to a splat: a label and a confidence for every Gaussian, also for those that no picture shows.
+/// Lift masks of pictures to a splat: a label and a confidence for every Gaussian, also for those that no picture shows. Lift
+/// maps of features too, or alone to objects that are there already.
 #[derive(clap::Args)]
 pub struct LiftArgs {
     /// The splat (.ply or .splat).
@@ -52,8 +53,15 @@ pub struct LiftArgs {
     views: PathBuf,
     /// Folder of masks: `PICTURE.png` or `PICTURE.npy` with the number of an object at every pixel, 0 for none; `names.json`
     /// says their names. Or LangSplat's `PICTURE_s.npy` and `PICTURE_f.npy`: objects get the vectors of their masks.
+    #[arg(long, value_name = "DIR", required_unless_present = "maps")]
+    masks: Option<PathBuf>,
+    /// Folder of maps of features: `PICTURE.npy` or `PICTURE.safetensors`, `[rows][columns][values]`. Objects get their mean over
+    /// pixels, in place of the vectors of masks. Without `--masks`, objects are those of the file that there is.
     #[arg(long, value_name = "DIR")]
-    masks: PathBuf,
+    maps: Option<PathBuf>,
+    /// Give every Gaussian the mean of the maps, not only every object.
+    #[arg(long, requires = "maps")]
+    every: bool,
     /// Level of LangSplat's masks: 0 all, 1 small, 2 medium, 3 large.
     #[arg(long, default_value_t = 3, value_name = "N")]
     level: usize,
@@ -217,14 +225,14 @@ fn vectors(
     Ok(any.then(|| means.finish()))
 }
 
-/// Runs `cosplat lift`.
-///
-/// # Errors
-/// When a file cannot be read or written, or no view has masks.
-pub fn run(args: &LiftArgs) -> anyhow::Result<()> {
-    let (mut gaussians, found, asset_hash) = load(&args.splat)?;
-    let splat = Splat::from(&gaussians);
-    let views = masked_views(&args.views, &args.masks)?;
+/// Objects of masks, without their vectors for each Gaussian, and how many Gaussians no mask shows.
+fn from_masks(
+    args: &LiftArgs,
+    folder: &Path,
+    splat: &Splat,
+    asset_hash: u64,
+) -> anyhow::Result<(Objects, usize, usize)> {
+    let views = masked_views(&args.views, folder)?;
     let count = views.len();
     let bar = progress::bar("masks", 3 * count as u64);
     let mut most = 0;
@@ -239,7 +247,7 @@ pub fn run(args: &LiftArgs) -> anyhow::Result<()> {
         let (view, path) = &views[n];
         bar.inc(1);
         bar.set_message(view.name.clone());
-        let said = evidence(&splat, &view.camera, &map_of(path, args.level)?);
+        let said = evidence(splat, &view.camera, &map_of(path, args.level)?);
         for e in said.iter().filter(|e| e.mask >= 0) {
             seen[e.gaussian as usize] += e.weight;
         }
@@ -248,19 +256,22 @@ pub fn run(args: &LiftArgs) -> anyhow::Result<()> {
     let is_unnamed = args.unnamed || views.iter().any(|(_, path)| masks::is_proposals(path));
     let (names, labels): (Vec<String>, Labels) = match is_unnamed {
         true => {
-            let labels = group(&splat, count, said)?;
+            let labels = group(splat, count, said)?;
             let objects = labels.object.iter().max().map_or(0, |last| last + 1);
             let names = (1..=objects).map(|n| format!("object_{n}"));
             (names.collect(), labels)
         }
         false => {
-            let names = masks::names(&args.masks, most)?;
-            let (_, labels) = lift(&splat, names.len(), count, said)?;
+            let names = masks::names(folder, most)?;
+            let (_, labels) = lift(splat, names.len(), count, said)?;
             (names, labels)
         }
     };
     bar.finish_and_clear();
-    let object_feature = vectors(&splat, &views, args.level, &labels, names.len())?;
+    let object_feature = match args.maps {
+        None => vectors(splat, &views, args.level, &labels, names.len())?,
+        Some(_) => None,
+    };
     // Every view is asked twice.
     let unseen = seen.iter().filter(|weight| **weight <= 2.0).count();
     let objects = Objects {
@@ -268,14 +279,95 @@ pub fn run(args: &LiftArgs) -> anyhow::Result<()> {
         names,
         labels,
         object_feature,
-        made: format!("cosplat lift, masks of {} views", views.len()),
+        made: format!("cosplat lift, masks of {count} views"),
         ..Objects::default()
     };
+    Ok((objects, count, unseen))
+}
+
+/// Gives objects the vectors of maps, and every Gaussian where that is asked for; how many views have maps, and how many Gaussians
+/// none of them shows.
+fn add_maps(
+    args: &LiftArgs,
+    folder: &Path,
+    splat: &Splat,
+    objects: &mut Objects,
+) -> anyhow::Result<(usize, usize)> {
+    let views = cameras(&args.views, masks_size(args)?)?;
+    let (all, example) = (views.len(), views.first().map(|view| view.name.clone()));
+    let found = views
+        .into_iter()
+        .filter_map(|view| Some((dense::find(folder, &view.name)?, view)));
+    let views: Vec<(PathBuf, View)> = found.collect();
+    ensure!(
+        !views.is_empty(),
+        "{} has maps for none of the {all} views: expected files such as {}.npy",
+        folder.display(),
+        example.unwrap_or_default()
+    );
+    let said = |n: usize| {
+        let (path, view) = &views[n];
+        let map = dense::read(path)?;
+        let said = evidence(splat, &view.camera, &map.cells());
+        Ok::<(Vec<Evidence>, Vectors), SemanticsError>((said, map.vectors))
+    };
+    let bar = progress::bar("maps", views.len() as u64);
+    let mut means = Means::new(objects.names.len());
+    let mut seen = vec![0.0; splat.len()];
+    for (n, (path, view)) in views.iter().enumerate() {
+        bar.set_message(view.name.clone());
+        let (said, vectors) = said(n)?;
+        let added = means.add(&said, &objects.labels, &vectors);
+        added.map_err(|why| anyhow::anyhow!("{}: {why}", path.display()))?;
+        for e in &said {
+            seen[e.gaussian as usize] += e.weight;
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let of_objects = means.finish();
+    if args.every {
+        let labels = &objects.labels;
+        let (len, dim) = (splat.len(), of_objects.dim);
+        let every = dense::of_gaussians(len, dim, views.len(), said, labels, &of_objects)?;
+        objects.feature = Some(every);
+    }
+    objects.object_feature = Some(of_objects);
+    objects.made = format!("{}; maps of {} views", objects.made, views.len());
+    Ok((views.len(), seen.iter().filter(|w| **w <= 1.0).count()))
+}
+
+/// Size of pictures where cameras do not say it: that of the masks, if there are any.
+fn masks_size(args: &LiftArgs) -> anyhow::Result<Option<[u32; 2]>> {
+    args.masks.as_deref().map_or(Ok(None), first_size)
+}
+
+/// Runs `cosplat lift`.
+///
+/// # Errors
+/// When a file cannot be read or written, or no view has masks or maps.
+pub fn run(args: &LiftArgs) -> anyhow::Result<()> {
+    let (mut gaussians, found, asset_hash) = load(&args.splat)?;
+    let splat = Splat::from(&gaussians);
+    let rows = found.rows();
     let out = args
         .out
         .clone()
         .unwrap_or_else(|| args.splat.with_extension("objects.safetensors"));
-    let rows = found.rows();
+    let (mut objects, mut views, mut unseen) = match &args.masks {
+        Some(folder) => from_masks(args, folder, &splat, asset_hash)?,
+        None => {
+            let there = Objects::read(&out, asset_hash, found.count)
+                .context("maps without masks need objects that are there")?;
+            (there.subset(&rows), 0, 0)
+        }
+    };
+    if let Some(folder) = &args.maps {
+        let (mapped, unmapped) = add_maps(args, folder, &splat, &mut objects)?;
+        if args.masks.is_none() {
+            (views, unseen) = (mapped, unmapped);
+        }
+    }
     let whole = objects.clone().spread(&rows, found.count);
     whole.write(&out)?;
     if let Some(path) = &args.ply {
@@ -289,7 +381,7 @@ pub fn run(args: &LiftArgs) -> anyhow::Result<()> {
         std::fs::write(path, ply::write(&gaussians))
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    report(args, &objects, &out, views.len(), unseen)
+    report(args, &objects, &out, views, unseen)
 }
 
 fn report(
@@ -320,6 +412,7 @@ fn report(
         });
         let found = serde_json::json!({
             "file": out, "views": views, "unseen": unseen, "objects": all.collect::<Vec<_>>(),
+            "values": objects.object_feature.as_ref().map(|f| f.dim),
         });
         return say!("{found}");
     }

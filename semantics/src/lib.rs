@@ -3,11 +3,12 @@
 //! In reading order: [`views`] says where pictures were taken from, read by [`transforms`] and [`colmap`]; [`splat`] is what
 //! was in them, [`masks`] what their pixels belong to, [`evidence`] what that says about each Gaussian; [`lift`] makes labels
 //! of it over the [`neighbours`] of each, [`grouping`] where masks have no names; [`tree`] finds objects in nothing but the
-//! splat, on its [`ground`], and [`strokes`] part them; [`query`] says which of them a word means; [`refine`](mod@refine)
-//! makes splat and labels better by gradient; [`objects`] keeps them in a file, and [`show`] draws them.
-//! [`stand_in`] makes masks where no network does. Nothing here knows a solver or a transport.
+//! splat, on its [`ground`], and [`strokes`] part them; [`dense`] brings vectors of an image encoder to them, [`query`] says
+//! which of them a word means; [`refine`](mod@refine) makes splat and labels better by gradient; [`objects`] keeps them in a
+//! file, and [`show`] draws them. [`stand_in`] makes masks where no network does. Nothing here knows a solver or a transport.
 
 pub mod colmap;
+pub mod dense;
 mod error;
 pub mod evidence;
 pub mod ground;

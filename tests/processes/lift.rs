@@ -171,6 +171,70 @@ fn a_word_finds_an_object_of_langsplats_masks() {
 }
 
 #[test]
+fn maps_of_features_find_objects_that_are_there() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let (gaussians, truth) = boxes();
+    std::fs::write(stage.path("boxes.ply"), ply::write(&gaussians)).expect("written");
+    let seen = "views boxes.ply --out seen --count 10 --size 240x180 --up +y";
+    let seen: Vec<&str> = seen.split(' ').collect();
+    assert!(Process::start(stage.cosplat(&seen)).wait().success());
+    std::fs::create_dir(stage.path("maps")).expect("a folder");
+    // As a patch encoder has them: a vector for each patch of 10 pixels, nothing, the left or the right box.
+    let vector = [[-1.0f32, 0.0], [0.1, 1.0], [1.0, 0.1]];
+    for view in transforms::read(&stage.path("seen/transforms.json"), None).expect("views") {
+        let pixels = mask(&gaussians, &truth, &view);
+        let cells = (0..18 * 24).map(|n| pixels[(n / 24 * 10 + 5) * 240 + n % 24 * 10 + 5]);
+        let values: Vec<u8> = cells
+            .flat_map(|object| vector[usize::from(object)])
+            .flat_map(f32::to_le_bytes)
+            .collect();
+        let path = stage.path(&format!("maps/{}.npy", view.name));
+        std::fs::write(path, npy("<f4", "(18, 24, 2)", &values)).expect("written");
+    }
+    let lift = "lift boxes.ply --views seen --maps maps --every --json";
+    let lift: Vec<&str> = lift.split(' ').collect();
+    let mut refused = Process::start(stage.cosplat(&lift));
+    assert_eq!(refused.wait().code(), Some(1));
+    assert!(refused.words().contains("need objects that are there"));
+
+    let tree = ["objects", "tree", "boxes.ply", "--json"];
+    assert!(Process::start(stage.cosplat(&tree)).wait().success());
+    let found = Process::start(stage.cosplat(&lift)).result();
+    assert_eq!((&found["views"], &found["values"]), (&10.into(), &2.into()));
+    let given = [("duck", [1.0, 0.0]), ("object", [-1.0, 0.0])];
+    std::fs::write(stage.path("words.safetensors"), words(&given)).expect("written");
+    let find =
+        "objects find boxes.ply --words words.safetensors --word duck --negatives object --json";
+    let find: Vec<&str> = find.split(' ').collect();
+    let meant = Process::start(stage.cosplat(&find)).result();
+    let name = &meant["objects"][0]["name"];
+
+    // What is meant is the right box, and each of its Gaussians has its vector.
+    let file = std::fs::read(stage.path("boxes.objects.safetensors")).expect("a file");
+    let hash = cosplat_scene::sources::SourceFile::of(
+        cosplat_scene::sources::SourceKind::Asset,
+        "boxes.ply",
+        &stage.path("boxes.ply"),
+        &std::fs::read(stage.path("boxes.ply")).expect("a splat"),
+    );
+    let objects = Objects::parse("objects", &file, hash.hash, truth.len()).expect("objects");
+    let right = objects
+        .names
+        .iter()
+        .position(|n| n == name.as_str().unwrap_or_default());
+    let right = right.expect("an object") as i32;
+    let agree = |n: &usize| (objects.labels.object[*n] == right) == (truth[*n] == 1);
+    let share = (0..truth.len()).filter(agree).count() as f64 / truth.len() as f64;
+    assert!(share > 0.99, "{share}");
+    // Patches on the rim of a box have a corner of what is beside it: most Gaussians lie within.
+    let every = objects.feature.expect("a vector for each");
+    let alike = |n: &usize| (every.of(*n)[0] > every.of(*n)[1]) == (truth[*n] == 1);
+    let share = (0..truth.len()).filter(alike).count() as f64 / truth.len() as f64;
+    assert!(share > 0.9, "{share}");
+}
+
+#[test]
 fn masks_of_a_splats_pictures_make_objects_of_a_scene() {
     let _watchdog = watchdog();
     let stage = Stage::new();
