@@ -9,6 +9,8 @@ pub mod ctl;
 mod demo;
 mod explain;
 mod export;
+#[cfg(feature = "features")]
+mod features;
 mod import;
 mod inspect;
 mod lift;
@@ -53,6 +55,8 @@ enum Command {
     Demo(demo::Args),
     Explain(explain::Args),
     Export(export::Args),
+    #[cfg(feature = "features")]
+    Features(features::Args),
     Import(import::Args),
     Inspect(inspect::Args),
     Lift(lift::LiftArgs),
@@ -82,6 +86,8 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => demo::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Export(args) => export::run(&args),
+        #[cfg(feature = "features")]
+        Command::Features(args) => features::run(&args),
         Command::Import(args) => import::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Lift(args) => lift::run(&args),

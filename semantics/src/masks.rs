@@ -127,9 +127,26 @@ pub fn write_proposals(
     map: &MaskMap,
     vectors: &Vectors,
 ) -> Result<(), SemanticsError> {
+    let levels = std::array::from_fn(|_| map.clone());
+    write_levels(folder, view, &levels, vectors)
+}
+
+/// As [`write_proposals`], with masks of one size at each level.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn write_levels(
+    folder: &Path,
+    view: &str,
+    maps: &[MaskMap; LEVELS],
+    vectors: &Vectors,
+) -> Result<(), SemanticsError> {
     let numbers = npy::write_ints(&npy::Array {
-        shape: vec![LEVELS, map.height, map.width],
-        value: map.mask.repeat(LEVELS),
+        shape: vec![LEVELS, maps[0].height, maps[0].width],
+        value: maps
+            .iter()
+            .flat_map(|map| map.mask.iter().copied())
+            .collect(),
     });
     let vectors = npy::write_floats(&npy::Array {
         shape: vec![vectors.value.len() / vectors.dim.max(1), vectors.dim],

@@ -22,6 +22,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ),
     ("raster", &[]),
     ("semantics", &["cosplat-raster", "cosplat-scene"]),
+    ("features", &["cosplat-semantics"]),
     ("clients/renderer", &["cosplat-ipc", "cosplat-raster"]),
     ("clients/recorder", &["cosplat-ipc"]),
     ("clients/controller", &["cosplat-ipc"]),
@@ -90,12 +91,15 @@ const ALLOWED: &[(&str, &[&str])] = &[
 const FENCED: &[(&str, &[&str])] = &[
     ("iceoryx2", &["ipc", "bench"]),
     ("mcap", &["clients/recorder"]),
+    ("rten", &["features"]),
+    ("rten-tensor", &["features"]),
     ("stl_io", &["scene"]),
     ("tobj", &["scene"]),
     (
         "toml",
         &[
             "scene",
+            "features",
             "clients/controller",
             "importers/physgaussian",
             "bench",
