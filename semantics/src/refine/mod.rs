@@ -39,9 +39,15 @@ const DECAY: f32 = 0.05;
 const PRIOR: f32 = 0.1;
 /// Less weight of an object in a view does not say where it is [pixel].
 const SEEN: f32 = 0.05;
-/// Rounds of splitting, and rounds over the views after each.
-const SPLITS: usize = 3;
+/// Rounds of cutting what straddles, then rounds of fading what still does, and rounds over the views after each.
+const CUTS: usize = 2;
+const FADES: usize = 3;
 const AFTER_SPLIT: usize = 6;
+/// Extent of a part across its cut over that of its side of a normal distribution, whose tail reaches across the cut.
+const SHARP: f64 = 0.9;
+/// Opacity of what fades over what it had. What two cuts did not part is smaller than what a plane parts on the screen; where
+/// pictures need it, the gradient brings it back.
+const FADE: f32 = 0.1;
 /// What splitting may cost [dB].
 const SPLIT_COST: f64 = 0.1;
 
@@ -76,7 +82,7 @@ impl Settings {
     /// About as many views as a refinement of `views` of them looks at, if it does not end early: the length of its progress.
     #[must_use]
     pub fn most_views(&self, views: usize) -> u64 {
-        let splits = if self.split { SPLITS } else { 0 };
+        let splits = if self.split { CUTS + FADES } else { 0 };
         // Once over all for the closed form and the scores before and after, also of each split.
         ((self.rounds + splits * (AFTER_SPLIT + 1) + 2) * views) as u64
     }
@@ -418,7 +424,7 @@ impl<E, F: FnMut(usize) -> Result<Observation, E>> Run<'_, F> {
         Ok(sides.iter().map(Side::cut).collect())
     }
 
-    /// Splits what straddles and goes on. Gives the last state with less of it that the held-out views lose no more than
+    /// Cuts what straddles in two, then fades what still does, and goes on after each. Gives the last state with less of it that the held-out views lose no more than
     /// [`SPLIT_COST`] by, and nothing of the semantic term.
     fn part(
         &mut self,
@@ -431,7 +437,7 @@ impl<E, F: FnMut(usize) -> Result<Observation, E>> Run<'_, F> {
         let mut least = split::straddling(&whole.0.gaussians, &sums, self.channels).mass;
         let mut best = whole;
         let mut now = best.clone();
-        for _ in 0..SPLITS {
+        for round in 0..CUTS + FADES {
             let which = split::straddlers(&sums, self.channels);
             if which.is_empty() {
                 break;
@@ -439,8 +445,13 @@ impl<E, F: FnMut(usize) -> Result<Observation, E>> Run<'_, F> {
             // What is not split keeps what it has learnt.
             let mut learnt = std::mem::take(&mut now.0.feature);
             let rows = now.0.len();
-            let cuts = self.cuts(&now.0, &sums, &which, tick)?;
-            split::split(&mut now.0.gaussians, &cuts);
+            if round < CUTS {
+                let cuts = self.cuts(&now.0, &sums, &which, tick)?;
+                split::split(&mut now.0.gaussians, &cuts, SHARP);
+            } else {
+                let opacity = &mut now.0.gaussians.opacity;
+                which.iter().for_each(|&n| opacity[n] *= FADE);
+            }
             self.closed_form(&mut now.0, tick)?;
             let closed = &now.0.feature;
             learnt.extend_from_slice(&closed[rows * self.channels..]);
