@@ -28,9 +28,9 @@ const SEEN: f64 = 20.0;
 /// Share of a mask's weight that must lie in Gaussians of its object for it to count; the same of an object's weight in masks
 /// of its name.
 const AGREEMENT: f64 = 0.5;
-/// Weight of the shares of a Gaussian's superpoint against its own. A part of less than a third of a superpoint keeps its name
-/// where all masks agree on it, as `1 + 1.5 / 3 = 1.5 * 2 / 3`; a Gaussian in doubt goes with the superpoint.
-const SUPERPOINT: f32 = 1.5;
+/// Weight of the shares of a Gaussian's superpoint against its own. A part of more than a third of a superpoint keeps its name
+/// where all masks agree on it, as `1 + 3 / 3 = 3 * 2 / 3`; a smaller one, and a Gaussian in doubt, go with the superpoint.
+const SUPERPOINT: f32 = 3.0;
 /// Difference of colour at which an edge weighs 1/e.
 const COLOR_SCALE: f32 = 0.25;
 

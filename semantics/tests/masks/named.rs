@@ -90,6 +90,16 @@ pub fn mean_iou(
     (0..objects as i32).map(of).sum::<f64>() / objects as f64
 }
 
+/// Weight of every Gaussian in all that views show [pixel], also where a mask is not believed: what is asked does not depend on what
+/// is found.
+pub fn shown(said: &[Vec<Evidence>], gaussians: usize) -> Vec<f32> {
+    let mut shown = vec![0.0; gaussians];
+    for e in said.iter().flatten() {
+        shown[e.gaussian as usize] += e.weight;
+    }
+    shown
+}
+
 /// Labels from damaged masks, and their score: of Gaussians seen, of all.
 fn score(damage: impl Fn(&MaskMap, usize) -> MaskMap) -> (Labels, [f64; 2]) {
     let (splat, truth) = scene();
@@ -108,12 +118,13 @@ fn score(damage: impl Fn(&MaskMap, usize) -> MaskMap) -> (Labels, [f64; 2]) {
     let lifting = lift(&splat, OBJECTS, VIEWS, |n| {
         Ok::<_, Infallible>(said[n].clone())
     });
-    let Ok((lifted, labels)) = lifting;
+    let Ok((_, labels)) = lifting;
     assert!(
         labels.object.iter().all(|object| *object >= 0),
         "every Gaussian has a label"
     );
-    let seen = |n| f64::from(u8::from(lifted.seen(n) > 1.0));
+    let shown = shown(&said, truth.len());
+    let seen = |n: usize| f64::from(u8::from(shown[n] > 1.0));
     let all = |n: usize| f64::from(splat.opacity[n]);
     let scores = [
         mean_iou(&truth, &labels.object, OBJECTS, seen),
