@@ -16,6 +16,13 @@ pub const NEGATIVES: [&str; 4] = ["object", "things", "stuff", "texture"];
 const SHARPNESS: f32 = 10.0;
 /// Relevancy above which an object is meant: that the query is meant rather than anything else (LERF).
 pub const THRESHOLD: f32 = 0.5;
+/// Contrast from which on an object is meant [standard deviations]. An absent word is no nearer to any of some twenty objects than
+/// that by chance, and encoders differ in how near they put everything.
+pub const CONTRAST: f32 = 5.0;
+/// Fewer objects say nothing about what is usual.
+pub const FEWEST: usize = 5;
+/// Standard deviation of a normal distribution over its median deviation.
+const FROM_MEDIAN: f32 = 1.4826;
 /// Temperature of the softmax (Feature Splatting).
 const TEMPERATURE: f32 = 0.05;
 
@@ -130,6 +137,26 @@ impl Words {
         Some((0..count(objects)).map(of).collect())
     }
 
+    /// How far each object stands out from the others by its cosine with `query`: the distance from their median, over what is
+    /// usual (the median distance, as the standard deviation of a normal distribution) [standard deviations]. Objects without a
+    /// vector are -infinity. None where the word has no vector, or fewer than [`FEWEST`] objects have one.
+    pub fn contrast(&self, objects: &Vectors, query: &str) -> Option<Vec<f32>> {
+        let meant = self.of(query)?;
+        let of = |n: usize| unit(objects.of(n)).map(|own| cosine(&own, meant));
+        let all: Vec<Option<f32>> = (0..count(objects)).map(of).collect();
+        let known: Vec<f32> = all.iter().flatten().copied().collect();
+        if known.len() < FEWEST {
+            return None;
+        }
+        let middle = median(known.clone());
+        let usual = median(known.iter().map(|c| (c - middle).abs()).collect()) * FROM_MEDIAN;
+        let over = |c: &Option<f32>| match c {
+            Some(c) => (c - middle) / usual.max(f32::MIN_POSITIVE),
+            None => f32::NEG_INFINITY,
+        };
+        Some(all.iter().map(over).collect())
+    }
+
     /// How much each object is meant by `query` among `list`, scaled so that the least is 0 and the most is 1 over the objects.
     /// None where a word has no vector.
     pub fn softmax(&self, objects: &Vectors, query: &str, list: &[&str]) -> Option<Vec<f32>> {
@@ -150,6 +177,15 @@ impl Words {
         let high = all.iter().copied().fold(0.0, f32::max);
         let scale = (high - low).max(f32::MIN_POSITIVE);
         Some(all.iter().map(|p| (p - low) / scale).collect())
+    }
+}
+
+/// The value in the middle; of two, their mean.
+fn median(mut of: Vec<f32>) -> f32 {
+    of.sort_by(f32::total_cmp);
+    match of.len() {
+        0 => 0.0,
+        n => 0.5 * (of[(n - 1) / 2] + of[n / 2]),
     }
 }
 
@@ -284,26 +320,28 @@ mod tests {
         (words, Vectors { dim: DIM, value })
     }
 
-    /// Share of words whose object is the most relevant one, share of objects that an absent word means, and whether it means
-    /// any, by the threshold; over ten sets of vectors.
-    fn outcome(kept: f32, threshold: f32) -> [f32; 3] {
+    /// Over ten sets: the share of words whose object has the highest relevancy of all and is meant; of objects that an absent word
+    /// means; of absent words that mean any object. What is meant has relevancy and contrast above these.
+    fn outcome(kept: f32, threshold: f32, contrast: f32) -> [f32; 3] {
         let mut sums = [0.0; 3];
         for set in 0..10 {
             let (words, objects) = made_up(kept, 1000 * set + 1);
             let scores = |n: usize| {
                 let query = format!("word {n}");
-                words
-                    .relevancy(&objects, &query, &NEGATIVES)
-                    .expect("words")
+                let scores = words.relevancy(&objects, &query, &NEGATIVES);
+                let apart = words.contrast(&objects, &query).expect("enough objects");
+                let meant = move |n: usize, score: f32| score > threshold && apart[n] > contrast;
+                (scores.expect("words"), meant)
             };
             for n in 0..OBJECTS {
-                let found = scores(n);
+                let (found, is_meant) = scores(n);
                 let best = (0..OBJECTS).max_by(|&a, &b| found[a].total_cmp(&found[b]));
-                let is_right = best == Some(n) && found[n] > threshold;
+                let is_right = best == Some(n) && is_meant(n, found[n]);
                 sums[0] += if is_right { 1.0 } else { 0.0 } / (10 * OBJECTS) as f32;
             }
             for n in OBJECTS..OBJECTS + 10 {
-                let meant = scores(n).iter().filter(|r| **r > threshold).count();
+                let (found, is_meant) = scores(n);
+                let meant = (0..OBJECTS).filter(|n| is_meant(*n, found[*n])).count();
                 sums[1] += meant as f32 / (100 * OBJECTS) as f32;
                 sums[2] += f32::from(u8::from(meant > 0)) / 100.0;
             }
@@ -313,16 +351,48 @@ mod tests {
 
     #[test]
     fn words_mean_their_objects_under_noise() {
-        println!("cosine  threshold  right  absent: objects, words");
-        for kept in [1.0, 0.7, 0.5, 0.3, 0.2, 0.1] {
-            for threshold in [0.5, 0.8] {
-                let [right, objects, absent] = outcome(kept, threshold);
-                println!("{kept:.2}  {threshold}  {right:.3}  {objects:.3}  {absent:.3}");
+        println!("cosine  threshold  contrast  right  absent: objects, words");
+        for kept in [1.0, 0.7, 0.5, 0.4, 0.3, 0.2, 0.1] {
+            for (threshold, contrast) in [(0.5, 0.0), (0.8, 0.0), (THRESHOLD, CONTRAST)] {
+                let [right, objects, absent] = outcome(kept, threshold, contrast);
+                println!(
+                    "{kept:.2}  {threshold}  {contrast}  {right:.3}  {objects:.3}  {absent:.3}"
+                );
             }
         }
-        // The bar: noise to a cosine of 0.5, all right, nothing for absent words. The threshold of LERF does not do for that.
-        let [right, objects, absent] = outcome(0.5, 0.8);
-        assert_eq!((right > 0.9999, objects, absent), (true, 0.0, 0.0));
+        // The bar: noise to a cosine of 0.5, all right, nothing for absent words, with what is the default.
+        for kept in [0.7, 0.5] {
+            let [right, objects, absent] = outcome(kept, THRESHOLD, CONTRAST);
+            assert_eq!((right > 0.9999, objects, absent), (true, 0.0, 0.0));
+        }
+    }
+
+    #[test]
+    fn contrast_is_over_what_is_usual() {
+        let words = Words {
+            dim: 2,
+            vector: BTreeMap::from([("vase".to_owned(), vec![1.0, 0.0])]),
+        };
+        // Cosines 0, 0.1, 0.2, 0.3, 0.8; one without a vector.
+        let vector = |c: f32| [c, (1.0 - c * c).sqrt()];
+        let mut value: Vec<f32> = [0.0, 0.1, 0.2, 0.3, 0.8]
+            .into_iter()
+            .flat_map(vector)
+            .collect();
+        value.extend([0.0; 2]);
+        let found = words.contrast(
+            &Vectors {
+                dim: 2,
+                value: value.clone(),
+            },
+            "vase",
+        );
+        let found = found.expect("five objects");
+        // The median is 0.2, and so far from it are, in the middle, 0.1.
+        assert!((found[4] - 0.6 / 0.14826).abs() < 1e-4, "{found:?}");
+        assert_eq!(found[5], f32::NEG_INFINITY);
+        value.truncate(8);
+        assert_eq!(words.contrast(&Vectors { dim: 2, value }, "vase"), None);
     }
 
     #[test]

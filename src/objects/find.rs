@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, ensure};
 use cosplat_semantics::{
     objects::{Objects, Vectors},
-    query::{NEGATIVES, THRESHOLD, Words, alike},
+    query::{CONTRAST, NEGATIVES, THRESHOLD, Words, alike},
 };
 
 use crate::{lift::load, say};
@@ -39,6 +39,10 @@ pub(super) struct Args {
     /// Score above which an object is meant, 0 to 1.
     #[arg(long, default_value_t = THRESHOLD, value_name = "T")]
     threshold: f32,
+    /// How far an object that is meant stands out from the others by its cosine with the word [standard deviations]; 0 does not ask.
+    /// Fewer than five objects are not asked, nor is a list of words.
+    #[arg(long, default_value_t = CONTRAST, value_name = "N", conflicts_with_all = ["like", "softmax"])]
+    contrast: f32,
     /// Give the object that is meant most the word for its name; of several that score alike, the largest.
     #[arg(long, conflicts_with = "like")]
     rename: bool,
@@ -67,7 +71,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             path.display()
         )
     })?;
-    let scores = scores(args, &objects, vectors)?;
+    ensure!(
+        args.contrast >= 0.0,
+        "--contrast is {}, expected 0 or more",
+        args.contrast
+    );
+    let (scores, apart) = scores(args, &objects, vectors)?;
     let mut size = vec![0usize; objects.names.len()];
     for object in objects.labels.object.iter().filter(|o| **o >= 0) {
         size[*object as usize] += 1;
@@ -75,7 +84,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     // What has no Gaussian is nothing to be meant.
     let mut order: Vec<usize> = (0..scores.len()).filter(|n| size[*n] > 0).collect();
     order.sort_by(|&a, &b| scores[b].total_cmp(&scores[a]).then(a.cmp(&b)));
-    let is_meant = |n: usize| scores[n] > args.threshold;
+    let stands_out = |n: usize| match &apart {
+        Some(apart) if args.contrast > 0.0 => apart[n] >= args.contrast,
+        _ => true,
+    };
+    let is_meant = |n: usize| scores[n] > args.threshold && stands_out(n);
     let meant: Vec<usize> = order.iter().copied().filter(|n| is_meant(*n)).collect();
     let said = objects.names.clone();
     let renamed = match &args.word {
@@ -87,7 +100,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     if args.json {
         let all = order.iter().map(
-            |&n| serde_json::json!({ "name": said[n], "score": scores[n], "meant": is_meant(n) }),
+            |&n| serde_json::json!({ "name": said[n], "score": scores[n], "contrast": apart.as_ref().map(|a| a[n]), "meant": is_meant(n) }),
         );
         return say!(
             "{}",
@@ -96,7 +109,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     for &n in &order {
         let mark = if is_meant(n) { '*' } else { ' ' };
-        say!("{mark} {:.3}  {}", scores[n], said[n])?;
+        match &apart {
+            Some(apart) => say!("{mark} {:.3}  {:+6.1}  {}", scores[n], apart[n], said[n])?,
+            None => say!("{mark} {:.3}  {}", scores[n], said[n])?,
+        }
     }
     if args.rename {
         match renamed {
@@ -105,10 +121,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         }
     }
     say!(
-        "{} of {} objects above {}",
+        "{} of {} objects are meant: above {}{}",
         meant.len(),
         order.len(),
-        args.threshold
+        args.threshold,
+        match apart {
+            Some(_) if args.contrast > 0.0 => format!(", and {} from what is usual", args.contrast),
+            _ => String::new(),
+        }
     )
 }
 
@@ -136,14 +156,19 @@ fn rename(
     Ok(Some(named))
 }
 
-fn scores(args: &Args, objects: &Objects, vectors: &Vectors) -> anyhow::Result<Vec<f32>> {
+/// Scores of the objects, and how far each stands out where that is asked and there are enough.
+fn scores(
+    args: &Args,
+    objects: &Objects,
+    vectors: &Vectors,
+) -> anyhow::Result<(Vec<f32>, Option<Vec<f32>>)> {
     if let Some(name) = &args.like {
         let example = objects.names.iter().position(|n| n == name);
         let example = example.with_context(|| {
             let known = objects.names.join(", ");
             format!("object {name:?} does not exist, expected one of {known}")
         })?;
-        return Ok(alike(vectors, example));
+        return Ok((alike(vectors, example), None));
     }
     let file = args.words.as_deref().context("--words is missing")?;
     let query = args.word.as_deref().context("--word is missing")?;
@@ -167,10 +192,15 @@ fn scores(args: &Args, objects: &Objects, vectors: &Vectors) -> anyhow::Result<V
         true => words.relevancy(vectors, query, &list),
         false => words.softmax(vectors, query, &list),
     };
-    found.with_context(|| {
+    let apart = match args.softmax.is_empty() {
+        true => words.contrast(vectors, query),
+        false => None,
+    };
+    let found = found.with_context(|| {
         let all = list.iter().chain([&query]);
         let missing = all.filter(|w| !words.vector.contains_key(**w));
         let missing: Vec<&str> = missing.copied().collect();
         format!("{} has no vector of {}", file.display(), missing.join(", "))
-    })
+    })?;
+    Ok((found, apart))
 }
