@@ -11,7 +11,7 @@ use super::{
     inverse::Start,
     model::SolidModel,
     nodes::NODES,
-    search::{Bounds, Candidate, CandidateList, FoundCandidates, MARGIN, Stand},
+    search::{Bounds, CandidateList, FoundInCluster, MARGIN, Stand, TASK, find_near},
     state::SolidState,
     surface::SurfacePoint,
 };
@@ -30,8 +30,6 @@ const STIFFNESS: f64 = 0.5;
 const FREQUENCY: f64 = 1.5;
 /// Margins within which a box is not far from colliders.
 const SEARCH_MARGINS: f64 = 8.0;
-/// Points per task at least.
-pub(super) const TASK: usize = 64;
 
 /// Points that meet others, with their springs' stiffness.
 #[derive(Clone, Debug, Default)]
@@ -44,8 +42,9 @@ pub(crate) struct ContactSurface {
 }
 
 impl ContactSurface {
-    /// The surface of a solid, with springs as stiff as its lightest nodes bear.
-    pub fn new(model: &SolidModel, points: Vec<SurfacePoint>) -> Self {
+    /// The surface of a solid, with springs as stiff as its lightest nodes bear. Points that follow each other are near each other.
+    pub fn new(model: &SolidModel, mut points: Vec<SurfacePoint>) -> Self {
+        points.sort_by_cached_key(|point| curve(point.x.map(|x| (x / model.dx).floor() as i64)));
         let spring = |point: &SurfacePoint| STIFFNESS * point.area / model.dx;
         let density = model.total_mass / model.volume();
         let most = FREQUENCY / (density * model.dx * model.dx);
@@ -87,6 +86,16 @@ impl ContactSurface {
         }
         ([min, max], fastest.sqrt())
     }
+}
+
+/// Place of a cell along a curve that visits blocks of two, four and so on as wholes (Morton 1966).
+fn curve(cell: [i64; 3]) -> u64 {
+    const BITS: usize = 21;
+    let at = cell.map(|c| (c + (1 << (BITS - 1))) as u64);
+    (0..BITS).fold(0, |sum, bit| {
+        let here = (0..3).map(|a| (at[a] >> bit & 1) << (3 * bit + a));
+        sum + here.sum::<u64>()
+    })
 }
 
 /// Place and velocity of a point of the surface [m, m/s].
@@ -147,8 +156,8 @@ impl Solid<'_> {
             (placed.id as u32, stand)
         };
         let with: Vec<(u32, Stand)> = colliders.iter().map(stand).collect();
-        let mut list = self.candidates(surface, &with, |solid| {
-            solid.near_colliders(surface, colliders, [min, max])
+        let mut list = self.candidates(surface, &with, |solid, due| {
+            solid.near_colliders(surface, colliders, [min, max], due)
         });
         let way = list.way;
         let (solid, state, modulus) = (&*self, &*self.state, self.modulus());
@@ -180,37 +189,30 @@ impl Solid<'_> {
         }
     }
 
-    /// Points that may soon touch colliders, and those that do; `min` and `max` are corners of a box around all [m].
+    /// Points of the clusters that are due which may soon touch colliders, and those that do; `min` and `max` are corners of a box
+    /// around all [m].
     fn near_colliders(
         &self,
         surface: &ContactSurface,
         colliders: &[Placed<'_>],
         [min, max]: Bounds,
-    ) -> FoundCandidates {
+        due: &[usize],
+    ) -> Vec<FoundInCluster> {
         let (springs, margin) = (&self.state.springs, self.margin());
         let far = SEARCH_MARGINS * margin;
         if !colliders.iter().any(|placed| placed.is_near(min, max, far))
             && springs.iter().all(|grip| grip.with >= OBJECTS)
         {
-            return FoundCandidates {
-                points: vec![],
-                end: far,
-            };
+            return due.iter().map(|_| FoundInCluster::none(far)).collect();
         }
-        let points = (0..surface.points.len()).into_par_iter().with_min_len(TASK);
-        let near = points.filter_map(|n| {
+        find_near(due, surface.points.len(), margin, |n| {
             let x = self.point(surface, n)[0];
             let distances = colliders.iter().map(|placed| placed.distance(x).value);
-            let clear = match springs[n].with < OBJECTS {
+            match springs[n].with < OBJECTS {
                 true => 0.0,
                 false => distances.fold(f64::INFINITY, f64::min),
-            };
-            (clear < margin).then(|| Candidate::new(n, clear))
-        });
-        FoundCandidates {
-            points: near.collect(),
-            end: margin,
-        }
+            }
+        })
     }
 
     /// Adds a force [N] on nodes that share it by weights.
@@ -264,18 +266,20 @@ impl Solid<'_> {
         (bounds, start)
     }
 
-    /// Points that may touch these things where they stand, found by `find` where that is not known any more. They go back by
-    /// [`keep`](Self::keep).
+    /// Points that may touch these things where they stand, found by `find` in the clusters of which that is not known any more. They
+    /// go back by [`keep`](Self::keep).
     pub fn candidates(
         &mut self,
         surface: &ContactSurface,
         with: &[(u32, Stand)],
-        find: impl FnOnce(&Self) -> FoundCandidates,
+        find: impl FnOnce(&Self, &[usize]) -> Vec<FoundInCluster>,
     ) -> CandidateList {
         let now = self.stand(surface);
         let mut list = self.scratch.search.take(with);
-        if !list.go_on(now, with) {
-            list.begin(find(self), with);
+        list.go_on(now, with, surface.points.len());
+        let due = list.due();
+        if !due.is_empty() {
+            list.renew(&due, find(self, &due));
         }
         list
     }

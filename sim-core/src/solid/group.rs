@@ -188,8 +188,9 @@ fn meet_bodies(
             let friction = scene.surface_between(mover.id, body).friction;
             let (number, surface) = (Grip::on_object(body), &mover.object.surface);
             let solid = &mut mover.solid;
-            let mut list = solid.candidates(surface, &[(number, stand_of(actor))], |solid| {
-                near_body(solid, surface, actor, number)
+            let with = [(number, stand_of(actor))];
+            let mut list = solid.candidates(surface, &with, |solid, due| {
+                near_body(solid, surface, actor, number, due)
             });
             let pressed = PressedByBodies {
                 solid,
@@ -279,7 +280,7 @@ fn press_each_other(
         let (surface, others) = (&objects[0].surface, &objects[1].surface);
         let stand = (number, other.solid.stand(others));
         let there = Presence::new(&other.solid, others, depth, seen[pair[1]]);
-        let find = |solid: &Solid<'_>| there.near(solid, surface, number);
+        let find = |solid: &Solid<'_>, due: &[usize]| there.near(solid, surface, number, due);
         let mut list = one.solid.candidates(surface, &[stand], find);
         if !list.points.is_empty() {
             let here = Presence::new(&one.solid, surface, own_depth, seen[pair[0]]);

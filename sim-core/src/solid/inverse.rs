@@ -3,6 +3,7 @@
 use super::{
     depth::DepthField,
     model::{Bears, CellPoint, SolidModel},
+    search::MARGIN,
     state::{Sample, SolidState},
     surface::bearing,
 };
@@ -121,14 +122,15 @@ impl<'a> LocalInverse<'a> {
         })
     }
 
-    /// How far a place is from the solid at least [m]: 0 where that is not known, infinite where it is far.
+    /// How far a place is from the solid at least [m]: 0 where that is not known, no more than the margin of searches where it is
+    /// farther than cells beside matter.
     #[inline(always)]
     pub fn clearance(&self, x: [f64; 3]) -> f64 {
         match self.material_point(x, ROUGH) {
             Ok((rest, _, sample)) => {
                 let f = Mat3(sample.f);
                 let Some((distance, slope)) = self.depth.at(rest) else {
-                    return f64::INFINITY;
+                    return MARGIN * self.model.dx;
                 };
                 let size = length(f.cofactor().mul_vec(slope)) / f.det();
                 let distance = distance - ROUGH * self.model.dx * size;
@@ -137,7 +139,7 @@ impl<'a> LocalInverse<'a> {
                 }
                 SURE * distance / size
             }
-            Err(Missing::NoMatter) => f64::INFINITY,
+            Err(Missing::NoMatter) => MARGIN * self.model.dx,
             Err(Missing::Lost) => 0.0,
         }
     }

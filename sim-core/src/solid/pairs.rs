@@ -4,14 +4,14 @@ use rayon::prelude::*;
 
 use super::{
     advance::Solid,
-    contact::{ContactSurface, Spring, TASK},
+    contact::{ContactSurface, Spring},
     depth::DepthField,
     grip::Grip,
     inverse::{LocalInverse, SURE, SeenSurface, Start},
     model::Bears,
-    search::{Bounds, Candidate, CandidateList, FoundCandidates},
+    search::{Bounds, CandidateList, FoundInCluster, TASK, find_near},
 };
-use crate::{contact::ledger::Received, simd::fused};
+use crate::{contact::ledger::Received, mat3::length, simd::fused};
 
 /// Largest depth at which a point may begin to touch [cells]: what is deeper came by way of a false root.
 const ENTRY: f64 = 1.0;
@@ -84,35 +84,33 @@ impl<'a> Presence<'a> {
         }
     }
 
-    /// Points of a surface that may soon touch this one, or do by a grip that `number` tells.
+    /// Points of the clusters of a surface that are due which may soon touch this one, or do by a grip that `number` tells.
     pub fn near(
         &self,
         solid: &Solid<'_>,
         surface: &ContactSurface,
         number: u32,
-    ) -> FoundCandidates {
+        due: &[usize],
+    ) -> Vec<FoundInCluster> {
         let margin = solid.margin();
         let [min, max] = self.bounds;
-        let points = (0..surface.points.len()).into_par_iter().with_min_len(TASK);
-        let near = points.filter_map(|n| {
+        find_near(due, surface.points.len(), margin, |n| {
             fused(|| {
-                let x = solid.point(surface, n)[0];
-                let mut inside = true;
-                for a in 0..3 {
-                    inside &= min[a] - margin <= x[a] && x[a] <= max[a] + margin;
+                if solid.state.springs[n].with == number {
+                    return 0.0;
                 }
-                let clear = match (solid.state.springs[n].with == number, inside) {
-                    (true, _) => 0.0,
-                    (false, true) => self.inverse.clearance(x),
-                    (false, false) => f64::INFINITY,
-                };
-                (clear < margin).then(|| Candidate::new(n, clear))
+                let x = solid.point(surface, n)[0];
+                let mut beyond = [0.0; 3];
+                for a in 0..3 {
+                    beyond[a] = (min[a] - x[a]).max(x[a] - max[a]).max(0.0);
+                }
+                let beyond = length(beyond);
+                match beyond < margin {
+                    true => self.inverse.clearance(x),
+                    false => beyond,
+                }
             })
-        });
-        FoundCandidates {
-            points: near.collect(),
-            end: margin,
-        }
+        })
     }
 
     /// What the other presses on points of this one with, `moved` [s] since they were looked at, by Coulomb's law; `number`

@@ -8,10 +8,10 @@ use rayon::prelude::*;
 
 use super::{
     advance::Solid,
-    contact::{ContactSurface, Spring, TASK},
+    contact::{ContactSurface, Spring},
     grip::Grip,
     pairs::PointContact,
-    search::{Candidate, CandidateList, FoundCandidates, Stand},
+    search::{CandidateList, FoundInCluster, Stand, TASK, find_near},
 };
 use crate::{
     bodies::actor::Actor,
@@ -180,32 +180,27 @@ impl Pressed<'_> {
     }
 }
 
-/// Points of a solid that may soon touch a body, or do by a grip that `number` tells.
+/// Points of the clusters of a solid that are due which may soon touch a body, or do by a grip that `number` tells.
 pub(crate) fn near_body(
     solid: &Solid<'_>,
     surface: &ContactSurface,
     actor: &Actor<'_>,
     number: u32,
-) -> FoundCandidates {
+    due: &[usize],
+) -> Vec<FoundInCluster> {
     let (shape, body, margin) = (actor.shape, &actor.body, solid.margin());
-    let reach = shape.radius + margin;
-    let points = (0..surface.points.len()).into_par_iter().with_min_len(TASK);
-    let near = points.filter_map(|n| {
+    find_near(due, surface.points.len(), margin, |n| {
+        if solid.state.springs[n].with == number {
+            return 0.0;
+        }
         let x = solid.point(surface, n)[0];
         let arm: [f64; 3] = std::array::from_fn(|a| x[a] - body.com[a]);
-        let clear = if solid.state.springs[n].with == number {
-            0.0
-        } else if dot(arm, arm) < reach * reach {
-            shape.distance(body.inverse_point(x))
-        } else {
-            f64::INFINITY
-        };
-        (clear < margin).then(|| Candidate::new(n, clear))
-    });
-    FoundCandidates {
-        points: near.collect(),
-        end: margin,
-    }
+        let beyond = dot(arm, arm).sqrt() - shape.radius;
+        match beyond < margin {
+            true => shape.distance(body.inverse_point(x)),
+            false => beyond,
+        }
+    })
 }
 
 /// Where a body stands.

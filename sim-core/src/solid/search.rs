@@ -1,10 +1,19 @@
-//! Which points of a solid's surface may touch what: listed once, and true until things have come nearer by a margin.
+//! Which points of a solid's surface may touch what: listed once, and looked for again cluster by cluster, each as soon as things may
+//! have come nearer by as much as its points are away.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
 
 use super::inverse::Start;
 use crate::mat3::length;
 
 /// How near to what they may touch points are listed [cells].
 pub(super) const MARGIN: f64 = 0.5;
+/// Points of a cluster: neighbours on the surface, which are looked for together.
+const CLUSTER: usize = 32;
+/// Points per task at least.
+pub(super) const TASK: usize = 64;
 
 /// Smallest and largest coordinates [m].
 pub(crate) type Bounds = [[f64; 3]; 2];
@@ -69,17 +78,25 @@ pub(crate) struct CandidateList {
     /// Where the solid stood, and the others, when they were looked at last.
     stand: Option<Stand>,
     with: Vec<(u32, Stand)>,
-    /// By how much they have come nearer at most since the list was made [m], and when it ends.
+    /// By how much they have come nearer at most since the list was made [m].
     pub way: f64,
-    end: f64,
+    /// The way at which points of a cluster that are not listed are looked for again, per cluster [m].
+    until: Vec<f64>,
+    /// In ascending order.
     pub points: Vec<Candidate>,
 }
 
 impl CandidateList {
-    /// Goes on to where all stand now; whether the list is still true.
-    pub fn go_on(&mut self, now: Stand, with: &[(u32, Stand)]) -> bool {
+    /// Goes on to where all stand now; a new list of so many points knows nothing yet.
+    pub fn go_on(&mut self, now: Stand, with: &[(u32, Stand)], points: usize) {
         let Some(then) = self.stand.replace(now) else {
-            return false;
+            self.way = 0.0;
+            self.points.clear();
+            self.until.clear();
+            self.until.resize(points.div_ceil(CLUSTER), 0.0);
+            self.with.clear();
+            self.with.extend_from_slice(with);
+            return;
         };
         let mut nearer = 0.0_f64;
         for ((_, before), (_, other)) in self.with.iter_mut().zip(with) {
@@ -87,21 +104,80 @@ impl CandidateList {
             *before = *other;
         }
         self.way += nearer;
-        self.way < self.end
     }
 
-    /// A new list.
-    pub fn begin(&mut self, found: FoundCandidates, with: &[(u32, Stand)]) {
-        (self.way, self.end, self.points) = (0.0, found.end, found.points);
-        self.with.clear();
-        self.with.extend_from_slice(with);
+    /// Clusters whose points have to be looked for, ascending.
+    pub fn due(&self) -> Vec<usize> {
+        let clusters = 0..self.until.len();
+        clusters.filter(|&n| self.until[n] <= self.way).collect()
+    }
+
+    /// Lists anew what was found in clusters that were due.
+    pub fn renew(&mut self, due: &[usize], found: Vec<FoundInCluster>) {
+        let before = std::mem::take(&mut self.points);
+        let mut before = before.into_iter().peekable();
+        let way = self.way;
+        for (&cluster, found) in due.iter().zip(found) {
+            let first = cluster * CLUSTER;
+            while let Some(point) = before.next_if(|p| (p.point as usize) < first + CLUSTER) {
+                if (point.point as usize) < first {
+                    self.points.push(point);
+                }
+            }
+            self.points
+                .extend(found.points.into_iter().map(|p| Candidate {
+                    until: way + p.until,
+                    ..p
+                }));
+            self.until[cluster] = way + found.clear;
+        }
+        self.points.extend(before);
     }
 }
 
-/// Points near something, and how far things may come nearer before they are looked for again [m].
-pub(crate) struct FoundCandidates {
-    pub points: Vec<Candidate>,
-    pub end: f64,
+/// Points of a cluster near something, and how far all others of it are at least [m].
+pub(crate) struct FoundInCluster {
+    points: Vec<Candidate>,
+    clear: f64,
+}
+
+impl FoundInCluster {
+    /// None, all being so far away at least [m].
+    pub fn none(clear: f64) -> Self {
+        Self {
+            points: vec![],
+            clear,
+        }
+    }
+
+    fn of(points: Range<usize>, margin: f64, clear: impl Fn(usize) -> f64) -> Self {
+        let mut found = Self::none(f64::INFINITY);
+        for n in points {
+            let clear = clear(n);
+            if clear < margin {
+                found.points.push(Candidate::new(n, clear));
+            } else {
+                found.clear = found.clear.min(clear);
+            }
+        }
+        found
+    }
+}
+
+/// Points of the clusters that are due, of so many points, that are nearer than a margin [m] to something; `clear` tells how far one
+/// is at least [m].
+pub(super) fn find_near(
+    due: &[usize],
+    points: usize,
+    margin: f64,
+    clear: impl Fn(usize) -> f64 + Sync,
+) -> Vec<FoundInCluster> {
+    let clusters = due.par_iter().with_min_len(TASK / CLUSTER);
+    let found = clusters.map(|&cluster| {
+        let first = cluster * CLUSTER;
+        FoundInCluster::of(first..points.min(first + CLUSTER), margin, &clear)
+    });
+    found.collect()
 }
 
 /// What a solid knows of its surroundings; begun anew in every frame, so that no frame depends on those before, and where
@@ -138,6 +214,38 @@ impl Search {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_list_knows_all_points_near_a_wall_all_the_way() {
+        let count = 5 * CLUSTER / 2;
+        let height = |n: usize| 0.04 * n as f64 + 0.3 * (0.7 * n as f64).sin().abs();
+        let stand = |way: f64| Stand {
+            place: [0.0, -way, 0.0],
+            turn: [0.0, 0.0, 0.0, 1.0],
+            radius: 0.0,
+            own: 0.0,
+        };
+        let mut list = CandidateList::default();
+        let (margin, mut looked) = (0.1, 0);
+        for step in 0..200 {
+            let way = 0.01 * f64::from(step);
+            list.go_on(stand(way), &[(0, stand(0.0))], count);
+            let due = list.due();
+            looked += due.len();
+            let found = find_near(&due, count, margin, |n| height(n) - way);
+            list.renew(&due, found);
+            assert!(list.points.is_sorted_by_key(|p| p.point));
+            for n in 0..count {
+                // None that touches is left out, and none is looked at too late.
+                if height(n) < way {
+                    let known = list.points.iter().find(|p| p.point as usize == n);
+                    assert!(known.is_some_and(|p| p.until <= list.way), "{step}: {n}");
+                }
+            }
+        }
+        // Two and a half clusters, each at most once per margin, the far ones less often: at once in every step it would be 600.
+        assert!((6..60).contains(&looked), "{looked}");
+    }
 
     #[test]
     fn things_that_move_together_come_no_nearer() {
