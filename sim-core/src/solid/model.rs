@@ -98,7 +98,7 @@ pub(crate) struct CellPoint {
 impl SolidModel {
     /// The grid of some matter, at least one piece of it, with cells of `dx` [m].
     pub fn new(dx: f64, seeds: &[Seed]) -> Self {
-        let face = corner(dx, seeds);
+        let face = first_cell(dx, seeds);
         let mut matter: BTreeMap<([i32; 3], u16), Matter> = BTreeMap::new();
         for seed in seeds {
             let at: [f64; 3] = std::array::from_fn(|a| (seed.position[a] - face[a]) / dx);
@@ -346,6 +346,30 @@ pub(crate) fn corner(dx: f64, seeds: &[Seed]) -> [f64; 3] {
     })
 }
 
+/// The lower corner of the first cell [m]: faces of the lattice are faces of cells, of which there are as few along each axis as
+/// that allows, so that there are few blocks.
+fn first_cell(dx: f64, seeds: &[Seed]) -> [f64; 3] {
+    let face = corner(dx, seeds);
+    let edge = whole_pieces(seeds).0.min(dx);
+    let pieces = (dx / edge).round().max(1.0) as u32;
+    std::array::from_fn(|a| {
+        let places = || seeds.iter().map(|seed| seed.position[a]);
+        let least = places().fold(f64::INFINITY, f64::min);
+        let most = places().fold(f64::NEG_INFINITY, f64::max);
+        let cells = |n: u32| {
+            let start = face[a] - f64::from(n) * edge;
+            [least, most].map(|x| ((x - start) / dx).floor())
+        };
+        let count = |&n: &u32| {
+            let [first, last] = cells(n);
+            (last - first) as u64
+        };
+        // Of equal ones the first: faces are where they were.
+        let best = (0..pieces).min_by_key(count).unwrap_or(0);
+        face[a] - f64::from(best) * edge + cells(best)[0] * dx
+    })
+}
+
 /// Edge of the largest pieces of matter as cubes [m], and all that are as large.
 pub(crate) fn whole_pieces(seeds: &[Seed]) -> (f64, Vec<&Seed>) {
     let largest = seeds.iter().map(|s| s.volume).fold(0.0, f64::max);
@@ -396,5 +420,28 @@ impl Matter {
             }
         }
         std::array::from_fn(|n| (self.octants[n] + share * change[n]).max(0.0) as f32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solid::tests::{ball, lattice};
+
+    #[test]
+    fn a_small_ball_is_one_block_wherever_it_is() {
+        // Eight pieces across, the outermost ones cut: four cells.
+        for center in [[0.0; 3], [0.31, -0.17, 0.005]] {
+            let model = SolidModel::new(0.03, &ball(0.03, center, 0.055));
+            assert_eq!(model.point_blocks.len(), 1);
+        }
+    }
+
+    #[test]
+    fn faces_of_a_box_are_faces_of_cells() {
+        let model = SolidModel::new(0.1, &lattice(0.1, [0.35, 0.0, -0.2], [4, 3, 2], |_| true));
+        assert_eq!(model.cells.len(), 24);
+        assert_eq!(model.point_blocks.len(), 1);
+        assert!(model.cells.iter().all(|cell| cell.volumes == [0.125; 8]));
     }
 }
