@@ -35,7 +35,7 @@ pub fn first_piola<R: Real>(law: Law, f: &Mat3<R>, lambda: R, mu: R) -> Piola<R>
     let cofactor = f.cofactor();
     let j = crate::mat3::dot(f.0[0], cofactor.0[0]);
     let area = cofactor.norm_squared();
-    let length = f.norm_squared().sqrt();
+    let length = f.norm_squared();
     match law {
         Law::NeoHookean => neo_hookean(f, &cofactor, [j, area, length], lambda, mu),
         Law::FixedCorotated => fixed_corotated(f, &cofactor, [j, area, length], lambda, mu),
@@ -52,22 +52,38 @@ pub fn first_piola<R: Real>(law: Law, f: &Mat3<R>, lambda: R, mu: R) -> Piola<R>
 fn neo_hookean<R: Real>(
     f: &Mat3<R>,
     cofactor: &Mat3<R>,
-    [j, area, length]: [R; 3],
+    invariants: [R; 3],
     lambda: R,
     mu: R,
 ) -> Piola<R> {
+    let j = invariants[0];
     let [_, slope, curvature] = volumetric(j, lambda, mu);
-    // At rest: mu + 3 (lambda + mu) + sqrt(3) mu.
-    let at_rest = lambda.mul_add(R::splat(3.0), mu * R::splat(4.0 + 3.0_f64.sqrt()));
-    let bound = area.mul_add(
-        curvature.max(R::splat(0.0)),
-        slope.abs().mul_add(length, mu),
-    );
     Piola {
         stress: f.blend(mu, cofactor, slope),
-        tangent: from_rest(bound, at_rest, lambda, mu),
+        tangent: mu + volumetric_tangent(invariants, slope, curvature),
         j,
     }
+}
+
+/// Bound of the largest eigenvalue of the second derivative over `F` of an energy of `J` with this slope and curvature [Pa]; `J`,
+/// `|cof F|^2` and `|F|^2` are given.
+///
+/// Along the principal axes, with the principal stretches `s_k` and `c_k = J / s_k`, it is the matrix `curvature c c^T + slope S` with
+/// `S_ij = s_k`, i, j and k different. Its trace and that of its square bound its eigenvalues (Wolkowicz and Styan 1980), exactly so
+/// where two are equal. Across them the eigenvalues are `+-slope s_k`.
+#[inline(always)]
+fn volumetric_tangent<R: Real>([j, area, length]: [R; 3], slope: R, curvature: R) -> R {
+    let (two, three, third) = (R::splat(2.0), R::splat(3.0), R::splat(1.0 / 3.0));
+    // Largest root of a cubic with real roots, at most, by their sum and that of their squares.
+    let at_most = |sum: R, spread: R| {
+        let spread = spread.max(R::splat(0.0)).sqrt();
+        spread.mul_add(two, sum) * third
+    };
+    let trace = curvature * area;
+    let cross = (two * curvature * j).mul_add(slope, slope * slope) * length;
+    let along = at_most(trace, three.mul_add(cross, trace * trace));
+    let stretch = at_most(length, length.mul_add(length, R::splat(-3.0) * area));
+    along.max(slope.abs() * stretch.sqrt())
 }
 
 /// Volumetric energy `-mu ln J + lambda / 2 (ln J)^2` [J/m^3], its slope and curvature over `J` [Pa], with the parabola below
@@ -96,30 +112,23 @@ fn volumetric<R: Real>(j: R, lambda: R, mu: R) -> [R; 3] {
 fn fixed_corotated<R: Real>(
     f: &Mat3<R>,
     cofactor: &Mat3<R>,
-    [j, area, length]: [R; 3],
+    invariants: [R; 3],
     lambda: R,
     mu: R,
 ) -> Piola<R> {
+    let j = invariants[0];
     let turn = rotation(f);
     let swelling = j - R::splat(1.0);
     let two_mu = mu + mu;
     let elastic = f.sub(&turn);
     // Where matter is inside out a turn of R follows F the faster.
     let shear = R::select(j.lt(R::splat(0.0)), two_mu + two_mu, two_mu);
-    let bound = lambda.mul_add(swelling.abs().mul_add(length, area), shear);
-    let at_rest = lambda.mul_add(R::splat(3.0), two_mu);
+    let slope = lambda * swelling;
     Piola {
-        stress: elastic.blend(two_mu, cofactor, lambda * swelling),
-        tangent: from_rest(bound, at_rest, lambda, mu),
+        stress: elastic.blend(two_mu, cofactor, slope),
+        tangent: shear + volumetric_tangent(invariants, slope, lambda),
         j,
     }
-}
-
-/// The tangent at rest and what a bound is beyond its own value there.
-#[inline(always)]
-fn from_rest<R: Real>(bound: R, at_rest: R, lambda: R, mu: R) -> R {
-    let exact = lambda.mul_add(R::splat(3.0), mu + mu);
-    exact + (bound - at_rest).max(R::splat(0.0))
 }
 
 /// Energy per rest volume at `F = I + h` [J/m^3]: that of [`piola_energy`], without its differences of large numbers, so that single
