@@ -15,7 +15,7 @@ use crate::{
     contact::ledger::Received,
     grid::Grid,
     mat3::dot,
-    solid::{inverse::LocalInverse, model::Bears},
+    solid::inverse::LocalInverse,
 };
 
 /// Sweeps over all nodes at most.
@@ -62,7 +62,7 @@ impl Obstacle for CoupledSolid<'_> {
         Some(Facing {
             distance: found.distance,
             normal: found.normal,
-            velocity: along(found.sample.v, self.dt, self.gravity),
+            velocity: along(found.velocity(&self.inverse), self.dt, self.gravity),
         })
     }
 }
@@ -105,7 +105,7 @@ struct NodeContact {
     /// Of the solid there, before [m/s].
     velocity: Vec3,
     /// The solid's nodes that bear it.
-    bears: Bears,
+    bears: Vec<(u32, f32)>,
     inverse_mass: f64,
     /// On the grid's node [N s].
     normal_impulse: f64,
@@ -214,7 +214,8 @@ fn find_contacts(
                 });
                 sites.len() - 1
             });
-            let bears = solid.inverse.bears(&found);
+            let model = solid.inverse.model;
+            let bears = model.borne_by(&found.bears(model));
             contacts.push(NodeContact {
                 site,
                 solid: n,
@@ -223,7 +224,7 @@ fn find_contacts(
                 normal,
                 target,
                 friction: (input.friction)(solid.object, nodes.field),
-                velocity: add(found.sample.v, solid.gain(&bears)),
+                velocity: add(found.velocity(&solid.inverse), solid.gain(&bears)),
                 inverse_mass: 1.0 / mass + solid.inverse_mass(&bears),
                 bears,
                 normal_impulse: 0.0,

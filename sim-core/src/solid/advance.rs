@@ -1,6 +1,7 @@
 //! A solid through a span of time: substeps that its own tangent bounds.
 
 use super::{
+    frequency::{CONTACT, largest_squared_frequency},
     kernel::{Extremes, SolidLaw, Step, Tiles, substep},
     model::SolidModel,
     nodes::{Conditions, NODES, slot, write},
@@ -9,9 +10,14 @@ use super::{
 };
 use crate::simd::{F32x16, Isa};
 
-/// Share of `dx sqrt(rho / M)` that a substep may have at the largest tangent `M` of the moment. Nodes with lumped mass are
-/// stable up to 0.943 with points at the places of Gauss, wherever the boundary cuts.
+/// Share of the stable substep that one may have at the largest tangent of the moment, and in contact.
 const STABLE: f64 = 0.9;
+/// Largest squared frequency over the tangent per density and squared cell size, wherever the boundary cuts: 4 / 0.943^2.
+const FASTEST: f64 = 4.5;
+/// What that frequency of much deformed matter is taken for over the bound: more than 1, as nodes follow others.
+const DEFORMED: f64 = 1.35;
+/// One over the stiffening from which on it is taken for that.
+const ONSET: f64 = 1.5;
 /// Time of the viscous stress over the substep, where matter is deformed most: what keeps violent release from inverting it.
 const VISCOSITY: f64 = 0.1;
 /// Tangents over that at rest between which viscosity sets in: bending and falling matter stays below.
@@ -44,6 +50,8 @@ pub(crate) struct Scratch {
     pub held: Vec<usize>,
     /// What is known of its surroundings.
     pub search: Search,
+    /// Largest squared frequency about rest [1/s^2], with these laws.
+    fastest: Option<(Vec<SolidLaw>, f64)>,
 }
 
 /// What acts on solids everywhere.
@@ -67,10 +75,12 @@ impl Scratch {
                 w: vec![[F32x16::ZERO; 4]; blocks],
                 force: vec![[[F32x16::ZERO; 4]; 3]; blocks],
                 forced: vec![false; blocks],
+                follows: vec![true; model.extension.outer.len()],
             },
             tiles: Tiles::new(model),
             held: vec![],
             search: Search::default(),
+            fastest: None,
         };
         scratch.hold_anew(model, vec![]);
         scratch
@@ -96,6 +106,10 @@ impl Scratch {
         for &n in &held {
             self.conditions.w[n / NODES][n / 16 % 4].0[n % 16] = 0.0;
         }
+        let outer = model.extension.outer.iter();
+        for (&slot, follows) in outer.zip(&mut self.conditions.follows) {
+            *follows = !held.contains(&(slot as usize));
+        }
         self.held = held;
     }
 }
@@ -120,19 +134,40 @@ impl Solid<'_> {
         (f64::from(self.state.tangent) / self.tangent_at_rest()).max(1.0)
     }
 
-    /// Largest substep at rest [s].
-    pub fn rest_dt(&self, cfl: f64) -> f64 {
-        cfl * self.model.dx / self.tangent_at_rest().sqrt()
+    /// Share of the largest viscosity that it has at present.
+    fn viscous_share(&self) -> f64 {
+        let beyond = (self.stiffening() - VISCOUS[0]) / (VISCOUS[1] - VISCOUS[0]);
+        beyond.clamp(0.0, 1.0)
     }
 
-    /// Largest substep now [s]: that at rest by a power of the square root of one half, so that it seldom changes.
+    /// Largest squared frequency of its motions [1/s^2]: at rest, and now.
+    fn frequencies(&self) -> [f64; 2] {
+        let at_rest = FASTEST * self.tangent_at_rest() / (self.model.dx * self.model.dx);
+        let measured = match &self.scratch.fastest {
+            Some((laws, fastest)) if laws == self.laws => *fastest,
+            _ => at_rest,
+        };
+        // What was measured holds for matter that is near rest; the bound holds for what is not.
+        let (share, stiffening) = (measured / at_rest, self.stiffening());
+        let share = share + (DEFORMED - share).max(0.0) * (ONSET * (stiffening - 1.0)).min(1.0);
+        [measured, at_rest * share * stiffening]
+    }
+
+    /// Largest substep now [s]: that at rest by a power of the eighth root of one half, so that it seldom changes.
     pub fn limit(&self, cfl: f64) -> f64 {
-        let rest = self.rest_dt(cfl);
-        let sound = STABLE * self.model.dx / f64::from(self.state.tangent).sqrt();
+        let [at_rest, now] = self.frequencies();
+        let rest = 2.0 * cfl / at_rest.sqrt();
+        let touching = match self.scratch.search.touched {
+            true => CONTACT * self.tangent_at_rest() / (self.model.dx * self.model.dx),
+            false => 0.0,
+        };
+        // A viscous stress over a time `t` takes about `omega t / 2` of the stable substep.
+        let viscous = 1.0 - VISCOSITY * self.viscous_share();
+        let sound = 2.0 * STABLE * viscous / (now + touching).sqrt();
         let bound = sound.min(CHANGE / f64::from(self.state.rate));
         let mut limit = rest;
         while limit > bound && limit > SMALLEST * rest {
-            limit *= 0.5_f64.sqrt();
+            limit *= 0.5_f64.powf(0.125);
         }
         limit
     }
@@ -154,6 +189,7 @@ impl Solid<'_> {
             // Nothing is known of it yet: a substep of no length looks.
             self.substep(outside, 0.0, 0.0, 0);
         }
+        self.measure(outside.isa);
         if begins_frame {
             self.scratch.search.restart();
         }
@@ -171,6 +207,19 @@ impl Solid<'_> {
         }
     }
 
+    /// Measures its fastest motion, if that is not known for its laws.
+    fn measure(&mut self, isa: Isa) {
+        let known = self.scratch.fastest.as_ref();
+        if known.is_some_and(|(laws, _)| laws == self.laws) {
+            return;
+        }
+        // Nothing is held, and nothing acts.
+        let conditions = Scratch::new(self.model).conditions;
+        let tiles = &mut self.scratch.tiles;
+        let fastest = largest_squared_frequency(isa, self.model, self.laws, &conditions, tiles);
+        self.scratch.fastest = Some((self.laws.to_vec(), fastest));
+    }
+
     /// Takes a substep in which forces act for `kick` [s], and nodes move for `drift` [s] after that.
     pub fn substep(&mut self, outside: &Outside, kick: f64, drift: f64, index: u64) -> Extremes {
         let keep = (-outside.damping * kick).exp();
@@ -182,8 +231,7 @@ impl Solid<'_> {
                 self.state.shift[a] += drift * *v;
             }
         }
-        let stiffening = self.stiffening();
-        let share = ((stiffening - VISCOUS[0]) / (VISCOUS[1] - VISCOUS[0])).clamp(0.0, 1.0);
+        let (stiffening, share) = (self.stiffening(), self.viscous_share());
         let step = Step {
             kick: kick as f32,
             drift: drift as f32,
@@ -196,7 +244,10 @@ impl Solid<'_> {
             wants_extremes: index.is_multiple_of(LOOK) || stiffening > WATCHED || drift == 0.0,
         };
         let Scratch {
-            conditions, tiles, ..
+            conditions,
+            tiles,
+            search,
+            ..
         } = &mut *self.scratch;
         let nodes = &mut self.state.nodes;
         let found = substep(
@@ -208,9 +259,9 @@ impl Solid<'_> {
             tiles,
             &step,
         );
-        // Along all axes at once at most.
-        let speed = 3.0_f64.sqrt() * f64::from(found.speed) * self.model.dx;
-        self.scratch.search.own += drift * speed;
+        let scale = drift * self.model.dx;
+        let ways = tiles.speeds.iter().map(|&speed| scale * f64::from(speed));
+        search.move_on(ways);
         if step.wants_extremes {
             (self.state.tangent, self.state.rate) = (found.tangent, found.rate);
         }

@@ -61,14 +61,58 @@ impl FilledCells {
         inside.then(|| (at[0] * self.size[1] + at[1]) * self.size[2] + at[2])
     }
 
+    /// The cell with matter nearest to a place [cells] of those in and beside a cell: its block, which cell of it, and its place.
+    #[inline(always)]
+    pub fn nearest(&self, at: [f64; 3], cell: [i32; 3]) -> Option<(u32, u8, [i32; 3])> {
+        // Along every axis: block, place in it, and squared distance of the place from the centre.
+        let mut axes = [[(0, 0_u8, 0.0); 3]; 3];
+        for a in 0..3 {
+            for n in 0..3 {
+                let c = cell[a].saturating_add(n as i32 - 1);
+                let off = at[a] - f64::from(c) - 0.5;
+                axes[a][n] = (c.div_euclid(CELLS), c.rem_euclid(CELLS) as u8, off * off);
+            }
+        }
+        let (mut best, mut least) = (None, f64::INFINITY);
+        for x in 0..3 {
+            for y in 0..3 {
+                let (mut block, mut bits) = (0, None);
+                for z in 0..3 {
+                    let place = [axes[0][x], axes[1][y], axes[2][z]];
+                    if z == 0 || place[2].0 != axes[2][z - 1].0 {
+                        bits = self.block(place.map(|p| p.0)).map(|found| {
+                            block = found;
+                            self.filled[found as usize]
+                        });
+                    }
+                    let number = 16 * place[0].1 + 4 * place[1].1 + place[2].1;
+                    let off = place[0].2 + place[1].2 + place[2].2;
+                    if off < least && bits.is_some_and(|bits| bits >> number & 1 == 1) {
+                        let mut found = cell;
+                        for (a, n) in [x, y, z].into_iter().enumerate() {
+                            found[a] = cell[a].saturating_add(n as i32 - 1);
+                        }
+                        (best, least) = (Some((block, number, found)), off);
+                    }
+                }
+            }
+        }
+        best
+    }
+
+    /// Number of the block at a place.
+    #[inline(always)]
+    fn block(&self, block: [i32; 3]) -> Option<u32> {
+        match self.table.is_empty() {
+            true => Some(self.blocks.binary_search(&block).ok()? as u32),
+            false => self.table[self.place(block)?].checked_sub(1),
+        }
+    }
+
     /// The block of a cell with matter, and which cell of it.
     #[inline(always)]
     pub fn find(&self, cell: [i32; 3]) -> Option<(u32, u8)> {
-        let block = cell.map(|c| c.div_euclid(CELLS));
-        let found = match self.table.is_empty() {
-            true => self.blocks.binary_search(&block).ok()? as u32,
-            false => self.table[self.place(block)?].checked_sub(1)?,
-        };
+        let found = self.block(cell.map(|c| c.div_euclid(CELLS)))?;
         let [x, y, z] = cell.map(|c| c.rem_euclid(CELLS) as u8);
         let number = 16 * x + 4 * y + z;
         (self.filled[found as usize] >> number & 1 == 1).then_some((found, number))
@@ -99,6 +143,16 @@ mod tests {
             ] {
                 assert_eq!(cells.find(none), None);
             }
+            // Beside two of them, nearer to one.
+            assert_eq!(
+                cells.nearest([-0.2, 1.4, 10.4], [-1, 1, 10]),
+                Some((0, 49, [-1, 0, 9]))
+            );
+            assert_eq!(
+                cells.nearest([0.2, 1.6, 10.6], [0, 1, 10]),
+                Some((1, 11, [0, 2, 11]))
+            );
+            assert_eq!(cells.nearest([2.5, 1.5, 10.5], [2, 1, 10]), None);
         }
     }
 }

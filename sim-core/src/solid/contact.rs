@@ -3,31 +3,34 @@
 //! A point that is too deep is pushed out with a pressure in proportion to its depth. Penalty keeps more energy than impulses
 //! that end a substep without approach: those are inelastic impacts of the surface layer.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::{
     advance::Solid,
+    frequency::CONTACT,
     grip::{Grip, NOTHING, OBJECTS},
     inverse::Start,
     model::SolidModel,
     nodes::NODES,
-    search::{Bounds, CandidateList, FoundInCluster, MARGIN, Stand, TASK, find_near},
+    search::{
+        Bounds, CLUSTER, CandidateList, ClusterBox, FoundInCluster, LOOSE, MARGIN, Search, Stand,
+        TASK, find_near,
+    },
     state::SolidState,
     surface::SurfacePoint,
 };
 use crate::{
     colliders::{Placed, farthest},
     contact::ledger::{Ledger, Received},
-    mat3::dot,
+    mat3::{dot, length},
     report::ContactPartner,
     scene::Surface,
 };
 
 /// Pressure over the tangent at rest, per depth in cells.
 const STIFFNESS: f64 = 0.5;
-/// Largest share of `3 lambda + 2 mu` over `rho dx^2` that contact may add to the squared frequency of a node: with 4.5 of
-/// elasticity at Gauss points, a substep of 0.8 stays stable.
-const FREQUENCY: f64 = 1.5;
 /// Margins within which a box is not far from colliders.
 const SEARCH_MARGINS: f64 = 8.0;
 
@@ -37,8 +40,42 @@ pub(crate) struct ContactSurface {
     pub points: Vec<SurfacePoint>,
     /// Force per depth and tangent at rest [m].
     pub stiffness: Vec<f64>,
+    pub clusters: Vec<Cluster>,
+}
+
+/// Points that follow each other in the list, [`CLUSTER`] of them but for the last, and are near each other.
+#[derive(Clone, Debug)]
+pub(crate) struct Cluster {
+    pub points: Range<usize>,
+    /// Blocks of the nodes that move them.
+    blocks: Vec<u32>,
     /// Largest sum of magnitudes of a point's weights: how much farther than nodes it may move.
-    pub spread: f64,
+    spread: f64,
+}
+
+impl Cluster {
+    fn new(all: &[SurfacePoint], first: usize) -> Self {
+        let points = first..all.len().min(first + CLUSTER);
+        let here = &all[points.clone()];
+        let nodes = here.iter().flat_map(|point| &point.bears);
+        let mut blocks: Vec<u32> = nodes.map(|node| node.0 / NODES as u32).collect();
+        blocks.sort_unstable();
+        blocks.dedup();
+        let spread = |point: &SurfacePoint| -> f64 {
+            point.bears.iter().map(|b| f64::from(b.1.abs())).sum()
+        };
+        Self {
+            spread: here.iter().map(spread).fold(1.0, f64::max),
+            points,
+            blocks,
+        }
+    }
+
+    /// How far its points may have moved where the nodes of every block have moved so far [m].
+    fn way(&self, ways: &[f64]) -> f64 {
+        let of_blocks = self.blocks.iter().map(|&block| ways[block as usize]);
+        self.spread * of_blocks.fold(0.0, f64::max)
+    }
 }
 
 impl ContactSurface {
@@ -47,29 +84,41 @@ impl ContactSurface {
         points.sort_by_cached_key(|point| curve(point.x.map(|x| (x / model.dx).floor() as i64)));
         let spring = |point: &SurfacePoint| STIFFNESS * point.area / model.dx;
         let density = model.total_mass / model.volume();
-        let most = FREQUENCY / (density * model.dx * model.dx);
+        let most = CONTACT / (density * model.dx * model.dx);
         // Row sums of the springs over the nodes' masses bound their squared frequencies.
+        let borne: Vec<Vec<(u32, f32)>> = points.iter().map(|p| model.borne_by(&p.bears)).collect();
         let mut load = vec![0.0; model.mass.len()];
-        for point in &points {
-            let all: f64 = point.bears.iter().map(|b| f64::from(b.1.abs())).sum();
-            for &(slot, weight) in &point.bears {
+        for (point, inner) in points.iter().zip(&borne) {
+            let all: f64 = inner.iter().map(|b| f64::from(b.1.abs())).sum();
+            for &(slot, weight) in inner {
                 let at = slot as usize;
                 load[at] += spring(point) * f64::from(weight.abs()) * all / model.mass[at];
             }
         }
-        let stiffness = points.iter().map(|point| {
-            let loads = point.bears.iter().map(|b| load[b.0 as usize]);
+        let stiffness = points.iter().zip(&borne).map(|(point, inner)| {
+            let loads = inner.iter().map(|b| load[b.0 as usize]);
             let largest = loads.fold(most, f64::max);
             spring(point) * most / largest
         });
-        let spread = |point: &SurfacePoint| -> f64 {
-            point.bears.iter().map(|b| f64::from(b.1.abs())).sum()
-        };
+        let firsts = (0..points.len()).step_by(CLUSTER);
         Self {
             stiffness: stiffness.collect(),
-            spread: points.iter().map(spread).fold(1.0, f64::max),
+            clusters: firsts.map(|first| Cluster::new(&points, first)).collect(),
             points,
         }
+    }
+
+    /// Box around the points of a cluster, from the solid's frame [m].
+    fn cluster_bounds(&self, model: &SolidModel, state: &SolidState, cluster: usize) -> Bounds {
+        let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for point in &self.points[self.clusters[cluster].points.clone()] {
+            let x = place(model, state, point);
+            for a in 0..3 {
+                min[a] = min[a].min(x[a] - state.shift[a]);
+                max[a] = max[a].max(x[a] - state.shift[a]);
+            }
+        }
+        [min, max]
     }
 
     /// Box around all points now, and their largest speed [m, m/s].
@@ -77,7 +126,7 @@ impl ContactSurface {
         let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         let mut fastest = 0.0_f64;
         for point in &self.points {
-            let [x, v] = motion(model, state, point);
+            let (x, v) = (place(model, state, point), velocity(model, state, point));
             for a in 0..3 {
                 min[a] = min[a].min(x[a]);
                 max[a] = max[a].max(x[a]);
@@ -98,29 +147,41 @@ fn curve(cell: [i64; 3]) -> u64 {
     })
 }
 
-/// Place and velocity of a point of the surface [m, m/s].
-pub(crate) fn motion(
-    model: &SolidModel,
-    state: &SolidState,
-    point: &SurfacePoint,
-) -> [[f64; 3]; 2] {
-    let (mut u, mut v) = ([0.0; 3], [0.0; 3]);
+/// Place of a point of the surface [m].
+#[inline(always)]
+fn place(model: &SolidModel, state: &SolidState, point: &SurfacePoint) -> [f64; 3] {
+    let mut x = gather(state, point, 0);
+    for a in 0..3 {
+        x[a] = point.x[a] + state.shift[a] + model.dx * x[a];
+    }
+    x
+}
+
+/// Velocity of a point of the surface [m/s].
+#[inline(always)]
+fn velocity(model: &SolidModel, state: &SolidState, point: &SurfacePoint) -> [f64; 3] {
+    let mut v = gather(state, point, 3);
+    for a in 0..3 {
+        v[a] = state.velocity[a] + model.dx * v[a];
+    }
+    v
+}
+
+/// Three fields of nodes at a point of the surface, those from `first` on: displacements are 0 to 2, velocities 3 to 5.
+#[inline(always)]
+fn gather(state: &SolidState, point: &SurfacePoint, first: usize) -> [f64; 3] {
+    let mut sum = [0.0; 3];
     let nodes: &[f32] = bytemuck::cast_slice(&state.nodes);
     // Loops, not closures: those are not always inlined.
     for &(slot, weight) in &point.bears {
-        // One component after the other, displacement before velocity.
         let slot = slot as usize;
-        let node = &nodes[6 * NODES * (slot / NODES) + slot % NODES..][..5 * NODES + 1];
+        let at = 6 * NODES * (slot / NODES) + NODES * first + slot % NODES;
+        let node = &nodes[at..][..2 * NODES + 1];
         for a in 0..3 {
-            u[a] += f64::from(weight * node[NODES * a]);
-            v[a] += f64::from(weight * node[NODES * (3 + a)]);
+            sum[a] += f64::from(weight * node[NODES * a]);
         }
     }
-    for a in 0..3 {
-        u[a] = point.x[a] + state.shift[a] + model.dx * u[a];
-        v[a] = state.velocity[a] + model.dx * v[a];
-    }
-    [u, v]
+    sum
 }
 
 /// A point in contact: its spring, force [N], and what the ledger is told.
@@ -144,7 +205,8 @@ impl Solid<'_> {
         if colliders.is_empty() {
             return;
         }
-        let [min, max] = self.look(surface).0;
+        self.look(surface);
+        let [min, max] = self.bounds();
         let stand = |placed: &Placed<'_>| {
             let at = placed.start;
             let stand = Stand {
@@ -161,12 +223,16 @@ impl Solid<'_> {
         });
         let way = list.way;
         let (solid, state, modulus) = (&*self, &*self.state, self.modulus());
+        let own = &solid.scratch.search.own;
         let points = list.points.par_iter_mut().with_min_len(TASK);
         let pressed: Vec<Pressed> = points
-            .filter(|watched| watched.until <= way)
             .filter_map(|watched| {
+                let way = way + own[watched.cluster()];
+                if watched.until > way {
+                    return None;
+                }
                 let n = watched.point as usize;
-                let [x, v] = solid.point(surface, n);
+                let (x, v) = (solid.place(surface, n), solid.velocity(surface, n));
                 let stiffness = modulus * surface.stiffness[n];
                 let at = At {
                     x,
@@ -180,6 +246,7 @@ impl Solid<'_> {
             })
             .collect();
         self.keep(list);
+        self.scratch.search.touched |= !pressed.is_empty();
         for one in pressed {
             self.state.springs[one.point] = one.grip;
             self.push(&surface.points[one.point].bears, one.force);
@@ -198,20 +265,19 @@ impl Solid<'_> {
         [min, max]: Bounds,
         due: &[usize],
     ) -> Vec<FoundInCluster> {
-        let (springs, margin) = (&self.state.springs, self.margin());
-        let far = SEARCH_MARGINS * margin;
+        let springs = &self.state.springs;
+        let far = SEARCH_MARGINS * self.margin();
         if !colliders.iter().any(|placed| placed.is_near(min, max, far))
             && springs.iter().all(|grip| grip.with >= OBJECTS)
         {
             return due.iter().map(|_| FoundInCluster::none(far)).collect();
         }
-        find_near(due, surface.points.len(), margin, |n| {
-            let x = self.point(surface, n)[0];
+        let clear = |x: [f64; 3]| {
             let distances = colliders.iter().map(|placed| placed.distance(x).value);
-            match springs[n].with < OBJECTS {
-                true => 0.0,
-                false => distances.fold(f64::INFINITY, f64::min),
-            }
+            distances.fold(f64::INFINITY, f64::min)
+        };
+        find_near(due, |cluster| {
+            self.near(surface, cluster, |grip| grip.with < OBJECTS, clear)
         })
     }
 
@@ -229,13 +295,13 @@ impl Solid<'_> {
 }
 
 impl Solid<'_> {
-    /// Where it stands.
-    pub fn stand(&self, surface: &ContactSurface) -> Stand {
+    /// Where it stands, after a [`look`](Self::look).
+    pub fn stand(&self) -> Stand {
         Stand {
             place: self.state.shift,
             turn: [0.0, 0.0, 0.0, 1.0],
             radius: 0.0,
-            own: surface.spread * self.scratch.search.own,
+            own: self.scratch.search.farthest(),
         }
     }
 
@@ -244,26 +310,108 @@ impl Solid<'_> {
         MARGIN * self.model.dx
     }
 
-    /// A box that the points of its surface are in, and where a search for its material points begins.
-    pub fn look(&mut self, surface: &ContactSurface) -> (Bounds, Start) {
-        let now = self.stand(surface);
-        if let Some((bounds, start, then)) = &self.scratch.search.seen {
-            let grown = now.own - then.own;
-            if grown < self.margin() {
-                let (mut bounds, mut start) = (*bounds, *start);
-                for a in 0..3 {
-                    let way = now.place[a] - then.place[a];
-                    bounds[0][a] += way - grown;
-                    bounds[1][a] += way + grown;
-                    start.centre[0][a] += way;
-                }
-                return (bounds, start);
+    /// Looks at where its clusters are, those again that may have moved far.
+    pub fn look(&mut self, surface: &ContactSurface) {
+        let Search {
+            ways,
+            own,
+            boxes,
+            is_fresh,
+            lists,
+            ..
+        } = &mut self.scratch.search;
+        if std::mem::replace(is_fresh, true) {
+            return;
+        }
+        ways.resize(self.model.node_blocks.len(), 0.0);
+        own.clear();
+        own.extend(surface.clusters.iter().map(|cluster| cluster.way(ways)));
+        let (model, state, loose) = (self.model, &*self.state, LOOSE * self.model.dx);
+        let bounds = |n: usize| surface.cluster_bounds(model, state, n);
+        let lists = &*lists;
+        if boxes.is_empty() {
+            let all = (0..own.len()).into_par_iter().with_min_len(TASK / CLUSTER);
+            let all = all.map(|n| ClusterBox {
+                bounds: bounds(n),
+                own: own[n],
+            });
+            all.collect_into_vec(boxes);
+            return;
+        }
+        let all = boxes
+            .par_iter_mut()
+            .enumerate()
+            .with_min_len(TASK / CLUSTER);
+        // A box that is far from everything may be loose.
+        let clear = |n: usize| {
+            lists
+                .iter()
+                .map(|list| list.clear(n, own))
+                .fold(f64::INFINITY, f64::min)
+        };
+        all.filter(|(n, one)| own[*n] - one.own > loose + 0.5 * clear(*n))
+            .for_each(|(n, one)| {
+                *one = ClusterBox {
+                    bounds: bounds(n),
+                    own: own[n],
+                };
+            });
+    }
+
+    /// A box that the points of its surface are in, after a [`look`](Self::look) [m].
+    pub fn bounds(&self) -> Bounds {
+        let bounds = self.scratch.search.bounds();
+        bounds.map(|x| std::array::from_fn(|a| x[a] + self.state.shift[a]))
+    }
+
+    /// Where a search for its material points begins, after a [`look`](Self::look).
+    pub fn start(&mut self) -> Start {
+        let now = self.stand();
+        if let Some((start, then)) = &self.scratch.search.start
+            && now.own - then.own < self.margin()
+        {
+            let mut start = *start;
+            for a in 0..3 {
+                start.centre[0][a] += now.place[a] - then.place[a];
+            }
+            return start;
+        }
+        let start = Start::of(self.model, self.state);
+        self.scratch.search.start = Some((start, now));
+        start
+    }
+
+    /// Points of a cluster that are near something, or hold on to it; `clear` tells how far a place is from that at least [m].
+    pub fn near(
+        &self,
+        surface: &ContactSurface,
+        cluster: usize,
+        holds: impl Fn(&Grip) -> bool,
+        clear: impl Fn([f64; 3]) -> f64,
+    ) -> FoundInCluster {
+        let (points, springs) = (&surface.clusters[cluster].points, &self.state.springs);
+        if !springs[points.clone()].iter().any(&holds) {
+            let (centre, radius) = self.ball(cluster);
+            let beyond = clear(centre) - radius;
+            if beyond >= self.margin() {
+                return FoundInCluster::none(beyond);
             }
         }
-        let bounds = surface.extent(self.model, self.state).0;
-        let start = Start::of(self.model, self.state);
-        self.scratch.search.seen = Some((bounds, start, now));
-        (bounds, start)
+        FoundInCluster::of(points.clone(), self.margin(), |n| {
+            match holds(&springs[n]) {
+                true => 0.0,
+                false => clear(self.place(surface, n)),
+            }
+        })
+    }
+
+    /// A ball around a cluster: centre and radius [m].
+    pub fn ball(&self, cluster: usize) -> ([f64; 3], f64) {
+        let search = &self.scratch.search;
+        let ClusterBox { bounds, own } = search.boxes[cluster];
+        let half: [f64; 3] = std::array::from_fn(|a| 0.5 * (bounds[1][a] - bounds[0][a]));
+        let centre = std::array::from_fn(|a| bounds[0][a] + half[a] + self.state.shift[a]);
+        (centre, length(half) + (search.own[cluster] - own))
     }
 
     /// Points that may touch these things where they stand, found by `find` in the clusters of which that is not known any more. They
@@ -274,12 +422,17 @@ impl Solid<'_> {
         with: &[(u32, Stand)],
         find: impl FnOnce(&Self, &[usize]) -> Vec<FoundInCluster>,
     ) -> CandidateList {
-        let now = self.stand(surface);
+        // Its clusters have ways of their own.
+        let now = Stand {
+            own: 0.0,
+            ..self.stand()
+        };
         let mut list = self.scratch.search.take(with);
-        list.go_on(now, with, surface.points.len());
-        let due = list.due();
+        list.go_on(now, with, surface.clusters.len());
+        let due = list.due(&self.scratch.search.own);
         if !due.is_empty() {
-            list.renew(&due, find(self, &due));
+            let found = find(self, &due);
+            list.renew(&due, &self.scratch.search.own, found);
         }
         list
     }
@@ -289,10 +442,16 @@ impl Solid<'_> {
         self.scratch.search.lists.push(list);
     }
 
-    /// Place and velocity of a point of its surface [m, m/s].
+    /// Place of a point of its surface [m].
     #[inline(always)]
-    pub fn point(&self, surface: &ContactSurface, n: usize) -> [[f64; 3]; 2] {
-        motion(self.model, self.state, &surface.points[n])
+    pub fn place(&self, surface: &ContactSurface, n: usize) -> [f64; 3] {
+        place(self.model, self.state, &surface.points[n])
+    }
+
+    /// Velocity of a point of its surface [m/s].
+    #[inline(always)]
+    pub fn velocity(&self, surface: &ContactSurface, n: usize) -> [f64; 3] {
+        velocity(self.model, self.state, &surface.points[n])
     }
 }
 

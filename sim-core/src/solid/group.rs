@@ -152,6 +152,8 @@ fn find_forces(
     for mover in group.iter_mut() {
         let conditions = &mut mover.solid.scratch.conditions;
         conditions.clear_forces();
+        mover.solid.scratch.search.touched = false;
+        let conditions = &mut mover.solid.scratch.conditions;
         for &(slot, force) in &mover.steady {
             conditions.add_force(slot, force);
         }
@@ -188,6 +190,7 @@ fn meet_bodies(
             let friction = scene.surface_between(mover.id, body).friction;
             let (number, surface) = (Grip::on_object(body), &mover.object.surface);
             let solid = &mut mover.solid;
+            solid.look(surface);
             let with = [(number, stand_of(actor))];
             let mut list = solid.candidates(surface, &with, |solid, due| {
                 near_body(solid, surface, actor, number, due)
@@ -202,6 +205,7 @@ fn meet_bodies(
             };
             let met = pressed.pressed_by(actor, friction, moved, number, &mut list);
             solid.keep(list);
+            solid.scratch.search.touched |= !met.is_empty();
             on_bodies[n].add(1.0, &opposite(&met));
             for one in met {
                 mover.solid.state.springs[one.point] = one.grip;
@@ -229,10 +233,11 @@ fn meet_each_other(
     [moved, kick]: [f64; 2],
     ledger: &mut Ledger,
 ) {
-    let seen: Vec<(Bounds, Start)> = group
-        .iter_mut()
-        .map(|one| one.solid.look(&one.object.surface))
-        .collect();
+    let look = |one: &mut Mover<'_>| {
+        one.solid.look(&one.object.surface);
+        (one.solid.bounds(), one.solid.start())
+    };
+    let seen: Vec<(Bounds, Start)> = group.iter_mut().map(look).collect();
     let mut found = vec![];
     for i in 0..group.len() {
         for j in i + 1..group.len() {
@@ -245,6 +250,9 @@ fn meet_each_other(
     }
     for Pressed { pair, met } in found {
         let ids = pair.map(|n| group[n].id);
+        for n in pair {
+            group[n].solid.scratch.search.touched |= !met.is_empty();
+        }
         for one in met {
             let [owner, other] = pair;
             let bears = &group[owner].object.surface.points[one.point].bears;
@@ -278,12 +286,12 @@ fn press_each_other(
             continue;
         };
         let (surface, others) = (&objects[0].surface, &objects[1].surface);
-        let stand = (number, other.solid.stand(others));
-        let there = Presence::new(&other.solid, others, depth, seen[pair[1]]);
+        let stand = (number, other.solid.stand());
+        let there = Presence::new(&other.solid, others, depth, seen[pair[1]].1);
         let find = |solid: &Solid<'_>, due: &[usize]| there.near(solid, surface, number, due);
         let mut list = one.solid.candidates(surface, &[stand], find);
         if !list.points.is_empty() {
-            let here = Presence::new(&one.solid, surface, own_depth, seen[pair[0]]);
+            let here = Presence::new(&one.solid, surface, own_depth, seen[pair[0]].1);
             let met = here.pressed_by(&there, &mut list, [friction, moved], number);
             found.push(Pressed { pair, met });
         }

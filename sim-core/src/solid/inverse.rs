@@ -3,9 +3,7 @@
 use super::{
     depth::DepthField,
     model::{Bears, CellPoint, SolidModel},
-    search::MARGIN,
     state::{Sample, SolidState},
-    surface::bearing,
 };
 use crate::mat3::{Mat3, length};
 
@@ -13,16 +11,12 @@ use crate::mat3::{Mat3, length};
 const STEPS: usize = 12;
 /// Distance from the place at which it ends [cells].
 const CLOSE: f64 = 1e-6;
-/// The same where it is only asked what is near [cells].
-const ROUGH: f64 = 0.05;
 /// Share of a distance that is sure: it is one at rest, carried on by the deformation of one place.
 pub(crate) const SURE: f64 = 0.7;
 /// Volume ratios within which an inverse is trusted.
 const TRUSTED: [f64; 2] = [0.1, 4.0];
 /// Nodes that a search begins with, at least, where there are as many.
 const FITTED: usize = 512;
-/// Share of a full node's mass below which the nodes of a cell do not bear by their weights alone.
-const LIGHT: f64 = 0.004;
 
 /// A solid as what is at a place sees it.
 #[derive(Clone, Debug)]
@@ -46,7 +40,8 @@ pub(crate) struct Start {
 type MaterialPoint = ([f64; 3], CellPoint, Sample);
 
 /// Why there is no material point at a place.
-enum Missing {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Missing {
     /// There is no matter near.
     NoMatter,
     /// An inverse is not to be trusted, or was not found.
@@ -56,30 +51,25 @@ enum Missing {
 /// The surface of a solid as seen from a place near it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SeenSurface {
+    /// The material point at the place, at rest [m].
+    pub rest: [f64; 3],
     /// Signed distance, negative inside [m].
     pub distance: f64,
     /// Unit normal outwards.
     pub normal: [f64; 3],
-    /// Motion of the material point at the place, or of where matter would go on.
-    pub sample: Sample,
     /// Where that is on the grid.
     site: CellPoint,
 }
 
-impl LocalInverse<'_> {
-    /// Nodes that bear a force at the place of a surface: by their weights, but where some are light. Its moment is exact.
-    pub fn bears(&self, seen: &SeenSurface) -> Bears {
-        let (model, state) = (self.model, self.state);
-        let stencil = model.stencil_at(&seen.site);
-        let full = model.full_node_mass;
-        if stencil
-            .iter()
-            .all(|&(slot, _)| model.mass[slot] > LIGHT * full)
-        {
-            return stencil.map(|(slot, w)| (slot as u32, w as f32));
-        }
-        let place = |slot| state.position(model, slot);
-        bearing(model, &seen.site, seen.sample.x, place)
+impl SeenSurface {
+    /// Velocity of the material point at the place, or of where matter would go on [m/s].
+    pub fn velocity(&self, of: &LocalInverse<'_>) -> [f64; 3] {
+        of.state.velocity_at(of.model, &self.site).0
+    }
+
+    /// Nodes of the solid that bear a force at the place.
+    pub fn bears(&self, model: &SolidModel) -> Bears {
+        model.bears(&self.site)
     }
 }
 
@@ -100,10 +90,19 @@ impl<'a> LocalInverse<'a> {
     }
 
     /// The surface as seen from a place [m]; none where it is far, or where the inverse is not to be trusted.
-    #[inline(always)]
     pub fn surface(&self, x: [f64; 3]) -> Option<SeenSurface> {
-        let (rest, site, sample) = self.material_point(x, CLOSE).ok()?;
-        let (distance, slope) = self.depth.at(rest)?;
+        self.surface_from(x, None).ok()
+    }
+
+    /// The surface as seen from a place [m], searched from near a material point [m].
+    #[inline(always)]
+    pub fn surface_from(
+        &self,
+        x: [f64; 3],
+        near: Option<[f64; 3]>,
+    ) -> Result<SeenSurface, Missing> {
+        let (rest, site, sample) = self.material_point(x, near)?;
+        let (distance, slope) = self.depth.at(rest).ok_or(Missing::NoMatter)?;
         let f = Mat3(sample.f);
         let (mut slope, j) = (f.cofactor().mul_vec(slope), f.det());
         for s in &mut slope {
@@ -114,48 +113,25 @@ impl<'a> LocalInverse<'a> {
         for s in &mut slope {
             *s /= size;
         }
-        distance.is_finite().then_some(SeenSurface {
-            distance,
-            normal: slope,
-            sample,
-            site,
-        })
-    }
-
-    /// How far a place is from the solid at least [m]: 0 where that is not known, no more than the margin of searches where it is
-    /// farther than cells beside matter.
-    #[inline(always)]
-    pub fn clearance(&self, x: [f64; 3]) -> f64 {
-        match self.material_point(x, ROUGH) {
-            Ok((rest, _, sample)) => {
-                let f = Mat3(sample.f);
-                let Some((distance, slope)) = self.depth.at(rest) else {
-                    return MARGIN * self.model.dx;
-                };
-                let size = length(f.cofactor().mul_vec(slope)) / f.det();
-                let distance = distance - ROUGH * self.model.dx * size;
-                if distance <= 0.0 {
-                    return 0.0;
-                }
-                SURE * distance / size
-            }
-            Err(Missing::NoMatter) => MARGIN * self.model.dx,
-            Err(Missing::Lost) => 0.0,
+        match distance.is_finite() {
+            true => Ok(SeenSurface {
+                rest,
+                distance,
+                normal: slope,
+                site,
+            }),
+            false => Err(Missing::Lost),
         }
     }
 
-    /// The material point at a place [m] now, to some cells.
+    /// The material point at a place [m] now, searched from near another [m].
     #[inline(always)]
-    fn material_point(&self, x: [f64; 3], close: f64) -> Result<MaterialPoint, Missing> {
-        let Start { centre, back } = &self.start;
-        let (mut rest, mut arm) = (centre[1], x);
-        for a in 0..3 {
-            arm[a] -= centre[0][a];
-        }
-        let turned = back.mul_vec(arm);
-        for a in 0..3 {
-            rest[a] += turned[a];
-        }
+    fn material_point(
+        &self,
+        x: [f64; 3],
+        near: Option<[f64; 3]>,
+    ) -> Result<MaterialPoint, Missing> {
+        let mut rest = near.unwrap_or_else(|| self.start.back(x));
         for _ in 0..STEPS {
             let Some(site) = self.model.site_near(rest) else {
                 return Err(Missing::NoMatter);
@@ -170,7 +146,7 @@ impl<'a> LocalInverse<'a> {
             if !(TRUSTED[0]..=TRUSTED[1]).contains(&j) {
                 return Err(Missing::Lost);
             }
-            if length(off) < close * self.model.dx {
+            if length(off) < CLOSE * self.model.dx {
                 return Ok((rest, site, sample));
             }
             let step = f.cofactor().transpose().mul_vec(off);
@@ -184,6 +160,20 @@ impl<'a> LocalInverse<'a> {
 }
 
 impl Start {
+    /// About where a place [m] is at rest [m].
+    #[inline(always)]
+    fn back(&self, x: [f64; 3]) -> [f64; 3] {
+        let (mut rest, mut arm) = (self.centre[1], x);
+        for a in 0..3 {
+            arm[a] -= self.centre[0][a];
+        }
+        let turned = self.back.mul_vec(arm);
+        for a in 0..3 {
+            rest[a] += turned[a];
+        }
+        rest
+    }
+
     /// Of a solid at present.
     pub fn of(model: &SolidModel, state: &SolidState) -> Self {
         let (centre, back) = affine(model, state);

@@ -19,6 +19,8 @@ mod basis;
 mod cells;
 pub(crate) mod contact;
 pub(crate) mod depth;
+mod extension;
+mod frequency;
 pub(crate) mod grip;
 pub(crate) mod group;
 pub(crate) mod inverse;

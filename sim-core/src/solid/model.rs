@@ -5,11 +5,13 @@ use std::{collections::BTreeMap, ops::Range};
 use super::{
     basis::weights_f64,
     cells::{CELLS, FilledCells},
+    extension::Extension,
     nodes::{NODES, place, slot},
     volumes::{BlockParts, Parts},
 };
+use crate::simd::F32x16;
 
-/// Nodes that bear a force with their weights: those that bear none have the number of another.
+/// Nodes that bear a force, with their weights.
 pub(crate) type Bears = [(u32, f32); 27];
 /// No block.
 pub(crate) const NO_BLOCK: u32 = u32::MAX;
@@ -72,8 +74,12 @@ pub(crate) struct SolidModel {
     pub point_blocks: Vec<PointBlock>,
     /// Cells with matter, block after block.
     pub cells: Vec<Cell>,
-    /// Mass of every node [kg], by its number.
+    /// Mass of every node [kg], by its number; 0 of one that follows others.
     pub mass: Vec<f64>,
+    /// Cell size over the mass of the matter about every node [m/kg], be it inner or outer; 0 where there is none.
+    pub spread: Vec<[F32x16; 4]>,
+    /// Nodes that follow others.
+    pub extension: Extension,
     /// Mass of the solid [kg].
     pub total_mass: f64,
     /// Mass of a node amid matter [kg].
@@ -147,6 +153,8 @@ impl SolidModel {
             dx,
             origin: face.map(|x| x - 0.5 * dx),
             mass: vec![0.0; NODES * node_blocks.len()],
+            spread: vec![[F32x16::ZERO; 4]; node_blocks.len()],
+            extension: Extension::default(),
             point_blocks_of,
             point_blocks: vec![],
             cells: vec![],
@@ -171,6 +179,12 @@ impl SolidModel {
         }
         model.total_mass = model.mass.iter().sum();
         model.full_node_mass = model.total_mass / model.volume() * dx.powi(3);
+        for (slot, &mass) in model.mass.iter().enumerate() {
+            let w = if mass > 0.0 { dx / mass } else { 0.0 };
+            model.spread[slot / NODES][slot / 16 % 4].0[slot % 16] = w as f32;
+        }
+        let full = model.full_node_mass;
+        model.extension = Extension::new(&model.node_blocks, &mut model.mass, full);
         model.parts = Parts::new(&model.parts_of_blocks());
         model
     }
@@ -219,9 +233,10 @@ impl SolidModel {
         std::array::from_fn(|a| self.origin[a] + self.dx * at[a])
     }
 
-    /// Nodes with a mass, by their numbers.
+    /// Nodes with matter about them, inner and outer ones, by their numbers.
     pub fn nodes(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.mass.len()).filter(|&n| self.mass[n] > 0.0)
+        let has_matter = |&n: &usize| self.spread[n / NODES][n / 16 % 4].0[n % 16] > 0.0;
+        (0..self.mass.len()).filter(has_matter)
     }
 
     /// A rest position [m] in cells, and the cell that it is in.
@@ -264,21 +279,38 @@ impl SolidModel {
     }
 
     fn site_beside(&self, at: [f64; 3], cell: [i32; 3]) -> Option<CellPoint> {
-        let (mut nearest, mut least) = (None, f64::INFINITY);
-        for n in 0..27 {
-            let o = [n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1];
-            let mut beside = cell;
-            for a in 0..3 {
-                beside[a] = beside[a].saturating_add(o[a]);
-            }
-            if let Some(site) = self.site_in(at, beside) {
-                let off = crate::mat3::dot(site.d, site.d);
-                if off < least {
-                    (nearest, least) = (Some(site), off);
-                }
-            }
+        let (block, number, cell) = self.filled.nearest(at, cell)?;
+        let mut d = at;
+        for a in 0..3 {
+            d[a] -= f64::from(cell[a]) + 0.5;
         }
-        nearest
+        Some(CellPoint { block, number, d })
+    }
+
+    /// Nodes that bear a force at a site.
+    pub fn bears(&self, site: &CellPoint) -> Bears {
+        self.stencil_at(site)
+            .map(|(slot, w)| (slot as u32, w as f32))
+    }
+
+    /// Inner nodes that bear a force at a site, each once, in ascending order.
+    pub fn borne_by(&self, bears: &Bears) -> Vec<(u32, f32)> {
+        let mut all: Vec<(u32, f32)> = Vec::with_capacity(2 * bears.len());
+        for &(slot, w) in bears {
+            let inner = self.extension.borne_by(slot);
+            all.extend(inner.map(|(inner, e)| (inner, w * e)));
+        }
+        all.sort_by_key(|one| one.0);
+        all.dedup_by(|next, kept| {
+            let same = next.0 == kept.0;
+            if same {
+                kept.1 += next.1;
+            }
+            same
+        });
+        // Nodes without mass bear nothing.
+        all.retain(|&(slot, _)| self.mass[slot as usize] > 0.0);
+        all
     }
 
     /// Nodes about a site with weights.

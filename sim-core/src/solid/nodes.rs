@@ -38,6 +38,8 @@ pub(crate) struct Conditions {
     pub force: Vec<Planes>,
     /// Whether there is any in a block.
     pub forced: Vec<bool>,
+    /// Per outer node whether it follows inner ones, and has not its own velocity given.
+    pub follows: Vec<bool>,
 }
 
 impl Conditions {

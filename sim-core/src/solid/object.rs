@@ -117,8 +117,12 @@ impl SolidObject {
                 continue;
             }
             for (slot, weight) in self.grid.stencil_at(site) {
-                for a in 0..3 {
-                    out[slot][a] += weight * self.masses[n] * change[a] / self.grid.mass[slot];
+                for (inner, e) in self.grid.extension.borne_by(slot as u32) {
+                    let (inner, weight) = (inner as usize, weight * f64::from(e));
+                    for a in 0..3 {
+                        out[inner][a] +=
+                            weight * self.masses[n] * change[a] / self.grid.mass[inner];
+                    }
                 }
             }
         }

@@ -7,14 +7,16 @@ use super::{
     contact::{ContactSurface, Spring},
     depth::DepthField,
     grip::Grip,
-    inverse::{LocalInverse, SURE, SeenSurface, Start},
+    inverse::{LocalInverse, Missing, SURE, SeenSurface, Start},
     model::Bears,
-    search::{Bounds, CandidateList, FoundInCluster, TASK, find_near},
+    search::{CandidateList, ClusterBox, FoundInCluster, TASK, find_near},
 };
-use crate::{contact::ledger::Received, mat3::length, simd::fused};
+use crate::{contact::ledger::Received, simd::fused};
 
 /// Largest depth at which a point may begin to touch [cells]: what is deeper came by way of a false root.
 const ENTRY: f64 = 1.0;
+/// How far a place of a surface may be from the boxes around its points [cells]: they are half a cell apart at rest.
+const COVER: f64 = 0.5;
 /// Share of a surface's springs that each side of a pair has: both press.
 const HALF: f64 = 0.5;
 
@@ -25,8 +27,6 @@ pub(crate) struct Presence<'a> {
     surface: &'a ContactSurface,
     /// Tangent at rest [Pa].
     modulus: f64,
-    /// Box around its points [m].
-    bounds: Bounds,
 }
 
 /// A point of one solid that another presses on.
@@ -68,19 +68,18 @@ impl PointContact {
 }
 
 impl<'a> Presence<'a> {
-    /// Of a solid at present, with the box around its points [m] and where a search begins.
+    /// Of a solid at present, after a look at where its clusters are, and where a search begins.
     pub fn new(
         solid: &'a Solid<'a>,
         surface: &'a ContactSurface,
         depth: &'a DepthField,
-        (bounds, start): (Bounds, Start),
+        start: Start,
     ) -> Self {
         Self {
             inverse: LocalInverse::new(solid.model, solid.state, depth, start),
             solid,
             surface,
             modulus: solid.modulus(),
-            bounds,
         }
     }
 
@@ -92,23 +91,37 @@ impl<'a> Presence<'a> {
         number: u32,
         due: &[usize],
     ) -> Vec<FoundInCluster> {
-        let margin = solid.margin();
-        let [min, max] = self.bounds;
-        find_near(due, surface.points.len(), margin, |n| {
+        let search = &self.solid.scratch.search;
+        let boxes = search.boxes.iter().zip(&search.own);
+        let boxes: Vec<(&ClusterBox, f64)> = boxes.map(|(one, own)| (one, *own)).collect();
+        let (dx, shift) = (self.inverse.model.dx, self.solid.state.shift);
+        let least = |boxes: &[(&ClusterBox, f64)], x: [f64; 3]| {
+            let mut off = x;
+            for a in 0..3 {
+                off[a] -= shift[a];
+            }
+            let mut least = f64::INFINITY;
+            for (one, own) in boxes {
+                least = least.min(one.beyond(off, *own));
+            }
+            least - COVER * dx
+        };
+        find_near(due, |cluster| {
             fused(|| {
-                if solid.state.springs[n].with == number {
-                    return 0.0;
-                }
-                let x = solid.point(surface, n)[0];
-                let mut beyond = [0.0; 3];
-                for a in 0..3 {
-                    beyond[a] = (min[a] - x[a]).max(x[a] - max[a]).max(0.0);
-                }
-                let beyond = length(beyond);
-                match beyond < margin {
-                    true => self.inverse.clearance(x),
-                    false => beyond,
-                }
+                let (centre, radius) = solid.ball(cluster);
+                let reach = radius + solid.margin() + COVER * dx;
+                let off = std::array::from_fn(|a| centre[a] - shift[a]);
+                let near = boxes
+                    .iter()
+                    .filter(|(one, own)| one.beyond(off, *own) < reach);
+                let near: Vec<(&ClusterBox, f64)> = near.copied().collect();
+                let of: &[_] = if near.is_empty() { &boxes } else { &near };
+                solid.near(
+                    surface,
+                    cluster,
+                    |grip| grip.with == number,
+                    |x| least(of, x),
+                )
             })
         })
     }
@@ -122,22 +135,34 @@ impl<'a> Presence<'a> {
         [friction, moved]: [f64; 2],
         number: u32,
     ) -> Vec<PointContact> {
-        let way = list.way;
+        let (way, own) = (list.way, &self.solid.scratch.search.own);
         let points = list.points.par_iter_mut().with_min_len(TASK);
-        let watched = points.filter(|watched| watched.until <= way);
-        let met = watched.filter_map(|watched| {
+        let met = points.filter_map(|watched| {
+            let way = way + own[watched.cluster()];
+            if watched.until > way {
+                return None;
+            }
             fused(|| {
                 let n = watched.point as usize;
-                let [x, v] = self.solid.point(self.surface, n);
+                let x = self.solid.place(self.surface, n);
                 let before = self.inverse.state.springs[n];
                 let known = before.with == number;
                 let before = known.then_some(before);
-                let seen = other.inverse.surface(x);
-                let clear = seen.map_or(0.0, |seen| SURE * seen.distance.max(0.0));
+                let mut seen = other.inverse.surface_from(x, watched.rest);
+                if seen.is_err() && watched.rest.is_some() {
+                    seen = other.inverse.surface_from(x, None);
+                }
+                watched.rest = seen.ok().map(|seen| seen.rest);
+                let clear = match &seen {
+                    Ok(seen) => SURE * seen.distance.max(0.0),
+                    // It is farther than cells beside matter.
+                    Err(Missing::NoMatter) => self.solid.margin(),
+                    Err(Missing::Lost) => 0.0,
+                };
                 watched.until = way + clear;
-                let met = seen.and_then(|seen| {
-                    self.press(other, n, (&seen, x, v), before, [friction, moved])
-                });
+                let met = seen
+                    .ok()
+                    .and_then(|seen| self.press(other, n, (&seen, x), before, [friction, moved]));
                 match met {
                     Some(met) => Some(PointContact {
                         grip: Grip {
@@ -158,7 +183,7 @@ impl<'a> Presence<'a> {
         &self,
         other: &Self,
         n: usize,
-        (found, x, v): (&SeenSurface, [f64; 3], [f64; 3]),
+        (found, x): (&SeenSurface, [f64; 3]),
         before: Option<Grip>,
         [friction, moved]: [f64; 2],
     ) -> Option<PointContact> {
@@ -176,7 +201,11 @@ impl<'a> Presence<'a> {
             normal,
             most: friction * depth,
         };
-        let relative = std::array::from_fn(|a| v[a] - found.sample.v[a]);
+        let (v, u) = (
+            self.solid.velocity(self.surface, n),
+            found.velocity(&other.inverse),
+        );
+        let relative = std::array::from_fn(|a| v[a] - u[a]);
         let (force, stretch) = spring.pull(before.map(|grip| grip.stretch), relative, moved);
         Some(PointContact {
             point: n,
@@ -184,7 +213,7 @@ impl<'a> Presence<'a> {
             force,
             at: [x, normal],
             pressure: spring.pressure,
-            bears: Some(other.inverse.bears(found)),
+            bears: Some(found.bears(other.inverse.model)),
         })
     }
 }

@@ -22,7 +22,7 @@ use crate::{
 
 /// Largest depth at which a point may begin to touch [cells]: what is deeper began elsewhere.
 const ENTRY: f64 = 2.0;
-/// Share of what a node bears of springs that a body may: `FREQUENCY` of contact over four times what pushes and turns it.
+/// Share of what a node bears of springs that a body may: `CONTACT` over four times what pushes and turns it.
 const SHARE: f64 = 0.75;
 
 /// A force [N], or an impulse [N s], and its moment about the world's origin [N m].
@@ -128,17 +128,20 @@ impl Pressed<'_> {
         number: u32,
         list: &mut CandidateList,
     ) -> Vec<PointContact> {
-        let way = list.way;
+        let (way, own) = (list.way, &self.solid.scratch.search.own);
         let (shape, body) = (actor.shape, &actor.body);
         let spin = body.spin(&shape.inertia);
         let area = std::f64::consts::PI * shape.radius * shape.radius;
         let bearable = SHARE * shape.inertia.mass / (self.density * self.dx * area);
         let scale = self.modulus * bearable.min(1.0);
         let points = list.points.par_iter_mut().with_min_len(TASK);
-        let watched = points.filter(|watched| watched.until <= way);
-        let met = watched.filter_map(|watched| {
+        let met = points.filter_map(|watched| {
+            let way = way + own[watched.cluster()];
+            if watched.until > way {
+                return None;
+            }
             let n = watched.point as usize;
-            let [x, v] = self.solid.point(self.surface, n);
+            let x = self.solid.place(self.surface, n);
             let before = self.springs[n];
             let known = before.with == number;
             let arm: [f64; 3] = std::array::from_fn(|a| x[a] - body.com[a]);
@@ -161,7 +164,7 @@ impl Pressed<'_> {
                 normal,
                 most: friction * depth,
             };
-            let turn = cross(spin, arm);
+            let (turn, v) = (cross(spin, arm), self.solid.velocity(self.surface, n));
             let relative = std::array::from_fn(|a| v[a] - body.velocity[a] - turn[a]);
             let (force, stretch) = spring.pull(known.then_some(before.stretch), relative, moved);
             Some(PointContact {
@@ -189,17 +192,16 @@ pub(crate) fn near_body(
     due: &[usize],
 ) -> Vec<FoundInCluster> {
     let (shape, body, margin) = (actor.shape, &actor.body, solid.margin());
-    find_near(due, surface.points.len(), margin, |n| {
-        if solid.state.springs[n].with == number {
-            return 0.0;
-        }
-        let x = solid.point(surface, n)[0];
+    let clear = |x: [f64; 3]| {
         let arm: [f64; 3] = std::array::from_fn(|a| x[a] - body.com[a]);
         let beyond = dot(arm, arm).sqrt() - shape.radius;
         match beyond < margin {
             true => shape.distance(body.inverse_point(x)),
             false => beyond,
         }
+    };
+    find_near(due, |cluster| {
+        solid.near(surface, cluster, |grip| grip.with == number, clear)
     })
 }
 

@@ -10,8 +10,10 @@ use crate::mat3::length;
 
 /// How near to what they may touch points are listed [cells].
 pub(super) const MARGIN: f64 = 0.5;
+/// How much a box around a cluster may have to be grown before it is looked at anew [cells].
+pub(super) const LOOSE: f64 = 0.25;
 /// Points of a cluster: neighbours on the surface, which are looked for together.
-const CLUSTER: usize = 32;
+pub(super) const CLUSTER: usize = 32;
 /// Points per task at least.
 pub(super) const TASK: usize = 64;
 
@@ -58,8 +60,10 @@ impl Stand {
 pub(crate) struct Candidate {
     /// Its number.
     pub point: u32,
-    /// The [way](CandidateList::way) at which it is looked at again [m].
+    /// The [way](CandidateList::way) of its cluster at which it is looked at again [m].
     pub until: f64,
+    /// Where it was in another solid last, at rest there [m]: a search begins there.
+    pub rest: Option<[f64; 3]>,
 }
 
 impl Candidate {
@@ -68,7 +72,13 @@ impl Candidate {
         Self {
             point: point as u32,
             until: clear.max(0.0),
+            rest: None,
         }
+    }
+
+    /// Its cluster.
+    pub fn cluster(&self) -> usize {
+        self.point as usize / CLUSTER
     }
 }
 
@@ -78,7 +88,7 @@ pub(crate) struct CandidateList {
     /// Where the solid stood, and the others, when they were looked at last.
     stand: Option<Stand>,
     with: Vec<(u32, Stand)>,
-    /// By how much they have come nearer at most since the list was made [m].
+    /// By how much they have come nearer at most since the list was made, but for the ways of clusters [m].
     pub way: f64,
     /// The way at which points of a cluster that are not listed are looked for again, per cluster [m].
     until: Vec<f64>,
@@ -87,13 +97,13 @@ pub(crate) struct CandidateList {
 }
 
 impl CandidateList {
-    /// Goes on to where all stand now; a new list of so many points knows nothing yet.
-    pub fn go_on(&mut self, now: Stand, with: &[(u32, Stand)], points: usize) {
+    /// Goes on to where all stand now; a new list of so many clusters knows nothing yet.
+    pub fn go_on(&mut self, now: Stand, with: &[(u32, Stand)], clusters: usize) {
         let Some(then) = self.stand.replace(now) else {
             self.way = 0.0;
             self.points.clear();
             self.until.clear();
-            self.until.resize(points.div_ceil(CLUSTER), 0.0);
+            self.until.resize(clusters, 0.0);
             self.with.clear();
             self.with.extend_from_slice(with);
             return;
@@ -106,21 +116,35 @@ impl CandidateList {
         self.way += nearer;
     }
 
-    /// Clusters whose points have to be looked for, ascending.
-    pub fn due(&self) -> Vec<usize> {
+    /// Clusters whose points have to be looked for, ascending; `own` are the ways of all [m].
+    pub fn due(&self, own: &[f64]) -> Vec<usize> {
         let clusters = 0..self.until.len();
-        clusters.filter(|&n| self.until[n] <= self.way).collect()
+        clusters
+            .filter(|&n| self.until[n] <= self.way + own[n])
+            .collect()
+    }
+
+    /// How far points of a cluster are from what they may touch at least [m]; 0 where some are listed.
+    pub fn clear(&self, cluster: usize, own: &[f64]) -> f64 {
+        let next = self.points.partition_point(|p| p.cluster() < cluster);
+        match self
+            .points
+            .get(next)
+            .is_some_and(|p| p.cluster() == cluster)
+        {
+            true => 0.0,
+            false => (self.until[cluster] - self.way - own[cluster]).max(0.0),
+        }
     }
 
     /// Lists anew what was found in clusters that were due.
-    pub fn renew(&mut self, due: &[usize], found: Vec<FoundInCluster>) {
+    pub fn renew(&mut self, due: &[usize], own: &[f64], found: Vec<FoundInCluster>) {
         let before = std::mem::take(&mut self.points);
         let mut before = before.into_iter().peekable();
-        let way = self.way;
         for (&cluster, found) in due.iter().zip(found) {
-            let first = cluster * CLUSTER;
-            while let Some(point) = before.next_if(|p| (p.point as usize) < first + CLUSTER) {
-                if (point.point as usize) < first {
+            let way = self.way + own[cluster];
+            while let Some(point) = before.next_if(|p| p.cluster() <= cluster) {
+                if point.cluster() < cluster {
                     self.points.push(point);
                 }
             }
@@ -150,7 +174,8 @@ impl FoundInCluster {
         }
     }
 
-    fn of(points: Range<usize>, margin: f64, clear: impl Fn(usize) -> f64) -> Self {
+    /// Some points, those nearer than a margin [m]; `clear` tells how far one is at least [m].
+    pub fn of(points: Range<usize>, margin: f64, clear: impl Fn(usize) -> f64) -> Self {
         let mut found = Self::none(f64::INFINITY);
         for n in points {
             let clear = clear(n);
@@ -164,40 +189,91 @@ impl FoundInCluster {
     }
 }
 
-/// Points of the clusters that are due, of so many points, that are nearer than a margin [m] to something; `clear` tells how far one
-/// is at least [m].
+/// Points of the clusters that are due that are near something, as `find` tells of one.
 pub(super) fn find_near(
     due: &[usize],
-    points: usize,
-    margin: f64,
-    clear: impl Fn(usize) -> f64 + Sync,
+    find: impl Fn(usize) -> FoundInCluster + Sync,
 ) -> Vec<FoundInCluster> {
     let clusters = due.par_iter().with_min_len(TASK / CLUSTER);
-    let found = clusters.map(|&cluster| {
-        let first = cluster * CLUSTER;
-        FoundInCluster::of(first..points.min(first + CLUSTER), margin, &clear)
-    });
-    found.collect()
+    clusters.map(|&cluster| find(cluster)).collect()
 }
 
-/// What a solid knows of its surroundings; begun anew in every frame, so that no frame depends on those before, and where
+/// A box around the points of a cluster.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ClusterBox {
+    /// From the solid's frame [m].
+    pub bounds: Bounds,
+    /// Way of the cluster when it was looked at [m].
+    pub own: f64,
+}
+
+impl ClusterBox {
+    /// How far a place from the solid's frame is from all points of the cluster at least [m], after some way of it.
+    pub fn beyond(&self, x: [f64; 3], own: f64) -> f64 {
+        let [min, max] = self.bounds;
+        let mut beyond = [0.0; 3];
+        for a in 0..3 {
+            beyond[a] = (min[a] - x[a]).max(x[a] - max[a]).max(0.0);
+        }
+        length(beyond) - (own - self.own)
+    }
+}
+
+/// What a solid knows of itself and its surroundings; begun anew in every frame, so that no frame depends on those before, and where
 /// something was undone.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Search {
-    /// Way of the fastest node in the solid's frame since the frame began [m].
-    pub own: f64,
-    /// Box around the points of the surface, where the search for material points begins, and when.
-    pub seen: Option<(Bounds, Start, Stand)>,
+    /// Way of the fastest node of each block in the solid's frame since the frame began [m].
+    pub ways: Vec<f64>,
+    /// The same of the fastest point of each cluster, as of the latest look.
+    pub own: Vec<f64>,
+    /// Per cluster.
+    pub boxes: Vec<ClusterBox>,
+    /// Whether that is of the substep at hand.
+    pub is_fresh: bool,
+    /// Where the search for material points begins, and when.
+    pub start: Option<(Start, Stand)>,
     pub lists: Vec<CandidateList>,
+    /// Whether something touches it.
+    pub touched: bool,
 }
 
 impl Search {
     /// Forgets everything.
     pub fn restart(&mut self) {
-        (self.own, self.seen) = (0.0, None);
+        self.ways.fill(0.0);
+        self.boxes.clear();
+        (self.is_fresh, self.touched, self.start) = (false, false, None);
         // What was not asked for since the last time is not asked for again.
         self.lists.retain(|list| list.stand.is_some());
         self.lists.iter_mut().for_each(|list| list.stand = None);
+    }
+
+    /// Adds what nodes may have moved by, per block [m].
+    pub fn move_on(&mut self, ways: impl ExactSizeIterator<Item = f64>) {
+        self.ways.resize(ways.len(), 0.0);
+        for (sum, way) in self.ways.iter_mut().zip(ways) {
+            *sum += way;
+        }
+        self.is_fresh = false;
+    }
+
+    /// Way of the fastest cluster [m].
+    pub fn farthest(&self) -> f64 {
+        self.own.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Box around all points, from the solid's frame [m].
+    pub fn bounds(&self) -> Bounds {
+        let mut all = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        for (one, own) in self.boxes.iter().zip(&self.own) {
+            let grown = own - one.own;
+            for a in 0..3 {
+                all[0][a] = all[0][a].min(one.bounds[0][a] - grown);
+                all[1][a] = all[1][a].max(one.bounds[1][a] + grown);
+            }
+        }
+        all
     }
 
     /// The list for these things; an empty one where there is none.
@@ -227,23 +303,37 @@ mod tests {
         };
         let mut list = CandidateList::default();
         let (margin, mut looked) = (0.1, 0);
+        // The second cluster shakes besides.
+        let shakes = |n: usize, way: f64| {
+            if n / CLUSTER == 1 {
+                0.02 * (50.0 * way).sin()
+            } else {
+                0.0
+            }
+        };
         for step in 0..200 {
             let way = 0.01 * f64::from(step);
-            list.go_on(stand(way), &[(0, stand(0.0))], count);
-            let due = list.due();
+            let own = [0.0, 0.02 * 50.0 * way, 0.0];
+            list.go_on(stand(way), &[(0, stand(0.0))], 3);
+            let due = list.due(&own);
             looked += due.len();
-            let found = find_near(&due, count, margin, |n| height(n) - way);
-            list.renew(&due, found);
+            let found = find_near(&due, |cluster| {
+                let first = cluster * CLUSTER;
+                let points = first..count.min(first + CLUSTER);
+                FoundInCluster::of(points, margin, |n| height(n) - way + shakes(n, way))
+            });
+            list.renew(&due, &own, found);
             assert!(list.points.is_sorted_by_key(|p| p.point));
             for n in 0..count {
                 // None that touches is left out, and none is looked at too late.
-                if height(n) < way {
+                if height(n) + shakes(n, way) < way {
                     let known = list.points.iter().find(|p| p.point as usize == n);
-                    assert!(known.is_some_and(|p| p.until <= list.way), "{step}: {n}");
+                    let is_due = |p: &Candidate| p.until <= list.way + own[p.cluster()];
+                    assert!(known.is_some_and(is_due), "{step}: {n}");
                 }
             }
         }
-        // Two and a half clusters, each at most once per margin, the far ones less often: at once in every step it would be 600.
+        // Each at most once per margin, the far ones less often: at once in every step it would be 600.
         assert!((6..60).contains(&looked), "{looked}");
     }
 

@@ -62,17 +62,13 @@ pub(crate) struct Sums {
     pub elastic: f64,
 }
 
-/// Motion of a material point.
+/// Place of a material point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sample {
     /// Position [m].
     pub x: [f64; 3],
-    /// Velocity [m/s].
-    pub v: [f64; 3],
     /// Deformation gradient.
     pub f: [[f64; 3]; 3],
-    /// Gradient of the velocity over rest positions [1/s].
-    pub rate: [[f64; 3]; 3],
 }
 
 impl SolidState {
@@ -119,7 +115,7 @@ impl SolidState {
         std::array::from_fn(|a| rest[a] + self.shift[a] + model.dx * f64::from(u[a]))
     }
 
-    /// Puts nodes elsewhere, each with its number [m]: all nodes with a mass.
+    /// Puts nodes elsewhere, each with its number [m]: all nodes with matter.
     pub fn set_positions(&mut self, model: &SolidModel, to: &[(usize, [f64; 3])]) {
         let travel = |&(slot, x): &(usize, [f64; 3])| -> [f64; 3] {
             let rest = model.node_in_world(slot);
@@ -146,7 +142,7 @@ impl SolidState {
         std::array::from_fn(|a| self.velocity[a] + model.dx * f64::from(v[a]))
     }
 
-    /// Gives every node with a mass the velocity [m/s] that `change` makes of its number and velocity.
+    /// Gives every node the velocity [m/s] that `change` makes of its number and velocity; outer ones follow.
     pub fn change_velocities(
         &mut self,
         model: &SolidModel,
@@ -157,6 +153,7 @@ impl SolidState {
             let own = std::array::from_fn(|a| ((v[a] - self.velocity[a]) / model.dx) as f32);
             write(&mut self.nodes[slot / NODES].v, slot, own);
         }
+        model.extension.follow_velocities(&mut self.nodes);
     }
 
     /// Gives the frame this velocity [m/s]; nothing moves otherwise.
@@ -232,66 +229,86 @@ impl SolidState {
         }
     }
 
-    /// How the material point at a site moves.
+    /// Where the material point at a site is, and how it is deformed.
     #[inline(always)]
     pub fn sample(&self, model: &SolidModel, site: &CellPoint) -> Sample {
+        let sums = self.sums_at(model, site, |node| &node.u);
+        let blocks = &model.point_blocks[site.block as usize].nodes;
+        let place = &model.node_blocks[blocks[0] as usize];
+        let cell = cell_of_number(site.number);
+        let mut out = Sample {
+            x: [0.0; 3],
+            f: Mat3::identity().0,
+        };
+        for a in 0..3 {
+            let first = f64::from(CELLS * place[a]) + cell[a] as f64;
+            let at = first + 1.0 + site.d[a] + sums[0][a];
+            out.x[a] = model.origin[a] + self.shift[a] + model.dx * at;
+            for b in 0..3 {
+                out.f[a][b] += sums[1 + b][a];
+            }
+        }
+        out
+    }
+
+    /// Velocity of the material point at a site [m/s], and its gradient over rest positions [1/s].
+    #[inline(always)]
+    pub fn velocity_at(&self, model: &SolidModel, site: &CellPoint) -> ([f64; 3], [[f64; 3]; 3]) {
+        let sums = self.sums_at(model, site, |node| &node.v);
+        let (mut v, mut rate) = (self.velocity, [[0.0; 3]; 3]);
+        for a in 0..3 {
+            v[a] += model.dx * sums[0][a];
+            for b in 0..3 {
+                rate[a][b] = sums[1 + b][a];
+            }
+        }
+        (v, rate)
+    }
+
+    /// A field at a site, and its slopes along each axis, summed along z, then y, then x.
+    #[inline(always)]
+    fn sums_at(
+        &self,
+        model: &SolidModel,
+        site: &CellPoint,
+        field: impl Fn(&NodeBlock) -> &Planes,
+    ) -> [[f64; 3]; 4] {
         let blocks = &model.point_blocks[site.block as usize].nodes;
         let (cell, axes) = (cell_of_number(site.number), site.d.map(weights_f64));
-        // Displacement and velocity, and their slopes along each axis, summed along z, then y, then x.
-        let mut sums = [[0.0_f64; 6]; 4];
+        let mut sums = [[0.0_f64; 3]; 4];
         for x in 0..3 {
             let i = cell[0] + x;
-            let mut planes = [[0.0; 6]; 3];
+            let mut planes = [[0.0; 3]; 3];
             for y in 0..3 {
                 let j = cell[1] + y;
-                let (mut value, mut slope) = ([0.0; 6], [0.0; 6]);
+                let (mut value, mut slope) = ([0.0; 3], [0.0; 3]);
                 for z in 0..3 {
                     let k = cell[2] + z;
                     let block = blocks[4 * (i / 4) + 2 * (j / 4) + k / 4] as usize;
-                    let node = &self.nodes[block];
+                    let node = field(&self.nodes[block]);
                     let [plane, lane] = place(i % 4, j % 4, k % 4);
                     let (w, g) = (axes[2].0[z], axes[2].1[z]);
                     for a in 0..3 {
-                        let u = f64::from(node.u[a][plane].0[lane]);
-                        let v = f64::from(node.v[a][plane].0[lane]);
-                        value[a] += w * u;
-                        slope[a] += g * u;
-                        value[3 + a] += w * v;
-                        slope[3 + a] += g * v;
+                        let here = f64::from(node[a][plane].0[lane]);
+                        value[a] += w * here;
+                        slope[a] += g * here;
                     }
                 }
                 let (w, g) = (axes[1].0[y], axes[1].1[y]);
-                for a in 0..6 {
+                for a in 0..3 {
                     planes[0][a] += w * value[a];
                     planes[1][a] += g * value[a];
                     planes[2][a] += w * slope[a];
                 }
             }
             let (w, g) = (axes[0].0[x], axes[0].1[x]);
-            for a in 0..6 {
+            for a in 0..3 {
                 sums[0][a] += w * planes[0][a];
                 sums[1][a] += g * planes[0][a];
                 sums[2][a] += w * planes[1][a];
                 sums[3][a] += w * planes[2][a];
             }
         }
-        let place = &model.node_blocks[blocks[0] as usize];
-        let mut out = Sample {
-            x: [0.0; 3],
-            v: self.velocity,
-            f: Mat3::identity().0,
-            rate: [[0.0; 3]; 3],
-        };
-        for a in 0..3 {
-            let first = f64::from(CELLS * place[a]) + cell[a] as f64;
-            let at = first + 1.0 + site.d[a] + sums[0][a];
-            out.x[a] = model.origin[a] + self.shift[a] + model.dx * at;
-            out.v[a] += model.dx * sums[0][3 + a];
-            for b in 0..3 {
-                out.f[a][b] += sums[1 + b][a];
-                out.rate[a][b] = sums[1 + b][3 + a];
-            }
-        }
-        out
+        sums
     }
 }

@@ -6,8 +6,8 @@
 
 use std::collections::BTreeMap;
 
-use super::model::{Bears, CellPoint, Seed, SolidModel, corner, whole_pieces};
-use crate::mat3::{dot, length};
+use super::model::{Bears, Seed, SolidModel, corner, whole_pieces};
+use crate::mat3::length;
 
 /// Filling from which on a piece is whole.
 pub(super) const WHOLE: f64 = 0.999;
@@ -15,8 +15,6 @@ pub(super) const WHOLE: f64 = 0.999;
 const SMALLEST: f64 = 0.02;
 /// Smallest component of a normal that the volume behind a plane is worked out with.
 const SLANT: f64 = 1e-4;
-/// Share of a full node's mass at which it counts half in what bears a contact.
-const LIGHT: f64 = 0.05;
 
 /// A point of the surface.
 #[derive(Clone, Debug)]
@@ -26,7 +24,7 @@ pub(crate) struct SurfacePoint {
     /// Area that it stands for [m^2].
     pub area: f64,
     /// Nodes that bear what acts on it, with weights of sum 1 that reproduce linear fields.
-    pub bears: Vec<(u32, f32)>,
+    pub bears: Bears,
 }
 
 /// A point before it is on a grid: its place [m], area [m^2], the matter behind it.
@@ -44,10 +42,7 @@ pub(crate) fn surface(model: &SolidModel, seeds: &[Seed]) -> Vec<SurfacePoint> {
         let site = model.site(point.x, point.owner);
         let site = site.or_else(|| model.site_near(point.x))?;
         Some(SurfacePoint {
-            bears: bearing(model, &site, point.x, |slot| model.node_in_world(slot))
-                .into_iter()
-                .filter(|(_, weight)| *weight != 0.0)
-                .collect(),
+            bears: model.bears(&site),
             x: point.x,
             area: point.area,
         })
@@ -174,76 +169,6 @@ fn behind(n: [f64; 3], alpha: f64) -> f64 {
     let pairs = cube(alpha - n[0] - n[1]) + cube(alpha - n[0] - n[2]) + cube(alpha - n[1] - n[2]);
     let all = cube(alpha - n[0] - n[1] - n[2]);
     (cube(alpha) - single + pairs - all) / (6.0 * n[0] * n[1] * n[2])
-}
-
-/// What bears a point: weights over its stencil that reproduce linear fields, with less on nodes that are light. A force on a
-/// node without mass would move that node, and not the solid.
-/// `place` tells where nodes are [m].
-pub(super) fn bearing(
-    model: &SolidModel,
-    site: &CellPoint,
-    x: [f64; 3],
-    place: impl Fn(usize) -> [f64; 3],
-) -> Bears {
-    let full = model.full_node_mass;
-    let weighed = model.stencil_at(site).map(|(slot, weight)| {
-        let mass = model.mass[slot];
-        let at = place(slot);
-        let r: [f64; 3] = std::array::from_fn(|a| (at[a] - x[a]) / model.dx);
-        (slot, weight * mass / (mass + LIGHT * full), r)
-    });
-    // Moments of the weights about the point: constants and linear fields.
-    let mut m = [[0.0; 4]; 4];
-    for (_, weight, r) in &weighed {
-        let p = [1.0, r[0], r[1], r[2]];
-        for i in 0..4 {
-            for j in 0..4 {
-                m[i][j] += weight * p[i] * p[j];
-            }
-        }
-    }
-    let c = match solve(m, [1.0, 0.0, 0.0, 0.0]) {
-        Some(c) => c,
-        None => [m[0][0].recip(), 0.0, 0.0, 0.0],
-    };
-    let mut bears = weighed.map(|(slot, weight, r)| {
-        let factor = c[0] + dot([c[1], c[2], c[3]], r);
-        (slot as u32, (weight * factor) as f32)
-    });
-    // Nodes without mass bear nothing, and are not asked for it.
-    let any = bears.iter().find(|(_, weight)| *weight != 0.0);
-    let some = any.map_or(bears[0].0, |(slot, _)| *slot);
-    for (slot, weight) in &mut bears {
-        if *weight == 0.0 {
-            *slot = some;
-        }
-    }
-    bears
-}
-
-/// Solves four equations by elimination; none where they are singular.
-fn solve(mut m: [[f64; 4]; 4], mut b: [f64; 4]) -> Option<[f64; 4]> {
-    let scale = m[0][0];
-    for i in 0..4 {
-        let pivot = (i..4).max_by(|&p, &q| m[p][i].abs().total_cmp(&m[q][i].abs()))?;
-        m.swap(i, pivot);
-        b.swap(i, pivot);
-        if m[i][i].abs() <= 1e-6 * scale {
-            return None;
-        }
-        for row in i + 1..4 {
-            let factor = m[row][i] / m[i][i];
-            for column in i..4 {
-                m[row][column] -= factor * m[i][column];
-            }
-            b[row] -= factor * b[i];
-        }
-    }
-    for i in (0..4).rev() {
-        let known: f64 = (i + 1..4).map(|j| m[i][j] * b[j]).sum();
-        b[i] = (b[i] - known) / m[i][i];
-    }
-    Some(b)
 }
 
 #[cfg(test)]

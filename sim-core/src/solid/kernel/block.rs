@@ -3,7 +3,7 @@
 //! Sums over the 27 nodes of a point factor into sums over three along each axis: first along y and z, for all cells of a plane at once
 //! (lane `4 z + y`), then along x, for the points of sixteen cells at once. The way back is the transpose.
 
-use super::{Extremes, SolidLaw, Step, rule::Rule};
+use super::{SolidLaw, Step, rule::Rule};
 use crate::{
     mat3::Mat3,
     materials::{
@@ -23,23 +23,31 @@ const O: F32x16 = F32x16::ZERO;
 /// and from both on.
 pub(super) type Tile = [[[F32x16; 4]; 6]; 3];
 
+/// Tangents of points on 6x6x6 nodes, times volumes and weights [Pa cells^3], as a component of a [`Tile`].
+pub(super) type TangentTile = [[F32x16; 4]; 6];
+
 /// A field summed along y and z: `[x plane][kind][2 y + z]`; kinds are the value, twice the slope along y, and that along z.
 type Summed = [[[F32x16; 4]; 3]; 6];
 
 /// First Piola-Kirchhoff stress times volume [Pa cells^3]: `[2 y + z][x cell][component][axis][x]`.
 type Stresses = [[[[[F32x16; 2]; 3]; 3]; 4]; 4];
 
+/// Tangent times volume [Pa cells^3]: `[2 y + z][x cell][x]`.
+type Tangents = [[[F32x16; 2]; 4]; 4];
+
 /// Memory between the stages.
 pub(super) struct Scratch {
     /// Of displacements, per component; on the way back of forces.
     summed: [Summed; 3],
     stress: Stresses,
+    tangents: Tangents,
 }
 
 impl Scratch {
     pub const EMPTY: Self = Self {
         summed: [[[[O; 4]; 3]; 6]; 3],
         stress: [[[[[O; 2]; 3]; 3]; 4]; 4],
+        tangents: [[[O; 2]; 4]; 4],
     };
 }
 
@@ -173,7 +181,7 @@ impl Stress for FixedCorotated {
     const ITERATES: bool = true;
 }
 
-/// Stress of all points, and the largest tangent [Pa] of those with matter if `LOOKS`.
+/// Stress of all points, and their tangents added to `tangents` if `LOOKS`.
 #[inline(always)]
 fn respond<V: Lanes, S: Stress, const LOOKS: bool>(
     rule: &Rule<V>,
@@ -181,10 +189,10 @@ fn respond<V: Lanes, S: Stress, const LOOKS: bool>(
     volumes: &Volumes,
     law: &SolidLaw,
     stress: &mut Stresses,
-) -> f32 {
+    tangents: &mut Tangents,
+) {
     let zero = V::splat(0.0);
     let [lambda, mu] = moduli::<V>(law);
-    let mut largest = zero;
     for q in 0..4 {
         for x in 0..4 {
             let h = gradients(rule, summed, x, q);
@@ -198,8 +206,9 @@ fn respond<V: Lanes, S: Stress, const LOOKS: bool>(
                 let f = plus_identity(h);
                 let answer = first_piola(S::LAW, &f, lambda * volume, mu * volume);
                 if LOOKS {
-                    let tangent = (answer.tangent + answer.tangent) / volume;
-                    largest = largest.max(V::select(zero.lt(volume), tangent, zero));
+                    let tangent = V::select(zero.lt(volume), answer.tangent, zero);
+                    let sum = &mut tangents[q][x][n];
+                    (V::load(sum) + tangent + tangent).store(sum);
                 }
                 for a in 0..3 {
                     for b in 0..3 {
@@ -209,7 +218,6 @@ fn respond<V: Lanes, S: Stress, const LOOKS: bool>(
             }
         }
     }
-    largest_lane(largest)
 }
 
 /// Adds the second Piola-Kirchhoff stress of a Kelvin-Voigt solid, `S = time (lambda tr(E') I + 2 mu E')` with `E' = sym(F^T grad v)`:
@@ -319,7 +327,7 @@ pub(super) struct Matter<'a> {
     pub volumes: &'a Volumes,
 }
 
-/// Stress of one law, and the largest tangent over density [m^2/s^2] if asked for.
+/// Stress of one law, and its tangents added to `tangents` if asked for.
 #[inline(always)]
 fn respond_to<V: Lanes>(
     rule: &Rule<V>,
@@ -327,56 +335,99 @@ fn respond_to<V: Lanes>(
     matter: &Matter<'_>,
     looks: bool,
     stress: &mut Stresses,
-) -> f32 {
+    tangents: &mut Tangents,
+) {
     let Matter { law, volumes } = matter;
-    let tangent = match (law.law, looks) {
+    match (law.law, looks) {
         (Law::NeoHookean, false) => {
-            respond::<V, NeoHookean, false>(rule, summed, volumes, law, stress)
+            respond::<V, NeoHookean, false>(rule, summed, volumes, law, stress, tangents);
         }
         (Law::NeoHookean, true) => {
-            respond::<V, NeoHookean, true>(rule, summed, volumes, law, stress)
+            respond::<V, NeoHookean, true>(rule, summed, volumes, law, stress, tangents);
         }
-        (_, false) => respond::<V, FixedCorotated, false>(rule, summed, volumes, law, stress),
-        (_, true) => respond::<V, FixedCorotated, true>(rule, summed, volumes, law, stress),
-    };
-    tangent / law.density as f32
+        (_, false) => {
+            respond::<V, FixedCorotated, false>(rule, summed, volumes, law, stress, tangents);
+        }
+        (_, true) => {
+            respond::<V, FixedCorotated, true>(rule, summed, volumes, law, stress, tangents);
+        }
+    }
 }
 
-/// Forces of a block of points in its tile.
+/// Spreads tangents of points over nodes.
+#[inline(always)]
+fn scatter_tangents<V: Lanes>(rule: &Rule<V>, tangents: &Tangents, tile: &mut TangentTile) {
+    let zero = V::splat(0.0);
+    let mut planes = [[zero; 4]; 6];
+    for q in 0..4 {
+        for x in 0..4 {
+            let parts = rule.values_transposed(two(&tangents[q][x]));
+            for (n, part) in parts.into_iter().enumerate() {
+                planes[x + n][q] = planes[x + n][q] + part;
+            }
+        }
+    }
+    for p in 0..6 {
+        let mut along_z = [[zero; 2]; 2];
+        for y in 0..2 {
+            let both = [planes[p][2 * y], planes[p][2 * y + 1]];
+            along_z[y] = fold_z(rule.values_transposed(both), zero);
+        }
+        for z in 0..2 {
+            let along_y = rule.values_transposed([along_z[0][z], along_z[1][z]]);
+            let [here, next] = fold_y(along_y, zero);
+            here.store(&mut tile[p][z]);
+            next.store(&mut tile[p][2 + z]);
+        }
+    }
+}
+
+/// Forces of a block of points in its tile, tangents in theirs if asked for; the largest gradient of the velocity where there is
+/// viscosity [1/s].
 #[inline(always)]
 pub(super) fn forces<'a, V: Lanes>(
     nodes: [&NodeBlock; 8],
     matter: impl Iterator<Item = Matter<'a>>,
     step: &Step,
     scratch: &mut Scratch,
-    tile: &mut Tile,
-) -> Extremes {
+    (tile, tangent_tile): (&mut Tile, &mut TangentTile),
+) -> f32 {
     let rule = Rule::<V>::new();
-    let Scratch { summed, stress } = scratch;
+    let Scratch {
+        summed,
+        stress,
+        tangents,
+    } = scratch;
     gather(&rule, fields(nodes, |node| &node.u), summed);
-    let mut found = Extremes::default();
+    let looks = step.wants_extremes;
+    if looks {
+        *tangents = Scratch::EMPTY.tangents;
+    }
+    let mut rate = 0.0_f32;
     for (n, here) in matter.enumerate() {
         if n == 0 {
-            found.tangent = respond_to(&rule, summed, &here, step.wants_extremes, stress);
+            respond_to(&rule, summed, &here, looks, stress, tangents);
         } else {
             // Blocks of several materials are few.
             let mut more = Scratch::EMPTY.stress;
-            let tangent = respond_to(&rule, summed, &here, step.wants_extremes, &mut more);
-            found.tangent = found.tangent.max(tangent);
+            respond_to(&rule, summed, &here, looks, &mut more, tangents);
             add::<V>(&more, stress);
         }
         if step.viscosity > 0.0 {
             let mut rates = Scratch::EMPTY.summed;
             gather(&rule, fields(nodes, |node| &node.v), &mut rates);
-            let rate = add_viscous(&rule, [summed, &rates], &here, step.viscosity, stress);
-            found.rate = found.rate.max(rate);
+            let of_matter = add_viscous(&rule, [summed, &rates], &here, step.viscosity, stress);
+            rate = rate.max(of_matter);
         }
     }
     for a in 0..3 {
         scatter_x(&rule, stress, a, &mut summed[a]);
         scatter_yz(&rule, &summed[a], &mut tile[a]);
     }
-    found
+    if looks {
+        scatter_tangents(&rule, tangents, tangent_tile);
+    }
+    rate
 }
 
 /// Elastic energy of a block of points [Pa cells^3].

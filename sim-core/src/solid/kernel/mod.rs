@@ -2,6 +2,9 @@
 //!
 //! Every block of points writes the forces on its 6x6x6 nodes to a tile of its own ([`block`]), and every block of nodes sums the tiles
 //! that reach it in the order of their places, so that no result depends on threads.
+//!
+//! With `w_p = N_i(X_p) V_p` the squared frequency of any motion is at most 4.5 / dx^2 times the largest mean over a node's points,
+//! `sum_p w_p C_p / sum_p w_p rho`, of their tangents `C_p` (Cauchy and Schwarz in every point): so tangents go to nodes as mass does.
 
 mod block;
 mod rule;
@@ -10,10 +13,10 @@ mod tests;
 
 use rayon::prelude::*;
 
-use self::block::{Matter, Scratch, Tile};
+use self::block::{Matter, Scratch, TangentTile, Tile};
 use super::{
     model::{NO_BLOCK, SolidModel},
-    nodes::{Conditions, NodeBlock},
+    nodes::{Conditions, NODES, NodeBlock, Planes, read, write},
 };
 use crate::{
     materials::Law,
@@ -22,6 +25,8 @@ use crate::{
 
 /// Blocks of points of a task: they share the memory between the stages.
 const TASK: usize = 8;
+/// Outer nodes of a task at least.
+const OUTER: usize = 512;
 
 /// A law with its numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,35 +60,40 @@ pub(crate) struct Step {
 /// What a substep finds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Extremes {
-    /// Largest tangent over density [m^2/s^2], if asked for.
+    /// Largest tangent over density, a mean over the points of a node that moves [m^2/s^2], if asked for.
     pub tangent: f32,
     /// Largest gradient of the velocity over rest positions [1/s], where there is viscosity.
     pub rate: f32,
-    /// Largest component of a node's velocity in the object's frame [cells/s].
-    pub speed: f32,
     /// Whether a node is nowhere.
     pub bad: bool,
 }
 
-impl Extremes {
-    fn join(self, other: Self) -> Self {
-        Self {
-            tangent: self.tangent.max(other.tangent),
-            rate: self.rate.max(other.rate),
-            speed: self.speed.max(other.speed),
-            bad: self.bad || other.bad,
-        }
-    }
-}
-
 /// The tiles that the kernel writes.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Tiles(Vec<Tile>);
+pub(crate) struct Tiles {
+    forces: Vec<Tile>,
+    tangents: Vec<TangentTile>,
+    /// On outer nodes [Pa], and what inner ones bear of it.
+    outer: Vec<[f32; 3]>,
+    borne: Vec<Planes>,
+    /// Displacements and velocities of outer nodes.
+    followed: Vec<[[f32; 3]; 2]>,
+    /// Largest speed of a node per block of nodes in the object's frame [cells/s].
+    pub speeds: Vec<f32>,
+}
 
 impl Tiles {
     /// For a solid.
     pub fn new(model: &SolidModel) -> Self {
-        Self(vec![[[[F32x16::ZERO; 4]; 6]; 3]; model.point_blocks.len()])
+        let count = model.point_blocks.len();
+        Self {
+            forces: vec![[[[F32x16::ZERO; 4]; 6]; 3]; count],
+            tangents: vec![[[F32x16::ZERO; 4]; 6]; count],
+            outer: vec![[0.0; 3]; model.extension.outer.len()],
+            borne: vec![[[F32x16::ZERO; 4]; 3]; model.node_blocks.len()],
+            followed: vec![[[0.0; 3]; 2]; model.extension.outer.len()],
+            speeds: vec![0.0; model.node_blocks.len()],
+        }
     }
 }
 
@@ -98,27 +108,131 @@ pub(crate) fn substep(
     step: &Step,
 ) -> Extremes {
     let before = &*nodes;
-    let tasks = tiles.0.par_chunks_mut(TASK).enumerate();
-    let of_points = tasks.map(|(n, tiles)| {
+    let forces = tiles.forces.par_chunks_mut(TASK);
+    let tasks = forces.zip(tiles.tangents.par_chunks_mut(TASK)).enumerate();
+    let of_points = tasks.map(|(n, (forces, tangents))| {
         let task = Task {
             model,
             first: n * TASK,
             laws,
             nodes: before,
         };
-        forces_with_isa(isa, &task, step, tiles)
+        forces_with_isa(isa, &task, step, forces, tangents)
     });
-    let found = of_points.reduce(Extremes::default, Extremes::join);
-    let tiles = &*tiles.0;
-    let tasks = nodes.par_chunks_mut(TASK).enumerate();
-    let largest = tasks
-        .map(|(n, nodes)| advance_with_isa(isa, model, conditions, tiles, n * TASK, nodes, step));
-    let largest = largest.reduce(|| 0, u32::max);
-    Extremes {
-        bad: largest >= f32::INFINITY.to_bits(),
-        speed: f32::from_bits(largest),
-        ..found
+    let rate = of_points.reduce(|| 0.0, f32::max);
+    let mut tangent = 0;
+    if step.wants_extremes {
+        let tasks = model.spread.par_chunks(TASK).enumerate();
+        let largest =
+            tasks.map(|(n, w)| tangent_with_isa(isa, model, &tiles.tangents, n * TASK, w));
+        tangent = largest.reduce(|| 0, u32::max);
     }
+    let Tiles {
+        forces,
+        outer,
+        borne,
+        followed,
+        speeds,
+        ..
+    } = tiles;
+    bear_outer(model, conditions, forces, outer, borne);
+    let (forces, borne) = (&*forces, &*borne);
+    let chunks = nodes.par_chunks_mut(TASK);
+    let tasks = chunks.zip(speeds.par_chunks_mut(TASK)).enumerate();
+    tasks.for_each(|(n, (nodes, speeds))| {
+        let forces = NodeForces {
+            model,
+            conditions,
+            tiles: forces,
+            borne,
+            first: n * TASK,
+        };
+        advance_with_isa(isa, &forces, nodes, speeds, step);
+    });
+    follow_inner(model, conditions, nodes, followed, speeds);
+    let largest = speeds.iter().map(|speed| speed.to_bits()).max();
+    Extremes {
+        tangent: f32::from_bits(tangent) * (model.dx * model.dx) as f32,
+        rate,
+        bad: largest.unwrap_or(0) >= f32::INFINITY.to_bits(),
+    }
+}
+
+/// Gives inner nodes what acts on those that follow them.
+fn bear_outer(
+    model: &SolidModel,
+    conditions: &Conditions,
+    tiles: &[Tile],
+    outer: &mut [[f32; 3]],
+    borne: &mut [Planes],
+) {
+    let extension = &model.extension;
+    let slots = extension.outer.par_iter().with_min_len(OUTER);
+    let slots = slots.zip(&conditions.follows);
+    slots
+        .zip(outer.par_iter_mut())
+        .for_each(|((&slot, follows), force)| {
+            if !follows {
+                *force = [0.0; 3];
+                return;
+            }
+            let (block, x, lane) = (
+                slot as usize / NODES,
+                slot as usize / 16 % 4,
+                slot as usize % 16,
+            );
+            let mut sum = [0.0; 3];
+            if conditions.forced[block] {
+                sum = read(&conditions.force[block], slot as usize);
+            }
+            for (o, &at) in model.point_blocks_of[block].iter().enumerate() {
+                let plane = if o < 4 { x + 4 } else { x };
+                if at == NO_BLOCK || plane >= 6 {
+                    continue;
+                }
+                for a in 0..3 {
+                    sum[a] -= tiles[at as usize][a][plane][3 - o % 4].0[lane];
+                }
+            }
+            *force = sum;
+        });
+    let outer = &*outer;
+    let blocks = borne.par_iter_mut().enumerate().with_min_len(TASK);
+    blocks.for_each(|(block, borne)| extension.gather(block, outer, borne));
+}
+
+/// Puts outer nodes where they belong.
+fn follow_inner(
+    model: &SolidModel,
+    conditions: &Conditions,
+    nodes: &mut [NodeBlock],
+    followed: &mut [[[f32; 3]; 2]],
+    speeds: &mut [f32],
+) {
+    let extension = &model.extension;
+    let (before, rows) = (&*nodes, followed.par_iter_mut().enumerate());
+    rows.with_min_len(OUTER)
+        .for_each(|(n, out)| *out = extension.follow(n, before));
+    let followed = &*followed;
+    let blocks = nodes.par_iter_mut().zip(speeds).enumerate();
+    blocks
+        .with_min_len(TASK)
+        .for_each(|(block, (node, speed))| {
+            for n in extension.outer_of[block].clone() {
+                if !conditions.follows[n as usize] {
+                    continue;
+                }
+                let slot = extension.outer[n as usize] as usize;
+                let [u, v] = followed[n as usize];
+                write(&mut node.u, slot, u);
+                write(&mut node.v, slot, v);
+                let squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+                let is_more = squared.sqrt() > *speed || squared.is_nan();
+                if is_more && !speed.is_nan() {
+                    *speed = squared.sqrt();
+                }
+            }
+        });
 }
 
 /// Elastic energy of a solid [J], summed block by block.
@@ -180,19 +294,67 @@ impl Task<'_> {
 }
 
 on_isa! {
-    fn forces_with_isa = forces(task: &Task<'_>, step: &Step, tiles: &mut [Tile]) -> Extremes
+    fn forces_with_isa = forces(
+        task: &Task<'_>,
+        step: &Step,
+        tiles: &mut [Tile],
+        tangents: &mut [TangentTile],
+    ) -> f32
 }
 
-/// Fills the tiles of some blocks.
+/// Fills the tiles of some blocks; the largest gradient of the velocity where there is viscosity [1/s].
 #[inline(always)]
-fn forces<V: Lanes>(task: &Task<'_>, step: &Step, tiles: &mut [Tile]) -> Extremes {
+fn forces<V: Lanes>(
+    task: &Task<'_>,
+    step: &Step,
+    tiles: &mut [Tile],
+    tangents: &mut [TangentTile],
+) -> f32 {
     let mut scratch = Scratch::EMPTY;
-    let mut found = Extremes::default();
-    for (n, tile) in tiles.iter_mut().enumerate() {
+    let mut rate = 0.0_f32;
+    for (n, tiles) in tiles.iter_mut().zip(tangents).enumerate() {
         let (nodes, matter) = task.block(n);
-        found = found.join(block::forces::<V>(nodes, matter, step, &mut scratch, tile));
+        rate = rate.max(block::forces::<V>(nodes, matter, step, &mut scratch, tiles));
     }
-    found
+    rate
+}
+
+on_isa! {
+    fn tangent_with_isa = largest_tangent(
+        model: &SolidModel,
+        tiles: &[TangentTile],
+        first: usize,
+        w: &[[F32x16; 4]],
+    ) -> u32
+}
+
+/// Largest mean tangent of some blocks of nodes, `w` being their cell size over their mass, as bits of it over the squared cell
+/// size [1/s^2].
+#[inline(always)]
+fn largest_tangent<V: Lanes>(
+    model: &SolidModel,
+    tiles: &[TangentTile],
+    first: usize,
+    w: &[[F32x16; 4]],
+) -> u32 {
+    let mut largest = V::splat(0.0);
+    for (n, w) in (first..).zip(w) {
+        let mut sum = [V::splat(0.0); 4];
+        for (o, &block) in model.point_blocks_of[n].iter().enumerate() {
+            if block == NO_BLOCK {
+                continue;
+            }
+            // As in `advance`.
+            let (tile, from, piece) = (&tiles[block as usize], 4 - o / 4 * 4, 3 - o % 4);
+            for x in 0..6 - from.max(2) {
+                sum[x] = sum[x] + V::load(&tile[from + x][piece]);
+            }
+        }
+        for x in 0..4 {
+            largest = largest.larger_magnitude(sum[x] * V::load(&w[x]));
+        }
+    }
+    largest.largest_magnitude_bits()
 }
 
 on_isa! {
@@ -211,40 +373,61 @@ fn energy<V: Lanes>(task: &Task<'_>, count: usize) -> f64 {
     sum
 }
 
-on_isa! {
-    fn advance_with_isa = advance(
-        model: &SolidModel,
-        conditions: &Conditions,
-        tiles: &[Tile],
-        first: usize,
-        nodes: &mut [NodeBlock],
-        step: &Step,
-    ) -> u32
+/// What moves blocks of nodes.
+struct NodeForces<'a> {
+    model: &'a SolidModel,
+    conditions: &'a Conditions,
+    tiles: &'a [Tile],
+    /// What inner nodes bear of outer ones, per block.
+    borne: &'a [Planes],
+    /// The first block.
+    first: usize,
 }
 
-/// Velocities and displacements of some blocks of nodes; bits of the largest component of a velocity.
+on_isa! {
+    fn advance_with_isa = advance(
+        forces: &NodeForces<'_>,
+        nodes: &mut [NodeBlock],
+        speeds: &mut [f32],
+        step: &Step,
+    )
+}
+
+/// Velocities and displacements of some blocks of nodes, and the largest speed of each.
 #[inline(always)]
 fn advance<V: Lanes>(
-    model: &SolidModel,
-    conditions: &Conditions,
-    tiles: &[Tile],
-    first: usize,
+    forces: &NodeForces<'_>,
     nodes: &mut [NodeBlock],
+    speeds: &mut [f32],
     step: &Step,
-) -> u32 {
+) {
+    let &NodeForces {
+        model,
+        conditions,
+        tiles,
+        borne,
+        first,
+    } = forces;
     let zero = V::splat(0.0);
     let (kick, drift, keep) = (
         V::broadcast(step.kick),
         V::broadcast(step.drift),
         V::broadcast(step.keep),
     );
-    let mut largest = zero;
-    for (n, block) in (first..).zip(nodes) {
+    for ((n, block), speed) in (first..).zip(nodes).zip(speeds) {
+        let mut largest = zero;
         let mut f = [[zero; 4]; 3];
         if conditions.forced[n] {
             for a in 0..3 {
                 for x in 0..4 {
                     f[a][x] = V::load(&conditions.force[n][a][x]);
+                }
+            }
+        }
+        if model.extension.bears(n) {
+            for a in 0..3 {
+                for x in 0..4 {
+                    f[a][x] = f[a][x] + V::load(&borne[n][a][x]);
                 }
             }
         }
@@ -273,6 +456,7 @@ fn advance<V: Lanes>(
         for x in 0..4 {
             let w = V::load(&conditions.w[n][x]);
             let free = zero.lt(w);
+            let mut squared = zero;
             for a in 0..3 {
                 let rate = w.mul_add(f[a][x], V::broadcast(step.gravity[a]));
                 let before = V::load(&block.v[a][x]);
@@ -281,9 +465,10 @@ fn advance<V: Lanes>(
                 drift
                     .mul_add(v, V::load(&block.u[a][x]))
                     .store(&mut block.u[a][x]);
-                largest = largest.larger_magnitude(v);
+                squared = v.mul_add(v, squared);
             }
+            largest = largest.larger_magnitude(squared);
         }
+        *speed = f32::from_bits(largest.largest_magnitude_bits()).sqrt();
     }
-    largest.largest_magnitude_bits()
 }
