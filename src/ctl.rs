@@ -93,6 +93,15 @@ enum Ctl {
         /// Only this region of the object, counted from 1.
         #[arg(long, default_value_t = 0, hide_default_value = true)]
         region: u32,
+        /// Point X Y Z [m]: only what is around it.
+        #[arg(long, num_args = 3, allow_negative_numbers = true)]
+        point: Option<Vec<f64>>,
+        /// Radius around the point [m].
+        #[arg(long, requires = "point", conflicts_with = "half")]
+        radius: Option<f64>,
+        /// Half the edges X Y Z [m] of a box around the point, along the axes of the world.
+        #[arg(long, num_args = 3, requires = "point")]
+        half: Option<Vec<f64>>,
     },
     /// Set gravity.
     Gravity {
@@ -332,9 +341,15 @@ fn order(ctl: &Ctl) -> anyhow::Result<Order> {
             law,
             numbers,
             region,
+            point,
+            radius,
+            half,
         } => Order::SetMaterial {
             object: object.clone(),
             region: *region,
+            point: point.as_deref().map(vector).transpose()?,
+            radius: *radius,
+            half: half.as_deref().map(vector).transpose()?,
             material: MaterialRef::Value(MaterialValue {
                 preset: preset.clone(),
                 law: law.clone(),

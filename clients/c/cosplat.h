@@ -33,7 +33,7 @@
 #define COSPLAT_COMMAND_IMPULSE_AT UINT32_C(2)
 /** Give `object` the velocity `vector` [m/s] and the spin `point` [rad/s]. */
 #define COSPLAT_COMMAND_SET_VELOCITY UINT32_C(3)
-/** Give `object`, or one region of it, the material `material`; mass stays. */
+/** Give `object`, or one region of it, the material `material`; mass stays. With a `radius` only what is within it of `point`, with `vector` only what is in the box about `point` with these half edges [m]. */
 #define COSPLAT_COMMAND_SET_MATERIAL UINT32_C(4)
 /** Set gravity to `vector` [m/s^2]. */
 #define COSPLAT_COMMAND_SET_GRAVITY UINT32_C(5)

@@ -80,6 +80,8 @@ impl ReferenceWorld {
             Action::SetMaterial {
                 object,
                 region,
+                // Brushes are the solver's alone, as edits below.
+                patch: None,
                 ref material,
             } => self.set_material(object, region, material),
             Action::SetGravity { gravity } => self.gravity = gravity,
@@ -124,6 +126,7 @@ impl ReferenceWorld {
             Action::Release { object } => self.pin(object, None),
             // The solver's alone: they change nothing here.
             Action::Hold { .. }
+            | Action::SetMaterial { .. }
             | Action::SetPose { .. }
             | Action::SetFidelity { .. }
             | Action::Remove { .. }

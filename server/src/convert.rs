@@ -4,7 +4,7 @@ use cosplat_ipc::schema::{self as wire, padded};
 use cosplat_pacing::steering::Control;
 use cosplat_scene::sources::{SourceFile, SourceKind};
 use cosplat_sim_core::{
-    Action, Contact, ContactPartner, HoldChange, ObjectState, Place, Scene,
+    Action, Contact, ContactPartner, HoldChange, ObjectState, Patch, Place, Scene,
     materials::{Law, Material, laws::LAWS},
     pose::GaussianPose,
     scene::{Fidelity, Object, Pose},
@@ -86,6 +86,7 @@ pub fn order_from_wire(client: u64, command: &wire::Command) -> Result<Order, Wi
         wire::COMMAND_SET_MATERIAL => Action::SetMaterial {
             object,
             region: (command.material.region as usize).checked_sub(1),
+            patch: patch_from_wire(command),
             material: material_from_wire(&command.material)?,
         },
         wire::COMMAND_SET_GRAVITY => Action::SetGravity {
@@ -193,6 +194,20 @@ fn place_from_wire(command: &wire::Command) -> Result<Place, WireError> {
     Ok(Place {
         position: is_set(wire::POSE_KEEP_PLACE).then_some(turned.translation),
         rotation: is_set(wire::POSE_KEEP_ROTATION).then_some(turned.rotation),
+    })
+}
+
+/// Where a material goes; none for all of an object or region.
+fn patch_from_wire(command: &wire::Command) -> Option<Patch> {
+    if command.radius != 0.0 {
+        return Some(Patch::Ball {
+            point: command.point,
+            radius: command.radius,
+        });
+    }
+    (command.vector != [0.0; 3]).then_some(Patch::Box {
+        centre: command.point,
+        half: command.vector,
     })
 }
 
@@ -377,6 +392,7 @@ mod tests {
             let Ok(Order::World(Action::SetMaterial {
                 object,
                 region,
+                patch: None,
                 material,
             })) = order_from_wire(1, &command)
             else {
@@ -386,6 +402,25 @@ mod tests {
             assert_eq!(Law::from_parameters(law.id, parameters), Some(material.law));
             assert_eq!(material.youngs_modulus, if law.elastic { 1e6 } else { 0.0 });
         }
+    }
+
+    #[test]
+    fn a_radius_makes_a_ball_and_half_edges_a_box() {
+        let (point, half) = ([1.0, 2.0, 3.0], [0.1, 0.0, 0.3]);
+        let patch = |radius: f64, vector: [f64; 3]| {
+            patch_from_wire(&wire::Command {
+                kind: wire::COMMAND_SET_MATERIAL,
+                vector,
+                point,
+                radius,
+                ..Default::default()
+            })
+        };
+        assert_eq!(patch(0.0, [0.0; 3]), None);
+        let ball = Patch::Ball { point, radius: 0.2 };
+        assert_eq!(patch(0.2, half), Some(ball));
+        let centre = point;
+        assert_eq!(patch(0.0, half), Some(Patch::Box { centre, half }));
     }
 
     #[test]

@@ -49,13 +49,15 @@ pub enum Action {
         /// Angular velocity [rad/s].
         angular: [f64; 3],
     },
-    /// Replaces the material of an object or of one of its regions; mass is kept (the density of the new material
-    /// is ignored while running), and so is the visible shape.
+    /// Replaces the material of an object, of one of its regions, or of a patch of these; mass is kept (the density of the
+    /// new material is ignored while running), and so is the visible shape.
     SetMaterial {
         /// Object id.
         object: usize,
         /// Number of the region; none for the whole object, regions included.
         region: Option<usize>,
+        /// Which of its particles, by where they are now; none for all of them.
+        patch: Option<Patch>,
         /// New law and parameters.
         material: Material,
     },
@@ -180,6 +182,25 @@ pub enum Action {
     Reset,
 }
 
+/// Where particles get another material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Patch {
+    /// Within a radius of a point.
+    Ball {
+        /// Its centre [m], world frame.
+        point: [f64; 3],
+        /// Its radius [m], > 0; widened to reach the nearest particle when it holds none.
+        radius: f64,
+    },
+    /// In a box along the axes of the world, faces included.
+    Box {
+        /// Its centre [m], world frame.
+        centre: [f64; 3],
+        /// Half its edges [m], >= 0.
+        half: [f64; 3],
+    },
+}
+
 /// Where an object is put.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place {
@@ -292,6 +313,38 @@ pub enum CommandError {
         object: usize,
         /// The law sent.
         law: &'static str,
+    },
+    /// The object is a solid on a grid of its own, whose points have the materials of the scene's parts.
+    #[error(
+        "object {object} has solver = \"lagrangian\" and no patch of it can be painted; expected all of it, or a region"
+    )]
+    NotPaintable {
+        /// The id sent.
+        object: usize,
+    },
+    /// No particle is where the material should go.
+    #[error(
+        "nothing of object {object} is in the box of {:?} m about {:?} m, expected at least one particle",
+        half,
+        centre
+    )]
+    NothingThere {
+        /// The id sent.
+        object: usize,
+        /// Centre of the box [m].
+        centre: [f64; 3],
+        /// Half its edges [m].
+        half: [f64; 3],
+    },
+    /// Only so many materials can be painted.
+    #[error(
+        "{found} parts of objects would be painted, expected at most {max}: paint with fewer materials, or undo"
+    )]
+    TooManyPainted {
+        /// Parts there would be.
+        found: usize,
+        /// Parts that can be painted.
+        max: usize,
     },
     /// All particles of the object were taken out.
     #[error(

@@ -47,7 +47,7 @@ mod substep;
 pub mod test_scenes;
 mod world;
 
-pub use command::{Action, Command, CommandError, HoldChange, Place};
+pub use command::{Action, Command, CommandError, HoldChange, Patch, Place};
 pub use report::{Contact, ContactEpisode, ContactPartner, DtLimit, ObjectState, StepReport, Work};
 pub use scene::Scene;
 pub use simd::Isa;

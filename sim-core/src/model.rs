@@ -1,6 +1,12 @@
 //! The constant side of a world: the scene, and what is made of it before the first step.
 //!
-//! Only [`Model::constants`] ever change: where a command changes a material, at the start of a frame.
+//! Only [`Model::constants`] ever change, where a command changes a material, and parts, where one paints: at the start of a
+//! frame.
+
+mod parts;
+
+pub(crate) use parts::Painted;
+use parts::Portion;
 
 use crate::{
     bodies::grain::Grain,
@@ -29,8 +35,15 @@ pub(crate) struct Model {
     pub scene: Scene,
     /// Instruction set of the kernels.
     pub isa: Isa,
-    /// Parts of all objects: each has one material.
+    /// Parts of all objects: each has one material. Those of the scene come first, then what commands painted: a painted part
+    /// has the range of the part that it is of.
     pub parts: Vec<Part>,
+    /// How many of them the scene has.
+    pub scene_parts: usize,
+    /// Which particles are of which part, in scene order.
+    pub portions: Vec<Portion>,
+    /// Per part how many particles are of it.
+    pub particle_counts: Vec<usize>,
     /// Mass of the heaviest particle [kg]: the solver's unit, so that single precision never under- or overflows.
     pub mass_unit: f64,
     /// Colliders and regions [cells]: what matter meets.
@@ -98,9 +111,13 @@ impl Model {
                 .collect(),
             specific_volumes: objects.map(|o| o.material.density.recip()).collect(),
             constants: Constants::default(),
+            scene_parts: parts.len(),
+            portions: vec![],
+            particle_counts: vec![],
             parts,
             scene,
         };
+        model.paint(&[]);
         let at_rest: Vec<Material> = model.parts.iter().map(|p| p.material.clone()).collect();
         let wanted = vec![None; model.scene.objects.len()];
         model.set_materials(&at_rest, &wanted);
@@ -222,10 +239,8 @@ impl Model {
 
     /// Whether a part has particles that are not for show alone.
     pub fn has_particles(&self, part: usize) -> bool {
-        let Part {
-            object, particles, ..
-        } = &self.parts[part];
-        self.scene.objects[*object].fidelity != Fidelity::Static && !particles.is_empty()
+        let object = self.parts[part].object;
+        self.scene.objects[object].fidelity != Fidelity::Static && self.particle_counts[part] > 0
     }
 
     /// Mass and volume of a particle at a place.

@@ -14,7 +14,7 @@ use crate::{
     contact::{Episodes, ledger::Ledger},
     grid::Grid,
     materials::{Material, limits::DeformationBounds},
-    model::Model,
+    model::{Model, Painted},
     particles::{Backup, Block, Extremes, Motion, Particles},
     scene::{Fidelity, Pose},
     solid::{advance::Scratch, state::SolidState},
@@ -60,8 +60,10 @@ pub(crate) struct Progress {
 pub(crate) struct Commanded {
     /// Gravitational acceleration [m/s^2].
     pub gravity: [f64; 3],
-    /// Material of every part.
+    /// Material of every part, painted ones last.
     pub materials: Vec<Material>,
+    /// Parts that commands painted, in the order they came to be.
+    pub painted: Vec<Painted>,
     /// What commands made of each collider.
     pub paths: Paths,
     /// Particles that are held in place, per object.

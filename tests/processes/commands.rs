@@ -416,7 +416,11 @@ fn any_material_is_set_in_words_and_journalled_in_numbers() {
     assert!(set(&sand).status.success());
     let water = ["right", "water", "--set", "bulk_modulus_pa=1e5"];
     assert!(set(&water).status.success());
-    let refused: [(&[&str], &str); 4] = [
+    let patch = ["--point", "-0.3", "0.3", "0", "--half", "9", "9", "0.02"];
+    let painted = [&["left", "jelly"], &patch[..]].concat();
+    assert!(set(&painted).status.success());
+    let refused: [(&[&str], &str); 5] = [
+        (&["left", "jelly", "--half", "1", "1", "1"], "--point"),
         (&["left", "steal"], "did you mean `steel`?"),
         (&["left", "water", "--set", "cohesion=3"], "`cohesion`"),
         (&["left", "--law", "snow"], "youngs_modulus_pa"),
@@ -432,18 +436,23 @@ fn any_material_is_set_in_words_and_journalled_in_numbers() {
     }
     assert!(stage.ctl(&["resume"]).status.success());
     let mut found = Vec::new();
-    while found.len() < 2 {
+    while found.len() < 3 {
         let message = journal
             .next(PATIENCE)
             .expect("the journal is well-formed")
             .expect("the commands are in it");
-        found.extend(message.items().iter().map(|entry| entry.command.material));
+        let commands = message.items().iter().map(|entry| entry.command);
+        found.extend(commands.map(|command| (command.material, command.vector)));
     }
     // Each order comes from a process of its own, and those of one step take effect in the order of their random ids.
-    found.sort_by_key(|material| material.law);
-    assert_eq!((found[0].law, found[0].youngs_modulus), (4, 2e5));
-    assert_eq!(found[0].parameters, [30.0, 0.0, 0.0, 0.0]);
-    assert_eq!((found[1].law, found[1].parameters[0]), (8, 1e5));
+    found.sort_by_key(|(material, half)| (half != &[0.0; 3], material.law));
+    let [(sand, _), (water, _), (_, half)] = found[..] else {
+        panic!("{found:?}");
+    };
+    assert_eq!((sand.law, sand.youngs_modulus), (4, 2e5));
+    assert_eq!(sand.parameters, [30.0, 0.0, 0.0, 0.0]);
+    assert_eq!((water.law, water.parameters[0]), (8, 1e5));
+    assert_eq!(half, [9.0, 9.0, 0.02]);
     assert_eq!(server.result()["steps"], 20);
 }
 

@@ -1,7 +1,7 @@
 //! Objects are edited in the page: by numbers, buttons, keys and dragging, in a real browser.
 
 use cosplat_ipc::client::Client;
-use cosplat_ipc::schema::{COMMAND_REDO, COMMAND_SET_POSE, COMMAND_UNDO};
+use cosplat_ipc::schema::{COMMAND_REDO, COMMAND_SET_MATERIAL, COMMAND_SET_POSE, COMMAND_UNDO};
 use serde_json::{Value, json};
 
 use crate::browser::{Browser, paused_in_browser};
@@ -232,4 +232,40 @@ fn a_drag_with_ctrl_puts_an_object_elsewhere() {
     browser.key("\u{e008}", "keyUp");
     says(&browser, "overlap collider 0 by");
     browser.wait_for("return cosplat.state.objects[0].shift.every((x) => x === 0)");
+}
+
+#[test]
+fn a_drag_with_the_brush_paints_what_is_below_it() {
+    let _watchdog = watchdog();
+    let Some((_page, browser, client)) = paused() else {
+        return;
+    };
+    let pixels = seen_by_page(&browser, 7);
+    let own: Vec<_> = pixels.iter().filter(|pixel| pixel[2] == 0).collect();
+    let [x, y, _] = *own[own.len() / 2];
+    let mut journal = client.journal().expect("a journal");
+    browser.script(
+        "cosplat.panel.tool('paint');
+         const list = document.getElementById('preset');
+         list.value = 'packed_snow';
+         list.dispatchEvent(new Event('change'));
+         document.getElementById('patch').value = 0.2;
+         return 0",
+    );
+    browser.pointer(&[("move", x, y), ("down", 0, 0)]);
+    says(&browser, "painted with packed_snow as step");
+    browser.pointer(&[("up", 0, 0)]);
+    step(&browser, &client);
+    let seen = journal_until(&mut journal, COMMAND_SET_MATERIAL);
+    let painted = seen.last().expect("an order").command;
+    // Law 5 is snow; the patch is a fifth of the object's radius.
+    assert_eq!((painted.object, painted.material.law), (0, 5));
+    assert!(painted.radius > 0.0 && painted.point != [0.0; 3]);
+    // The page still says what the object is made of, and undo takes the stroke back.
+    browser.press("u");
+    says(&browser, "undone as step");
+    step(&browser, &client);
+    journal_until(&mut journal, COMMAND_UNDO);
+    browser.press("u");
+    says(&browser, "no edit to undo");
 }

@@ -142,10 +142,19 @@ fn random_script(seed: u64) -> String {
             6 => format!(
                 "action = \"pin\"\nobject = \"{object}\"\npoint = [{x}, {y}, {z}]\nradius = 0.1"
             ),
-            _ => format!(
-                "action = \"set-material\"\nobject = \"{object}\"\nmaterial = {{ preset = \"soft_rubber\", youngs_modulus_pa = {} }}",
-                1e5 * (1.5 + x)
-            ),
+            _ => {
+                // All of it, or a patch.
+                let patch = format!(
+                    "\npoint = [{}, {}, {z}]\nradius = 0.1",
+                    0.4 * x,
+                    0.2 + 0.2 * y
+                );
+                let patch = if z < 0.2 { &patch } else { "" };
+                format!(
+                    "action = \"set-material\"\nobject = \"{object}\"{patch}\nmaterial = {{ preset = \"soft_rubber\", youngs_modulus_pa = {} }}",
+                    1e5 * (1.5 + x)
+                )
+            }
         };
         write!(text, "[[order]]\ntime = {time}\n{action}\n\n").expect("text");
     }

@@ -41,6 +41,12 @@ pub enum Order {
         region: u32,
         /// Preset name, or preset or law with numbers.
         material: MaterialRef,
+        /// Centre of a patch [m], world frame: only its particles get the material.
+        point: Option<[f64; 3]>,
+        /// How far around `point` [m].
+        radius: Option<f64>,
+        /// Half the edges of a box around `point` [m], along the axes of the world, in place of a radius.
+        half: Option<[f64; 3]>,
     },
     /// New gravity [m/s^2].
     Gravity {
@@ -280,6 +286,9 @@ pub enum OrderError {
         /// Names there are.
         known: String,
     },
+    /// A box without a centre.
+    #[error("half is given without point, expected the centre of the box as point")]
+    NoCentre,
     /// No such material.
     #[error("{0}")]
     Material(String),
@@ -385,8 +394,20 @@ impl Order {
                 object,
                 region,
                 material,
+                point,
+                radius,
+                half,
             } => wire::Command {
-                object: lookup.object(object)?,
+                object: match (point, half) {
+                    (None, Some(_)) => return Err(OrderError::NoCentre),
+                    _ => lookup.object(object)?,
+                },
+                vector: half.unwrap_or_default(),
+                point: point.unwrap_or_default(),
+                radius: match (point, half) {
+                    (Some(_), None) => radius.unwrap_or(DEFAULT_PUSH_RADIUS),
+                    _ => 0.0,
+                },
                 material: lookup.material(material, *region)?,
                 ..of_kind(wire::COMMAND_SET_MATERIAL)
             },

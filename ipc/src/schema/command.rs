@@ -11,7 +11,8 @@ pub const COMMAND_IMPULSE: u32 = 1;
 pub const COMMAND_IMPULSE_AT: u32 = 2;
 /// Give `object` the velocity `vector` [m/s] and the spin `point` [rad/s].
 pub const COMMAND_SET_VELOCITY: u32 = 3;
-/// Give `object`, or one region of it, the material `material`; mass stays.
+/// Give `object`, or one region of it, the material `material`; mass stays. With a `radius` only what is within it of `point`,
+/// with `vector` only what is in the box about `point` with these half edges [m].
 pub const COMMAND_SET_MATERIAL: u32 = 4;
 /// Set gravity to `vector` [m/s^2].
 pub const COMMAND_SET_GRAVITY: u32 = 5;

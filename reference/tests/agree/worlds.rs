@@ -78,6 +78,7 @@ fn two_materials_share_an_object_and_a_region_can_be_edited() {
             action: Action::SetMaterial {
                 object: 0,
                 region: Some(0),
+                patch: None,
                 material: elastic(Law::NeoHookean, 3e4, 0.3),
             },
         }];
@@ -92,6 +93,7 @@ fn two_materials_share_an_object_and_a_region_can_be_edited() {
     let missing = Action::SetMaterial {
         object: 0,
         region: Some(1),
+        patch: None,
         material: heavy,
     };
     let error = world.check(&missing).expect_err("there is one region");

@@ -63,11 +63,21 @@ fn cell_of(x: [f32; 3]) -> (u8, u8) {
 /// Sorts particles by field, block, part and cell; among those the order stays as it was. Reads `old`, fills `new`.
 /// `shaped` tells the parts whose visible deformation is carried apart: one that was not so far begins with `F`.
 pub(crate) fn sort(old: &Particles, shaped: &[bool], new: &mut Particles) {
+    sort_into(old, |_, part| part, shaped, new);
+}
+
+/// The same where particles may come to be of other parts of their field: `part_of` their index and the part so far.
+pub(crate) fn sort_into(
+    old: &Particles,
+    part_of: impl Fn(u32, usize) -> usize + Sync,
+    shaped: &[bool],
+    new: &mut Particles,
+) {
     let departures: Vec<Departures> = old
         .blocks
         .par_iter()
         .with_min_len(TASK)
-        .map(|block| depart(old, block))
+        .map(|block| depart(old, block, &part_of))
         .collect();
     // Who sends particles where: target, source block, offset. Sorted, each target finds its sources in the
     // order of the old blocks.
@@ -93,7 +103,7 @@ pub(crate) fn sort(old: &Particles, shaped: &[bool], new: &mut Particles) {
 }
 
 /// Groups the particles of a block by where they go.
-fn depart(old: &Particles, block: &Block) -> Departures {
+fn depart(old: &Particles, block: &Block, part_of: impl Fn(u32, usize) -> usize) -> Departures {
     let mut found = Vec::with_capacity(block.groups.len() * LANES);
     let mut starts = [0; 28];
     for run in &old.runs[block.runs.clone()] {
@@ -107,7 +117,7 @@ fn depart(old: &Particles, block: &Block) -> Departures {
                 starts[usize::from(offset) + 1] += 1;
                 found.push(Traveller {
                     from: (group * LANES + lane) as u32,
-                    part: run.part as u32,
+                    part: part_of(id[lane], run.part) as u32,
                     offset,
                     cell,
                 });

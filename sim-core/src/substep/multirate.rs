@@ -109,7 +109,7 @@ impl Demand {
             if given.is_simulated(id) {
                 let own = limit_of(given, id, &matter.extremes[id]).dt;
                 own_dt[part.object] = own_dt[part.object].min(own);
-                counts[part.object] += part.particles.len() as f64;
+                counts[part.object] += given.model.particle_counts[id] as f64;
             }
         }
         Self {

@@ -331,7 +331,8 @@ impl World {
     /// Whether an object is a body and nothing else.
     pub(super) fn is_one_body(&self, object: usize) -> bool {
         let apart = |(n, part): (usize, &Part)| {
-            part.object == object && !self.given().is_joined(n) && !part.particles.is_empty()
+            let is_empty = self.model.particle_counts[n] == 0;
+            part.object == object && !self.given().is_joined(n) && !is_empty
         };
         self.state.bodies.of[object].is_some() && !self.model.parts.iter().enumerate().any(apart)
     }

@@ -18,7 +18,7 @@ use crate::{
 /// First bytes of a checkpoint.
 const MAGIC: &[u8; 18] = b"cosplat checkpoint";
 /// Version of the layout; another one is refused.
-const VERSION: u32 = 12;
+const VERSION: u32 = 13;
 /// Magic, version, digest of the scene, length of what follows.
 const HEADER: usize = MAGIC.len() + 4 + 8 + 8;
 
@@ -141,7 +141,13 @@ impl World {
             apart,
         } = postcard::from_bytes(payload).map_err(|error| inconsistent(error.to_string()))?;
         let state = state.into_owned();
-        self.check_snapshot(&state, &frozen)?;
+        self.check_painted(&state.commanded.painted)?;
+        // Parts are those of the checkpoint from here on, or again those of now.
+        self.model.paint(&state.commanded.painted);
+        if let Err(error) = self.check_snapshot(&state, &frozen) {
+            self.model.paint(&self.state.commanded.painted);
+            return Err(error);
+        }
         let mut published = Published::new(&self.model.scene);
         if apart {
             published.elastic.clone_from(&published.deformation);
@@ -249,7 +255,7 @@ impl World {
                 scene.dx,
                 scene.cfl,
                 &scene.domain,
-                &self.model.parts,
+                &self.model.parts[..self.model.scene_parts],
                 &scene.colliders,
                 &scene.pinned_regions,
                 &scene.conditions,

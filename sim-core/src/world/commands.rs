@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     colliders::Path,
-    command::{Action, Command, CommandError},
+    command::{Action, Command, CommandError, Patch},
     mat3::{cross, length},
     materials::Material,
     particles::{NO_PARTICLE, position_in_cells},
@@ -38,6 +38,8 @@ pub(super) enum Effect<'a> {
     Material {
         object: usize,
         region: Option<usize>,
+        /// A sorted list, or all.
+        particles: Option<Vec<u32>>,
         material: Cow<'a, Material>,
     },
     Gravity([f64; 3]),
@@ -134,19 +136,9 @@ impl World {
             Action::SetMaterial {
                 object,
                 region,
+                patch,
                 ref material,
-            } => {
-                self.mass_of(object)?;
-                self.check_region(object, region)?;
-                self.check_material(object, material)?;
-                self.check_keeps_shape(object, material)?;
-                let material = Cow::Borrowed(material);
-                Ok(Effect::Material {
-                    object,
-                    region,
-                    material,
-                })
-            }
+            } => self.checked_material(object, region, patch, material),
             Action::SetGravity { gravity } => {
                 finite("gravity", &gravity)?;
                 within("gravity", length(gravity), 0.0, MAX_GRAVITY)?;
@@ -244,6 +236,29 @@ impl World {
             object,
             change: impulse.map(|j| j / mass),
             particles: None,
+        })
+    }
+
+    /// Another material for an object, a region or a patch.
+    fn checked_material<'a>(
+        &self,
+        object: usize,
+        region: Option<usize>,
+        patch: Option<Patch>,
+        material: &'a Material,
+    ) -> Result<Effect<'a>, CommandError> {
+        self.mass_of(object)?;
+        self.check_region(object, region)?;
+        self.check_material(object, material)?;
+        self.check_keeps_shape(object, material)?;
+        let particles = patch
+            .map(|patch| self.painted_by(object, region, &patch, material))
+            .transpose()?;
+        Ok(Effect::Material {
+            object,
+            region,
+            particles,
+            material: Cow::Borrowed(material),
         })
     }
 
@@ -435,8 +450,9 @@ impl World {
             Effect::Material {
                 object,
                 region,
+                particles,
                 material,
-            } => self.change_material(object, region, &material),
+            } => self.change_material(object, region, particles.as_deref(), &material),
             Effect::Gravity(gravity) => self.state.commanded.gravity = gravity,
             Effect::Path { collider, path } => {
                 self.state.commanded.paths[collider] = Some(path);

@@ -11,7 +11,7 @@ use crate::{
         limits::{DeformationBounds, critical_dt},
     },
     particles::{Extremes, NO_PARTICLE, Particles, Run, position_in_cells},
-    scene::{ContactMethod, Part},
+    scene::ContactMethod,
     simd::LANES,
     state::away::Loose,
     step::sort::{Newcomer, place},
@@ -80,67 +80,85 @@ impl World {
         }
     }
 
-    /// Gives an object, or one of its regions, a new material, and keeps it one body where a command wants that.
+    /// Gives an object, one of its regions, or these particles of it, a sorted list, a new material, and keeps it one body where
+    /// a command wants that.
     pub(super) fn change_material(
         &mut self,
         object: usize,
         region: Option<usize>,
+        particles: Option<&[u32]>,
         material: &Material,
     ) {
         let is_made_rigid = self.is_made_rigid(object);
         if is_made_rigid {
             self.loosen(object);
         }
-        self.set_material(object, region, material);
-        if is_made_rigid && !self.is_one_body(object) {
-            self.publish();
-            self.stiffen(object);
-        }
-    }
-
-    /// Gives an object, or one of its regions, a new material.
-    fn set_material(&mut self, object: usize, region: Option<usize>, material: &Material) {
-        let touched: Vec<usize> = (0..self.model.parts.len())
-            .filter(|&p| {
-                let part = &self.model.parts[p];
-                part.object == object && (region.is_none() || part.region == region)
-            })
-            .collect();
-        let stiffens = |part: usize| self.state.commanded.materials[part].law.is_rigid();
-        if touched
-            .iter()
-            .any(|&part| stiffens(part) && !material.law.is_rigid())
-        {
-            self.thaw(object);
-        }
-        let mut reshaped = false;
-        for &part in &touched {
-            let old = self.state.commanded.materials[part].law;
-            let becomes_solid = old.is_fluid() && !material.law.is_fluid();
-            let shaped = self.model.is_shaped(part, material.law)
-                || becomes_solid && self.model.is_visible(part);
-            reshaped |= shaped && !self.state.matter.shaped[part];
-            self.state.matter.shaped[part] |= shaped;
-        }
-        if reshaped {
-            self.rearrange();
-        }
-        for part in touched {
-            let old =
-                std::mem::replace(&mut self.state.commanded.materials[part], material.clone());
-            if old.law.id() != material.law.id() {
-                let particles = &mut self.state.matter.particles;
-                let runs = particles.runs.clone();
-                for run in runs.iter().filter(|run| run.part == part) {
-                    carry_over(particles, run, old.law, material.law);
-                }
+        match particles {
+            None => {
+                let parts = self.parts_of(object, region);
+                self.set_material(&parts, material);
+                self.unpaint(&parts);
             }
+            Some(particles) => self.paint(particles, material),
         }
         let commanded = &self.state.commanded;
         self.model
             .set_materials(&commanded.materials, &commanded.fidelity);
         self.reconsider_solid(object);
         self.freeze(object);
+        if is_made_rigid && !self.is_one_body(object) {
+            self.publish();
+            self.stiffen(object);
+        }
+    }
+
+    /// Parts of an object, or of one of its regions, painted ones among them.
+    pub(super) fn parts_of(&self, object: usize, region: Option<usize>) -> Vec<usize> {
+        let parts = self.model.parts.iter().enumerate();
+        let own = parts.filter(|(_, part)| {
+            part.object == object && (region.is_none() || part.region == region)
+        });
+        own.map(|(id, _)| id).collect()
+    }
+
+    /// Gives the body of an object its particles back where some of these parts are of it and are to deform.
+    pub(super) fn thaw_for(&mut self, parts: &[usize], material: &Material) {
+        let is_rigid = |&&part: &&usize| self.state.commanded.materials[part].law.is_rigid();
+        if let (Some(&part), false) = (parts.iter().find(is_rigid), material.law.is_rigid()) {
+            self.thaw(self.model.parts[part].object);
+        }
+    }
+
+    /// Whether the visible deformation of a part is to be carried apart once it is no more of `old`.
+    pub(super) fn is_shaped_after(&self, part: usize, old: Law, new: Law) -> bool {
+        let becomes_solid = old.is_fluid() && !new.is_fluid();
+        self.model.is_shaped(part, new) || becomes_solid && self.model.is_visible(part)
+    }
+
+    /// Gives parts of an object a new material.
+    pub(super) fn set_material(&mut self, touched: &[usize], material: &Material) {
+        self.thaw_for(touched, material);
+        let mut reshaped = false;
+        for &part in touched {
+            let old = self.state.commanded.materials[part].law;
+            let shaped = self.is_shaped_after(part, old, material.law);
+            reshaped |= shaped && !self.state.matter.shaped[part];
+            self.state.matter.shaped[part] |= shaped;
+        }
+        if reshaped {
+            self.rearrange();
+        }
+        for &part in touched {
+            let old =
+                std::mem::replace(&mut self.state.commanded.materials[part], material.clone());
+            if old.law.id() != material.law.id() {
+                let particles = &mut self.state.matter.particles;
+                let runs = particles.runs.clone();
+                for run in runs.iter().filter(|run| run.part == part) {
+                    carry_over(particles, run, material.law, |_| Some(old.law));
+                }
+            }
+        }
     }
 
     /// Turns the rigid body of an object into particles, with its momentum and angular momentum.
@@ -174,10 +192,7 @@ impl World {
         let (dx, offset_velocity) = (self.model.scene.dx, self.offset_velocity(object));
         let mut newcomers = Vec::with_capacity(loose.len());
         for p in loose {
-            let mine = |part: &Part| part.particles.contains(&(p.id as usize));
-            let Some(part) = self.model.parts.iter().position(mine) else {
-                continue;
-            };
+            let part = self.model.part_of(p.id as usize);
             let mass = self.model.grain(object, p.id, p.x).mass;
             for a in 0..3 {
                 self.state.progress.momentum[object][a] -= mass * offset_velocity[a];
@@ -290,15 +305,21 @@ fn write_deformation(
     }
 }
 
-/// What the new law needs to know of the past under the old one: volume passes between solids and fluids, all
-/// else that a law remembers means nothing to another.
-fn carry_over(particles: &mut Particles, run: &Run, old: Law, new: Law) {
+/// What the new law needs to know of the past under the old one, which `old` says of particles that had another: volume
+/// passes between solids and fluids, all else that a law remembers means nothing to another.
+pub(super) fn carry_over(
+    particles: &mut Particles,
+    run: &Run,
+    new: Law,
+    old: impl Fn(u32) -> Option<Law>,
+) {
     let shapes = run.shapes.clone().map(Some).chain(std::iter::repeat(None));
     for (g, shape) in run.groups.clone().zip(shapes) {
         for lane in 0..LANES {
-            if particles.fixed[g].id[lane] == NO_PARTICLE {
+            let id = particles.fixed[g].id[lane];
+            let Some(old) = (id != NO_PARTICLE).then(|| old(id)).flatten() else {
                 continue;
-            }
+            };
             let f = &mut particles.groups[g].f;
             let memory = &mut particles.memory[g].0[lane];
             match (old.is_fluid(), new.is_fluid()) {

@@ -106,6 +106,10 @@ fn hash_grabs(hash: &mut Xxh3, state: &State) {
 /// Adds what edits made of objects; nothing where there was none, so that the same motion keeps the hash it had.
 fn hash_edits(hash: &mut Xxh3, state: &State) {
     let commanded = &state.commanded;
+    for entry in &commanded.painted {
+        hash.update(bytes_of(&[entry.part as u64, entry.particles.len() as u64]));
+        hash.update(bytemuck::cast_slice(&entry.particles));
+    }
     for object in 0..commanded.fidelity.len() {
         if let Some(fidelity) = commanded.fidelity[object] {
             hash.update(bytes_of(&[object as u64, fidelity as u64]));

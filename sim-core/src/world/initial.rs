@@ -17,6 +17,7 @@ impl World {
     /// Back to the initial state; the count of steps goes on.
     pub(super) fn reset(&mut self) {
         self.sight.forget();
+        self.model.paint(&[]);
         let (model, newcomers) = (&self.model, self.newcomers());
         let (scene, parts) = (&model.scene, &model.parts);
         let objects = scene.objects.len();
@@ -29,6 +30,7 @@ impl World {
             commanded: Commanded {
                 gravity: scene.gravity,
                 materials: parts.iter().map(|p| p.material.clone()).collect(),
+                painted: vec![],
                 paths: vec![None; scene.colliders.len()],
                 pins: vec![None; objects],
                 grabs: vec![],

@@ -19,6 +19,7 @@ mod initial;
 mod measure;
 mod outside;
 mod overlap;
+mod paint;
 mod pieces;
 mod place;
 mod proxy;

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     command::{CommandError, Place},
     mat3::{Mat3, dot},
-    moments::{bodies_of, object_moments},
+    moments::object_moments,
     report::ObjectState,
     rotation::{conjugate, product, rotate},
     scene::{Fidelity, Pose},
@@ -134,8 +134,7 @@ impl World {
     pub(super) fn measured(&self, object: usize) -> ObjectState {
         let known = self.body_state(object).or_else(|| self.solid_state(object));
         known.unwrap_or_else(|| {
-            let (parts, materials) = (&self.model.parts, &self.state.commanded.materials);
-            let bodies = bodies_of(object, parts, materials);
+            let bodies = (self.model).bodies_of(object, &self.state.commanded.materials);
             object_moments(&self.published.arrays(), &bodies, self.model.scene.dx)
         })
     }

@@ -73,10 +73,12 @@ impl World {
     }
 
     fn laws_of_object(&self, object: usize) -> impl Iterator<Item = Law> + '_ {
-        let parts = self.model.parts.iter().zip(&self.state.commanded.materials);
-        let own =
-            parts.filter(move |(part, _)| part.object == object && !part.particles.is_empty());
-        own.map(|(_, material)| material.law)
+        let model = &self.model;
+        let parts = model.parts.iter().zip(&self.state.commanded.materials);
+        let own = parts
+            .enumerate()
+            .filter(move |(n, (part, _))| part.object == object && model.particle_counts[*n] > 0);
+        own.map(|(_, (_, material))| material.law)
     }
 
     /// Has an object modelled as commanded.

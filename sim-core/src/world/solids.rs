@@ -3,7 +3,7 @@
 use super::{World, frame::Frame};
 use crate::{
     mat3::cross,
-    moments::{bodies_of, object_moments},
+    moments::object_moments,
     report::ObjectState,
     solid::{nodes::NODES, state::SolidState},
     substep::laws_of,
@@ -211,8 +211,7 @@ impl World {
     pub(super) fn solid_state(&self, object: usize) -> Option<ObjectState> {
         let solid = self.model.lagrangian[object].as_ref()?;
         let state = self.state.solids[object].as_ref()?;
-        let materials = &self.state.commanded.materials;
-        let bodies = bodies_of(object, &self.model.parts, materials);
+        let bodies = (self.model).bodies_of(object, &self.state.commanded.materials);
         let arrays = self.published.arrays();
         let of_particles = object_moments(&arrays, &bodies, self.model.scene.dx);
         let sums = state.sums(self.model.isa, &solid.grid, &laws_of(&self.given(), object));

@@ -177,3 +177,32 @@ fn a_pose_is_for_what_it_names_and_edits_have_words() {
             .contains("mpm")
     );
 }
+
+#[test]
+fn a_patch_of_a_material_is_a_ball_or_a_box() {
+    let set = |point, radius, half| {
+        wired(&Order::SetMaterial {
+            object: ObjectRef::Id(1),
+            region: 0,
+            material: MaterialRef::Value(MaterialValue {
+                law: Some("von_mises".into()),
+                numbers: [("yield_stress_pa".to_owned(), 7.0)].into(),
+                ..Default::default()
+            }),
+            point,
+            radius,
+            half,
+        })
+    };
+    let place = |command: &wire::Command| (command.point, command.radius, command.vector);
+    let (at, none) = ([1.0, 2.0, 3.0], [0.0; 3]);
+    let whole = set(None, None, None).expect("valid");
+    assert_eq!(place(&whole), (none, 0.0, none));
+    let ball = set(Some(at), Some(0.2), None).expect("valid");
+    assert_eq!(place(&ball), (at, 0.2, none));
+    let unsaid = set(Some(at), None, None).expect("valid");
+    assert_eq!(place(&unsaid), (at, DEFAULT_PUSH_RADIUS, none));
+    let in_box = set(Some(at), None, Some([0.1, 0.2, 0.3])).expect("valid");
+    assert_eq!(place(&in_box), (at, 0.0, [0.1, 0.2, 0.3]));
+    assert_eq!(set(None, None, Some(at)), Err(OrderError::NoCentre));
+}

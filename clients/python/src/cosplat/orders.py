@@ -148,7 +148,8 @@ class SetVelocity(Order):
 class SetMaterial(Order):
     """Another material for an object, or for its region `region`, counted from 1; mass stays as it is.
 
-    `law` is one of LAWS. Units and ranges are those of `docs/scene.md`.
+    `law` is one of LAWS. Units and ranges are those of `docs/scene.md`. With `point` [m] only what is within `radius` [m] of it
+    gets the material, or with `half` [m] what is in the box about it with these half edges.
     """
 
     object: str | int
@@ -157,6 +158,9 @@ class SetMaterial(Order):
     poisson_ratio: float = 0.0
     parameters: Mapping[str, float] = field(default_factory=dict)
     region: int = field(default=0, kw_only=True)
+    point: Vector | None = field(default=None, kw_only=True)
+    radius: float = field(default=DEFAULT_RADIUS, kw_only=True)
+    half: Vector | None = field(default=None, kw_only=True)
 
     def body(self, scene: Scene) -> _Body:
         if self.law not in LAWS:
@@ -167,7 +171,15 @@ class SetMaterial(Order):
             raise BadName(f"law {self.law!r} has the parameters {wanted}, found {given}")
         parameters = [self.parameters[name] for name in names] + [0.0] * (4 - len(names))
         material = (number, self.region, self.youngs_modulus, self.poisson_ratio, *parameters)
-        return wire.COMMAND_SET_MATERIAL, scene.object_id(self.object), _ZERO, _ZERO, 0.0, material
+        number = scene.object_id(self.object)
+        if self.point is None:
+            if self.half is not None:
+                raise ValueError(f"half is {self.half}, expected none without a point")
+            return wire.COMMAND_SET_MATERIAL, number, _ZERO, _ZERO, 0.0, material
+        point = _vector("point", self.point)
+        if self.half is None:
+            return wire.COMMAND_SET_MATERIAL, number, _ZERO, point, self.radius, material
+        return wire.COMMAND_SET_MATERIAL, number, _vector("half", self.half), point, 0.0, material
 
 
 @dataclass(frozen=True)

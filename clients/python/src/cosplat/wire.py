@@ -64,7 +64,7 @@ COMMAND_IMPULSE_AT = 2
 COMMAND_SET_VELOCITY = 3
 """Give `object` the velocity `vector` [m/s] and the spin `point` [rad/s]."""
 COMMAND_SET_MATERIAL = 4
-"""Give `object`, or one region of it, the material `material`; mass stays."""
+"""Give `object`, or one region of it, the material `material`; mass stays. With a `radius` only what is within it of `point`, with `vector` only what is in the box about `point` with these half edges [m]."""
 COMMAND_SET_GRAVITY = 5
 """Set gravity to `vector` [m/s^2]."""
 COMMAND_PAUSE = 6

@@ -175,11 +175,23 @@ export class Panel {
     }));
   }
 
+  /** The material that preset and sliders say. */
+  material() {
+    const material = /** @type {any} */ ({ preset: $('preset').value });
+    for (const slider of $('numbers').querySelectorAll('input')) material[slider.dataset.key] = Number(slider.dataset.number);
+    return material;
+  }
+
+  /** Gives a patch of an object that material. @param {any} object @param {number[]} point [m] @param {number} radius [m] */
+  paint(object, point, radius) {
+    const material = this.material();
+    return this.edits.ordered(`painted with ${material.preset}`, { action: 'set-material', object: object.id, material, point, radius });
+  }
+
   apply() {
     const object = this.object;
     if (!object) return;
-    const material = /** @type {any} */ ({ preset: $('preset').value });
-    for (const slider of $('numbers').querySelectorAll('input')) material[slider.dataset.key] = Number(slider.dataset.number);
+    const material = this.material();
     const former = object.material, name = (/** @type {string} */ text) => { object.material = text; };
     const shown = { before: () => name(former), after: () => name(material.preset) };
     return this.edits.ordered(`made of ${material.preset}`, { action: 'set-material', object: object.id, material }, shown);

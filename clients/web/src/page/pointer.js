@@ -25,6 +25,8 @@ export class Pointer {
     this.hold = /** @type {any} */ (null);
     /** What is carried elsewhere, the point of it that is carried, and where its centre of mass was. */
     this.carried = /** @type {any} */ (null);
+    /** What is painted, and where the latest order painted it. */
+    this.stroke = /** @type {any} */ (null);
     this.pressed = /** @type {any} */ (null);
     canvas.addEventListener('contextmenu', (event) => event.preventDefault());
     canvas.addEventListener('pointerdown', (event) => this.down(event));
@@ -60,6 +62,21 @@ export class Pointer {
     if (object && isMove && !$('tool').disabled) return this.lift(found, object);
     if (!object || object.fidelity === ONLY_SHOWN || $('tool').disabled) return;
     if ($('tool').value === 'hand') this.grab(found, object);
+    if ($('tool').value === 'paint') this.paint(found, object);
+  }
+
+  /** Gives what is there the material of the panel. @param {any} found @param {any} object */
+  paint(found, object) {
+    this.stroke = { object, point: found.point };
+    this.busy = this.page.panel.paint(object, found.point, this.patch(object)).then(() => { this.busy = null; });
+  }
+
+  /** Paints on where the pointer is half a patch farther on the same object, one order at a time. @param {MouseEvent} event */
+  paintOn(event) {
+    const [x, y] = this.at(event), { object, point } = this.stroke, { state } = this.page;
+    const found = !this.busy && pick(state, this.page.view(), Math.floor(x) + 0.5, Math.floor(y) + 0.5);
+    if (!found || state.objects[found.object] !== object) return;
+    if (Math.hypot(...sum(found.point, point, -1)) > this.patch(object) / 2) this.paint(found, object);
   }
 
   /** @param {any} found @param {any} object */
@@ -117,7 +134,7 @@ export class Pointer {
   /** Ends what a press began. @param {boolean} isDropped whether what was carried goes back */
   end(isDropped) {
     const carried = this.carried;
-    this.carried = null;
+    this.carried = this.stroke = null;
     this.letGo();
     if (!carried) return;
     const { object, com } = carried;
@@ -145,6 +162,8 @@ export class Pointer {
     if (this.carried) {
       const scale = this.canvas.width / this.canvas.clientWidth;
       this.carry(before.map((/** @type {number} */ n) => n * scale), this.at(event), event.shiftKey);
+    } else if (this.stroke) {
+      this.paintOn(event);
     } else if (this.hold) {
       this.hold.to = pointAt(this.page.view(), ...this.at(event), this.hold.depth);
       this.hold.isMoved = Boolean(this.busy);
@@ -170,7 +189,8 @@ export class Pointer {
     const pressed = this.pressed, found = pressed?.found;
     this.end(event.type === 'pointercancel');
     this.pressed = null;
-    if (!pressed?.isClick || !found || event.type === 'pointercancel') return;
+    // What is painted is not selected: that would show its own material in the panel.
+    if (!pressed?.isClick || !found || event.type === 'pointercancel' || $('tool').value === 'paint') return;
     this.page.panel.select(found.object);
     const object = this.page.state.objects[found.object];
     if ($('tool').value !== 'push' || $('tool').disabled || object.fidelity === ONLY_SHOWN) return;

@@ -58,7 +58,9 @@ fn check_lanes(
             }
             let expected = match id {
                 NO_PARTICLE => 0.0,
-                id if part.particles.contains(&(id as usize)) => {
+                id if part.particles.contains(&(id as usize))
+                    && model.part_of(id as usize) == run.part =>
+                {
                     let volume = model.scene.particles.volume[id as usize];
                     (volume * part.material.density / model.mass_unit) as f32
                 }

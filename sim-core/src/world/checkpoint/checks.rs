@@ -8,11 +8,15 @@ use crate::{
     bodies::{body::Body, shape::Shape},
     command::Action,
     mat3::length,
+    model::Painted,
     particles::{Block, Extremes, NO_PARTICLE},
     scene::Fidelity,
     solid::state::SolidState,
     state::{Commanded, Given, Grab, State, away::Loose, rigid::RigidBody, sleep::SleepState},
-    world::grab::{MAX_GRABS, MAX_STEPS as MAX_STEPS_HELD},
+    world::{
+        grab::{MAX_GRABS, MAX_STEPS as MAX_STEPS_HELD},
+        paint::MAX_PAINTED,
+    },
 };
 
 /// Most steps of a run.
@@ -58,6 +62,29 @@ impl World {
             true => Err(inconsistent("an object in contact is not there".into())),
             false => check_arrangement(&state.matter.particles, state.matter.drift, &self.model),
         }
+    }
+
+    /// Painted particles are of the parts of the scene that they say, each once.
+    pub(super) fn check_painted(&self, painted: &[Painted]) -> Result<(), CheckpointError> {
+        let model = &self.model;
+        let mut seen = vec![false; model.scene.particles.position.len()];
+        for entry in painted {
+            let part = model.parts[..model.scene_parts].get(entry.part);
+            let own = part.map(|part| &part.particles);
+            let is_paintable = part.is_some_and(|part| model.lagrangian[part.object].is_none());
+            let mut is_new = |id: &u32| {
+                let is_own = own.is_some_and(|own| own.contains(&(*id as usize)));
+                is_own && !std::mem::replace(&mut seen[*id as usize], true)
+            };
+            let is_sound = is_paintable
+                && entry.particles.is_sorted_by(|a, b| a < b)
+                && entry.particles.iter().all(&mut is_new);
+            if !is_sound || painted.len() > MAX_PAINTED {
+                let reason = format!("what is painted of part {} is none of it", entry.part);
+                return Err(inconsistent(reason));
+            }
+        }
+        Ok(())
     }
 
     /// As many of each as the scene has.

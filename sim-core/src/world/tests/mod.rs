@@ -10,6 +10,7 @@ mod holding;
 mod laws;
 mod materials;
 mod pace;
+mod paint;
 mod proxy;
 mod resting;
 mod rigid;

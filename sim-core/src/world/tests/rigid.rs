@@ -94,6 +94,7 @@ fn an_object_can_be_frozen_into_a_rigid_one_and_thawed_again() {
             action: crate::Action::SetMaterial {
                 object: 0,
                 region: None,
+                patch: None,
                 material: elastic(law, 1e5, 0.3),
             },
         }]

@@ -278,6 +278,7 @@ fn commands_move_and_hold_solids() {
     let refused = world.check(&Action::SetMaterial {
         object: 0,
         region: None,
+        patch: None,
         material: rigid,
     });
     assert!(matches!(refused, Err(CommandError::NotElastic { .. })));

@@ -158,6 +158,7 @@ fn rigid_objects_are_refused() {
     let action = Action::SetMaterial {
         object: 0,
         region: None,
+        patch: None,
         material: rigid.clone(),
     };
     let refused = Err(CommandError::RigidSphere { object: 0 });

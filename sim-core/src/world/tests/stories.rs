@@ -73,6 +73,7 @@ fn an_extreme_material_edit_is_contained() {
     let stiff = |e: f64| Action::SetMaterial {
         object: 0,
         region: None,
+        patch: None,
         material: elastic(Law::NeoHookean, e, 0.45),
     };
     let Err(CommandError::OutOfRange { field, max, .. }) = world.check(&stiff(1e15)) else {
@@ -200,16 +201,19 @@ fn refused_commands_change_no_bit() {
         Action::SetMaterial {
             object: 0,
             region: None,
+            patch: None,
             material: m(f64::NAN, 0.3),
         },
         Action::SetMaterial {
             object: 0,
             region: None,
+            patch: None,
             material: m(-1.0, 0.3),
         },
         Action::SetMaterial {
             object: 0,
             region: None,
+            patch: None,
             material: m(1e5, 0.5),
         },
         Action::SetGravity {
