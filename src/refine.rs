@@ -9,7 +9,7 @@ use cosplat_scene::{
 };
 use cosplat_semantics::{
     Evidence, MaskMap, SemanticsError, Splat, View, evidence,
-    lift::{Graph, Labels, agreement, fill_unseen, lift, spread},
+    lift::{Graph, Labels, agreement, fill_from_nearest, fill_unseen, lift, spread},
     masks,
     objects::Objects,
     refine::{Refined, Score, Settings, Straddling, is_held_out, observe, refine},
@@ -67,6 +67,9 @@ pub struct Args {
     #[arg(long)]
     json: bool,
 }
+
+/// How labels came about where refinement made none better.
+const AS_IT_WAS: &str = "the splat as it was, masks lifted";
 
 /// Views with their masks, whose numbers are those of objects.
 struct Masked {
@@ -195,7 +198,67 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     finish(args, gaussians, refined, &masked, names)
 }
 
-/// Chooses what agrees most with the masks that were held out, writes it and says what came of it.
+/// A splat with labels: how they came about, and how far they agree with held-out masks.
+struct Labelled {
+    gaussians: Gaussians,
+    labels: Labels,
+    how: &'static str,
+    agreement: f64,
+}
+
+/// What is written, and how far labels of the splat as it was agree with held-out masks.
+///
+/// Where masks have names, that is what agrees most. Where they have none they got them by the objects that there are, and cannot
+/// say better: rows stay what they were.
+fn chosen(
+    before: Gaussians,
+    refined: Refined,
+    masked: &Masked,
+    objects: usize,
+) -> anyhow::Result<(Labelled, f64)> {
+    let splat = Splat::from(&refined.gaussians);
+    let (closed, start, held_before) = lifted(&Splat::from(&before), masked, objects)?;
+    let (lifted, by_masks, held) = lifted(&splat, masked, objects)?;
+    if let Some((known, _)) = &masked.known {
+        let start = agreement(&known.labels, objects, &held_before);
+        let mut labels = known.labels.clone();
+        // Second halves of what was split come after the rows.
+        labels.object.resize(splat.len(), -1);
+        labels.confidence.resize(splat.len(), 0.0);
+        fill_from_nearest(&mut labels, &splat.position);
+        let found = Labelled {
+            agreement: agreement(&labels, objects, &held),
+            gaussians: refined.gaussians,
+            labels,
+            how: "refined splat, objects as they were",
+        };
+        return Ok((found, start));
+    }
+    let (feature, seen) = (&refined.feature, &refined.seen);
+    let mut learnt = spread(&splat, &Graph::new(&splat), feature, seen);
+    let weight = feature.iter().zip(0..).map(|(f, n)| f * seen[n / objects]);
+    let weight = weight.collect::<Vec<_>>();
+    fill_unseen(&mut learnt, &Tree::new(&splat), &weight, objects);
+    let by_features = agreement(&learnt, objects, &held);
+    let (gaussians, labels, how, agreement) = if by_masks.max(by_features) < start {
+        (before, closed, AS_IT_WAS, start)
+    } else if by_features > by_masks {
+        let how = "refined splat and features";
+        (refined.gaussians, learnt, how, by_features)
+    } else {
+        let how = "refined splat, masks lifted to it";
+        (refined.gaussians, lifted, how, by_masks)
+    };
+    let found = Labelled {
+        gaussians,
+        labels,
+        how,
+        agreement,
+    };
+    Ok((found, start))
+}
+
+/// Writes what is chosen and says what came of it.
 fn finish(
     args: &Args,
     before: Gaussians,
@@ -205,41 +268,18 @@ fn finish(
 ) -> anyhow::Result<()> {
     let [first, mut last] = refined.score;
     let [straddled, mut straddles] = refined.straddling;
-    let (closed, start, _) = lifted(&Splat::from(&before), masked, names.len())?;
-    let splat = Splat::from(&refined.gaussians);
-    let (lifted, by_masks, held) = lifted(&splat, masked, names.len())?;
-    let (feature, seen) = (&refined.feature, &refined.seen);
-    let mut learnt = spread(&splat, &Graph::new(&splat), feature, seen);
-    let weight = feature
-        .iter()
-        .zip(0..)
-        .map(|(f, n)| f * seen[n / names.len()]);
-    fill_unseen(
-        &mut learnt,
-        &Tree::new(&splat),
-        &weight.collect::<Vec<_>>(),
-        names.len(),
-    );
-    let by_features = agreement(&learnt, names.len(), &held);
-    let (gaussians, labels, how, end) = if by_masks.max(by_features) < start {
+    let rounds = refined.rounds;
+    let (found, start) = chosen(before, refined, masked, names.len())?;
+    let Labelled {
+        gaussians,
+        labels,
+        how,
+        agreement: end,
+    } = found;
+    if how == AS_IT_WAS {
         // What is said below is of what is written.
         (last, straddles) = (first, straddled);
-        (before, closed, "the splat as it was, masks lifted", start)
-    } else if by_features > by_masks {
-        (
-            refined.gaussians,
-            learnt,
-            "refined splat and features",
-            by_features,
-        )
-    } else {
-        (
-            refined.gaussians,
-            lifted,
-            "refined splat, masks lifted to it",
-            by_masks,
-        )
-    };
+    }
     let bytes = ply::write(&gaussians);
     std::fs::write(&args.out, &bytes)
         .with_context(|| format!("cannot write {}", args.out.display()))?;
@@ -263,7 +303,7 @@ fn finish(
             serde_json::json!({
                 "before": score(&first), "after": score(&last), "iou_before": start, "iou_after": end, "made_of": how,
                 "straddling_before": straddling(&straddled), "straddling_after": straddling(&straddles),
-                "rounds": refined.rounds, "gaussians": gaussians.len(), "file": args.out, "objects": path,
+                "rounds": rounds, "gaussians": gaussians.len(), "file": args.out, "objects": path,
             })
         );
     }
@@ -285,7 +325,7 @@ fn finish(
     )?;
     say!(
         "{} rounds; {} Gaussians in {}, objects in {}",
-        refined.rounds,
+        rounds,
         gaussians.len(),
         args.out.display(),
         path.display()

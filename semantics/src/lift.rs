@@ -175,7 +175,7 @@ impl Graph {
 }
 
 /// Gives every Gaussian without a label the one of the nearest Gaussian that has one.
-pub(crate) fn fill_from_nearest(labels: &mut Labels, position: &[Vec3]) {
+pub fn fill_from_nearest(labels: &mut Labels, position: &[Vec3]) {
     let known: Vec<bool> = labels.object.iter().map(|&o| o >= 0).collect();
     if known.iter().all(|known| *known) || !known.contains(&true) {
         return;

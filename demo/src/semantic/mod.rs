@@ -298,7 +298,19 @@ impl Demo<'_> {
                 "--words",
                 "words.safetensors",
             ];
-            [&line[..], &["--threshold", MEANT, "--json", "--word", word]].concat()
+            [
+                &line[..],
+                &[
+                    "--threshold",
+                    MEANT,
+                    "--contrast",
+                    "0",
+                    "--json",
+                    "--word",
+                    word,
+                ],
+            ]
+            .concat()
         };
         let absent = self.command("find", &find(ABSENT))?;
         let absent: serde_json::Value = serde_json::from_str(&absent)?;

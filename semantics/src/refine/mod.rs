@@ -47,7 +47,10 @@ const AFTER_SPLIT: usize = 6;
 const SHARP: f64 = 0.9;
 /// Opacity of what fades over what it had. What two cuts did not part is smaller than what a plane parts on the screen; where
 /// pictures need it, the gradient brings it back.
-const FADE: f32 = 0.1;
+const FADE: f32 = 0.25;
+/// Share that is not of the largest object within single views, from which on a straddler fades. Masks that are off are one
+/// object's in this view and another's in that: what they say says nothing against matter.
+const MIXED: f32 = 0.15;
 /// What splitting may cost [dB].
 const SPLIT_COST: f64 = 0.1;
 
@@ -424,6 +427,31 @@ impl<E, F: FnMut(usize) -> Result<Observation, E>> Run<'_, F> {
         Ok(sides.iter().map(Side::cut).collect())
     }
 
+    /// Those of `which` that are of more than one object within single views.
+    fn mixed(
+        &mut self,
+        model: &Model,
+        which: &[usize],
+        tick: &mut impl FnMut(&str),
+    ) -> Result<Vec<usize>, E> {
+        let channels = self.channels;
+        let mut sums = vec![[0.0f32; 2]; which.len()];
+        for view in self.part_of(false) {
+            let said = (self.observe)(view)?;
+            let found = model.gather(&self.views[view].camera, &said.feature, channels);
+            for (sums, n) in sums.iter_mut().zip(which) {
+                let of = &found.values[n * channels..(n + 1) * channels];
+                let all: f32 = of.iter().sum();
+                sums[0] += all - of.iter().copied().fold(0.0, f32::max);
+                sums[1] += all;
+            }
+            tick("what straddles");
+        }
+        let mixed = which.iter().zip(sums);
+        let mixed = mixed.filter(|(_, [mixed, all])| *mixed > MIXED * all);
+        Ok(mixed.map(|(n, _)| *n).collect())
+    }
+
     /// Cuts what straddles in two, then fades what still does, and goes on after each. Gives the last state with less of it that the held-out views lose no more than
     /// [`SPLIT_COST`] by, and nothing of the semantic term.
     fn part(
@@ -432,7 +460,8 @@ impl<E, F: FnMut(usize) -> Result<Observation, E>> Run<'_, F> {
         made: &mut usize,
         tick: &mut impl FnMut(&str),
     ) -> Result<(Model, Score), E> {
-        let floor = whole.1;
+        // What is taken may not cost what an earlier part of it gained.
+        let mut floor = whole.1;
         let mut sums = self.sums(&whole.0, tick)?;
         let mut least = split::straddling(&whole.0.gaussians, &sums, self.channels).mass;
         let mut best = whole;
@@ -449,8 +478,9 @@ impl<E, F: FnMut(usize) -> Result<Observation, E>> Run<'_, F> {
                 let cuts = self.cuts(&now.0, &sums, &which, tick)?;
                 split::split(&mut now.0.gaussians, &cuts, SHARP);
             } else {
+                let mixed = self.mixed(&now.0, &which, tick)?;
                 let opacity = &mut now.0.gaussians.opacity;
-                which.iter().for_each(|&n| opacity[n] *= FADE);
+                mixed.iter().for_each(|&n| opacity[n] *= FADE);
             }
             self.closed_form(&mut now.0, tick)?;
             let closed = &now.0.feature;
@@ -467,6 +497,7 @@ impl<E, F: FnMut(usize) -> Result<Observation, E>> Run<'_, F> {
             let costs_little = now.1.psnr >= floor.psnr - SPLIT_COST;
             if left < least && costs_little && now.1.semantic <= floor.semantic {
                 (best, least) = (now.clone(), left);
+                floor.psnr = floor.psnr.max(now.1.psnr);
             }
         }
         Ok(best)
