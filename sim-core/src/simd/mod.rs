@@ -4,7 +4,6 @@
 //! lanes have one fixed order, so the choice of instruction set never shows in a result.
 
 mod dispatch;
-mod fused;
 mod isa;
 mod pair;
 mod peak;
@@ -23,7 +22,6 @@ pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::Avx512;
 pub(crate) use dispatch::on_isa;
-pub(crate) use fused::fused;
 pub use isa::{Isa, UnknownIsa};
 pub(crate) use pair::Pair;
 pub use peak::multiply_adds;

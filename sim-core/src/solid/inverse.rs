@@ -3,7 +3,7 @@
 use super::{
     depth::DepthField,
     model::{Bears, CellPoint, SolidModel},
-    state::{Sample, SolidState},
+    state::SolidState,
 };
 use crate::mat3::{Mat3, length};
 
@@ -11,6 +11,10 @@ use crate::mat3::{Mat3, length};
 const STEPS: usize = 12;
 /// Distance from the place at which it ends [cells].
 const CLOSE: f64 = 1e-6;
+/// Distance from the place at which a place may be told to be outside [cells].
+const ROUGH: f64 = 0.1;
+/// How many times as far from the surface as it is off it must be for that.
+const OUTSIDE: f64 = 3.0;
 /// Share of a distance that is sure: it is one at rest, carried on by the deformation of one place.
 pub(crate) const SURE: f64 = 0.7;
 /// Volume ratios within which an inverse is trusted.
@@ -35,9 +39,6 @@ pub(crate) struct Start {
     /// Affine map back to rest that fits best.
     back: Mat3<f64>,
 }
-
-/// A material point: where it is at rest [m], its site, and its motion.
-type MaterialPoint = ([f64; 3], CellPoint, Sample);
 
 /// Why there is no material point at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,47 +92,37 @@ impl<'a> LocalInverse<'a> {
 
     /// The surface as seen from a place [m]; none where it is far, or where the inverse is not to be trusted.
     pub fn surface(&self, x: [f64; 3]) -> Option<SeenSurface> {
-        self.surface_from(x, None).ok()
+        self.search(x, self.start.back(x), |_, _| false).ok()
     }
 
-    /// The surface as seen from a place [m], searched from near a material point [m].
+    /// The same, searched from near a material point [m] if one is known. Of a place that is outside for sure there is a distance that
+    /// it has at least.
     #[inline(always)]
     pub fn surface_from(
         &self,
         x: [f64; 3],
         near: Option<[f64; 3]>,
     ) -> Result<SeenSurface, Missing> {
-        let (rest, site, sample) = self.material_point(x, near)?;
-        let (distance, slope) = self.depth.at(rest).ok_or(Missing::NoMatter)?;
-        let f = Mat3(sample.f);
-        let (mut slope, j) = (f.cofactor().mul_vec(slope), f.det());
-        for s in &mut slope {
-            *s /= j;
-        }
-        let size = length(slope);
-        let distance = distance / size;
-        for s in &mut slope {
-            *s /= size;
-        }
-        match distance.is_finite() {
-            true => Ok(SeenSurface {
-                rest,
-                distance,
-                normal: slope,
-                site,
-            }),
-            false => Err(Missing::Lost),
-        }
+        let near = near.unwrap_or_else(|| self.start.back(x));
+        let close = ROUGH * self.model.dx;
+        self.search(x, near, |seen, off| {
+            let is_outside = off < close && seen.distance > OUTSIDE * off;
+            if is_outside {
+                seen.distance -= off;
+            }
+            is_outside
+        })
     }
 
-    /// The material point at a place [m] now, searched from near another [m].
+    /// Newton's method from a material point on, which ends close to the place [m], or where `enough` says so of what is seen from a
+    /// place so far off [m].
     #[inline(always)]
-    fn material_point(
+    fn search(
         &self,
         x: [f64; 3],
-        near: Option<[f64; 3]>,
-    ) -> Result<MaterialPoint, Missing> {
-        let mut rest = near.unwrap_or_else(|| self.start.back(x));
+        mut rest: [f64; 3],
+        enough: impl Fn(&mut SeenSurface, f64) -> bool,
+    ) -> Result<SeenSurface, Missing> {
         for _ in 0..STEPS {
             let Some(site) = self.model.site_near(rest) else {
                 return Err(Missing::NoMatter);
@@ -142,20 +133,59 @@ impl<'a> LocalInverse<'a> {
                 off[a] -= sample.x[a];
             }
             let f = Mat3(sample.f);
-            let j = f.det();
+            let (cofactor, j) = (f.cofactor(), f.det());
             if !(TRUSTED[0]..=TRUSTED[1]).contains(&j) {
                 return Err(Missing::Lost);
             }
-            if length(off) < CLOSE * self.model.dx {
-                return Ok((rest, site, sample));
+            let far = length(off);
+            let is_close = far < CLOSE * self.model.dx;
+            if is_close || far < ROUGH * self.model.dx {
+                let mut seen = self.seen(rest, site, (&cofactor, j));
+                if is_close {
+                    return seen;
+                }
+                if let Ok(seen) = &mut seen
+                    && enough(seen, far)
+                {
+                    return Ok(*seen);
+                }
             }
-            let step = f.cofactor().transpose().mul_vec(off);
+            let step = cofactor.transpose().mul_vec(off);
             let longest = (length(step) / (j * self.model.dx)).max(1.0);
             for a in 0..3 {
                 rest[a] += step[a] / (j * longest);
             }
         }
         Err(Missing::Lost)
+    }
+
+    /// The surface as seen from a material point, with the cofactor and determinant of its deformation gradient.
+    #[inline(always)]
+    fn seen(
+        &self,
+        rest: [f64; 3],
+        site: CellPoint,
+        (cofactor, j): (&Mat3<f64>, f64),
+    ) -> Result<SeenSurface, Missing> {
+        let (distance, slope) = self.depth.at(rest).ok_or(Missing::NoMatter)?;
+        let mut normal = cofactor.mul_vec(slope);
+        for n in &mut normal {
+            *n /= j;
+        }
+        let size = length(normal);
+        let distance = distance / size;
+        for n in &mut normal {
+            *n /= size;
+        }
+        match distance.is_finite() {
+            true => Ok(SeenSurface {
+                rest,
+                distance,
+                normal,
+                site,
+            }),
+            false => Err(Missing::Lost),
+        }
     }
 }
 

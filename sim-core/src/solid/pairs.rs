@@ -9,9 +9,9 @@ use super::{
     grip::Grip,
     inverse::{LocalInverse, Missing, SURE, SeenSurface, Start},
     model::Bears,
-    search::{CandidateList, ClusterBox, FoundInCluster, TASK, find_near},
+    search::{Candidate, CandidateList, ClusterBox, FoundInCluster, TASK, find_near},
 };
-use crate::{contact::ledger::Received, simd::fused};
+use crate::contact::ledger::Received;
 
 /// Largest depth at which a point may begin to touch [cells]: what is deeper came by way of a false root.
 const ENTRY: f64 = 1.0;
@@ -94,35 +94,55 @@ impl<'a> Presence<'a> {
         let search = &self.solid.scratch.search;
         let boxes = search.boxes.iter().zip(&search.own);
         let boxes: Vec<(&ClusterBox, f64)> = boxes.map(|(one, own)| (one, *own)).collect();
-        let (dx, shift) = (self.inverse.model.dx, self.solid.state.shift);
-        let least = |boxes: &[(&ClusterBox, f64)], x: [f64; 3]| {
-            let mut off = x;
+        find_near(due, |cluster| {
+            self.find(solid, surface, number, &boxes, cluster)
+        })
+    }
+
+    /// Points of a cluster that may soon touch this one, or do; boxes are those of this one's clusters, with their ways.
+    fn find(
+        &self,
+        solid: &Solid<'_>,
+        surface: &ContactSurface,
+        number: u32,
+        boxes: &[(&ClusterBox, f64)],
+        cluster: usize,
+    ) -> FoundInCluster {
+        let (cover, shift) = (COVER * self.inverse.model.dx, self.solid.state.shift);
+        let (centre, radius) = solid.ball(cluster);
+        let mut off = centre;
+        for a in 0..3 {
+            off[a] -= shift[a];
+        }
+        let reach = radius + solid.margin() + cover;
+        let (mut near, mut least) = (vec![], f64::INFINITY);
+        for &(one, own) in boxes {
+            let beyond = one.beyond(off, own);
+            least = least.min(beyond);
+            if beyond < reach {
+                near.push((one, own));
+            }
+        }
+        let holds = |grip: &Grip| grip.with == number;
+        let points = &surface.clusters[cluster].points;
+        let is_far = least - cover - radius >= solid.margin();
+        if is_far && !solid.state.springs[points.clone()].iter().any(holds) {
+            return FoundInCluster::none(least - cover - radius);
+        }
+        FoundInCluster::of(points.clone(), solid.margin(), |n| {
+            if holds(&solid.state.springs[n]) {
+                return 0.0;
+            }
+            let mut off = solid.place(surface, n);
             for a in 0..3 {
                 off[a] -= shift[a];
             }
-            let mut least = f64::INFINITY;
-            for (one, own) in boxes {
+            // What is not near is farther than the margin from all points.
+            let mut least = solid.margin() + cover;
+            for (one, own) in &near {
                 least = least.min(one.beyond(off, *own));
             }
-            least - COVER * dx
-        };
-        find_near(due, |cluster| {
-            fused(|| {
-                let (centre, radius) = solid.ball(cluster);
-                let reach = radius + solid.margin() + COVER * dx;
-                let off = std::array::from_fn(|a| centre[a] - shift[a]);
-                let near = boxes
-                    .iter()
-                    .filter(|(one, own)| one.beyond(off, *own) < reach);
-                let near: Vec<(&ClusterBox, f64)> = near.copied().collect();
-                let of: &[_] = if near.is_empty() { &boxes } else { &near };
-                solid.near(
-                    surface,
-                    cluster,
-                    |grip| grip.with == number,
-                    |x| least(of, x),
-                )
-            })
+            least - cover
         })
     }
 
@@ -142,43 +162,55 @@ impl<'a> Presence<'a> {
             if watched.until > way {
                 return None;
             }
-            fused(|| {
-                let n = watched.point as usize;
-                let x = self.solid.place(self.surface, n);
-                let before = self.inverse.state.springs[n];
-                let known = before.with == number;
-                let before = known.then_some(before);
-                let mut seen = other.inverse.surface_from(x, watched.rest);
-                if seen.is_err() && watched.rest.is_some() {
-                    seen = other.inverse.surface_from(x, None);
-                }
-                watched.rest = seen.ok().map(|seen| seen.rest);
-                let clear = match &seen {
-                    Ok(seen) => SURE * seen.distance.max(0.0),
-                    // It is farther than cells beside matter.
-                    Err(Missing::NoMatter) => self.solid.margin(),
-                    Err(Missing::Lost) => 0.0,
-                };
-                watched.until = way + clear;
-                let met = seen
-                    .ok()
-                    .and_then(|seen| self.press(other, n, (&seen, x), before, [friction, moved]));
-                match met {
-                    Some(met) => Some(PointContact {
-                        grip: Grip {
-                            with: number,
-                            ..met.grip
-                        },
-                        ..met
-                    }),
-                    None => known.then(|| PointContact::none(n, x)),
-                }
-            })
+            let (clear, met) = self.meet(other, watched, [friction, moved], number);
+            watched.until = way + clear;
+            met
         });
         met.collect()
     }
 
-    #[inline(always)]
+    /// How far a point is from the other at least [m], and what that presses on it with, or that it lets go.
+    fn meet(
+        &self,
+        other: &Self,
+        watched: &mut Candidate,
+        [friction, moved]: [f64; 2],
+        number: u32,
+    ) -> (f64, Option<PointContact>) {
+        let n = watched.point as usize;
+        let x = self.solid.place(self.surface, n);
+        let before = self.inverse.state.springs[n];
+        let before = (before.with == number).then_some(before);
+        let mut seen = Err(Missing::Lost);
+        for near in [watched.rest, None] {
+            seen = other.inverse.surface_from(x, near);
+            if seen.is_ok() || near.is_none() {
+                break;
+            }
+        }
+        watched.rest = seen.ok().map(|seen| seen.rest);
+        let clear = match &seen {
+            Ok(seen) => SURE * seen.distance.max(0.0),
+            // It is farther than cells beside matter.
+            Err(Missing::NoMatter) => self.solid.margin(),
+            Err(Missing::Lost) => 0.0,
+        };
+        let met = seen
+            .ok()
+            .and_then(|seen| self.press(other, n, (&seen, x), before, [friction, moved]));
+        let met = match met {
+            Some(met) => Some(PointContact {
+                grip: Grip {
+                    with: number,
+                    ..met.grip
+                },
+                ..met
+            }),
+            None => before.map(|_| PointContact::none(n, x)),
+        };
+        (clear, met)
+    }
+
     fn press(
         &self,
         other: &Self,

@@ -175,6 +175,7 @@ impl FoundInCluster {
     }
 
     /// Some points, those nearer than a margin [m]; `clear` tells how far one is at least [m].
+    #[inline(always)]
     pub fn of(points: Range<usize>, margin: f64, clear: impl Fn(usize) -> f64) -> Self {
         let mut found = Self::none(f64::INFINITY);
         for n in points {
@@ -209,6 +210,7 @@ pub(crate) struct ClusterBox {
 
 impl ClusterBox {
     /// How far a place from the solid's frame is from all points of the cluster at least [m], after some way of it.
+    #[inline(always)]
     pub fn beyond(&self, x: [f64; 3], own: f64) -> f64 {
         let [min, max] = self.bounds;
         let mut beyond = [0.0; 3];
