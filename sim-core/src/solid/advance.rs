@@ -214,9 +214,13 @@ impl Solid<'_> {
             return;
         }
         // Nothing is held, and nothing acts.
-        let conditions = Scratch::new(self.model).conditions;
-        let tiles = &mut self.scratch.tiles;
-        let fastest = largest_squared_frequency(isa, self.model, self.laws, &conditions, tiles);
+        let Scratch {
+            conditions,
+            mut tiles,
+            ..
+        } = Scratch::new(self.model);
+        let fastest =
+            largest_squared_frequency(isa, self.model, self.laws, &conditions, &mut tiles);
         self.scratch.fastest = Some((self.laws.to_vec(), fastest));
     }
 

@@ -104,9 +104,8 @@ impl<'a> LocalInverse<'a> {
         near: Option<[f64; 3]>,
     ) -> Result<SeenSurface, Missing> {
         let near = near.unwrap_or_else(|| self.start.back(x));
-        let close = ROUGH * self.model.dx;
         self.search(x, near, |seen, off| {
-            let is_outside = off < close && seen.distance > OUTSIDE * off;
+            let is_outside = seen.distance > OUTSIDE * off;
             if is_outside {
                 seen.distance -= off;
             }
@@ -114,8 +113,8 @@ impl<'a> LocalInverse<'a> {
         })
     }
 
-    /// Newton's method from a material point on, which ends close to the place [m], or where `enough` says so of what is seen from a
-    /// place so far off [m].
+    /// Newton's method from a material point on, which ends close to the place [m], or where `enough` says so of what is seen from
+    /// roughly there, so far off [m].
     #[inline(always)]
     fn search(
         &self,

@@ -63,14 +63,7 @@ fn fastest_motion(solid: &Solid) -> f64 {
                 write(&mut moved.nodes[n / NODES].u, n, u);
             }
             let extension = &solid.model.extension;
-            for (n, &outer) in extension.outer.iter().enumerate() {
-                let u = extension.follow(n, &moved.nodes)[0];
-                write(
-                    &mut moved.nodes[outer as usize / NODES].u,
-                    outer as usize,
-                    u,
-                );
-            }
+            extension.follow_displacements(&mut moved.nodes);
             let mut forces = moved.forces(Isa::detect(), 0.0).0;
             for &outer in &extension.outer {
                 let force = forces[outer as usize];
