@@ -51,9 +51,9 @@ impl<T: Copy + Send + Sync> Splats<T> {
         self.chunks.iter().flatten()
     }
 
-    /// The ellipse that a key of [`Self::strips`] stands for.
-    fn of(&self, key: u64) -> Ellipse<T> {
-        let place = (key & 0xffff_ffff) as usize;
+    /// The ellipse at a place of [`Self::strips`].
+    fn of(&self, place: u32) -> Ellipse<T> {
+        let place = place as usize;
         self.chunks[place / CHUNK][place % CHUNK]
     }
 
@@ -65,15 +65,13 @@ impl<T: Copy + Send + Sync> Splats<T> {
         &self,
         sinks: impl IndexedParallelIterator<Item = S>,
     ) -> Vec<S> {
-        let mut strips = self.strips();
+        let strips = self.strips();
         sinks
-            .zip(&mut strips)
+            .zip(&strips)
             .enumerate()
             .map(|(row, (mut sink, members))| {
-                // Keys are unique, so that there is one order.
-                members.sort_unstable();
                 // In one place: fetched from all over the scene tile by tile, they would cost a cache miss each time.
-                let ellipses: Vec<_> = members.iter().map(|&key| self.of(key)).collect();
+                let ellipses: Vec<_> = members.iter().map(|&place| self.of(place)).collect();
                 sink.begin_strip(&ellipses);
                 blend_strip(&ellipses, row, self.width, &mut sink);
                 sink
@@ -81,23 +79,66 @@ impl<T: Copy + Send + Sync> Splats<T> {
             .collect()
     }
 
-    /// The ellipses that reach each strip of [`SIZE`] rows, as keys: they sort nearest first, equal depths in the order
-    /// of the scene.
-    fn strips(&self) -> Vec<Vec<u64>> {
-        let mut strips = vec![Vec::new(); self.height.div_ceil(SIZE)];
-        for (chunk, ellipses) in self.chunks.iter().enumerate() {
-            for (n, ellipse) in ellipses.iter().enumerate() {
+    /// Places of the ellipses that reach each strip of [`SIZE`] rows, nearest first, equal depths in the order of the scene.
+    fn strips(&self) -> Vec<Vec<u32>> {
+        let count = self.height.div_ceil(SIZE);
+        let all = self.chunks.iter().enumerate().flat_map(|(chunk, shown)| {
+            let reached = move |(n, ellipse): (usize, &Ellipse<T>)| {
                 let (center, reach) = (ellipse.center[1], ellipse.reach[1]);
-                // The bits of positive floats sort like the floats; the place in the scene makes every key unique.
-                let place = (chunk * CHUNK + n) as u64;
-                let key = u64::from(ellipse.depth.to_bits()) << 32 | place;
-                for row in tiles(center - reach, center + reach, strips.len()) {
-                    strips[row].push(key);
+                let rows = tiles(center - reach, center + reach, count);
+                Reached {
+                    depth: ellipse.depth.to_bits(),
+                    place: (chunk * CHUNK + n) as u32,
+                    rows: [rows.start as u32, rows.end as u32],
                 }
+            };
+            shown.iter().enumerate().map(reached)
+        });
+        let mut strips = vec![Vec::new(); count];
+        for reached in by_depth(all.collect()) {
+            let [first, end] = reached.rows.map(|row| row as usize);
+            for strip in &mut strips[first..end] {
+                strip.push(reached.place);
             }
         }
         strips
     }
+}
+
+/// An ellipse as strips know it.
+#[derive(Clone, Copy, Default)]
+struct Reached {
+    /// Bits of its depth: those of positive floats sort like the floats.
+    depth: u32,
+    place: u32,
+    /// First strip, and the one behind the last.
+    rows: [u32; 2],
+}
+
+/// Sorts by depth and keeps the order of equal ones: a radix sort by three digits of 11 bits.
+fn by_depth(mut all: Vec<Reached>) -> Vec<Reached> {
+    const DIGIT: u32 = 11;
+    let digit = |one: &Reached, n: usize| (one.depth >> (DIGIT * n as u32)) as usize % (1 << DIGIT);
+    let mut counts = vec![[0u32; 3]; 1 << DIGIT];
+    for one in &all {
+        for n in 0..3 {
+            counts[digit(one, n)][n] += 1;
+        }
+    }
+    let mut sorted = vec![Reached::default(); all.len()];
+    for n in 0..3 {
+        let mut before = 0;
+        for count in &mut counts {
+            before += std::mem::replace(&mut count[n], before);
+        }
+        for one in &all {
+            let next = &mut counts[digit(one, n)][n];
+            sorted[*next as usize] = *one;
+            *next += 1;
+        }
+        std::mem::swap(&mut all, &mut sorted);
+    }
+    all
 }
 
 /// Tiles, of `count` in a row, that the pixels from `low` to `high` lie in.
@@ -154,5 +195,26 @@ fn blend_strip<T: Copy, S: Sink<T>>(
         sink.begin_tile(column * SIZE, row * SIZE);
         tile.blend(ellipses, &sorted[first[column]..first[column + 1]], sink);
         sink.end_tile(&tile.transmittance);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depths_sort_and_equal_ones_stay_in_order() {
+        let depth = |k: u32| 1e-3 * 1.2f32.powi((k * k % 97) as i32);
+        let all: Vec<_> = (0..5000)
+            .map(|place| Reached {
+                depth: depth(place).to_bits(),
+                place,
+                rows: [0, 1],
+            })
+            .collect();
+        let sorted = by_depth(all);
+        let order = |one: &Reached| (f32::from_bits(one.depth), one.place);
+        assert!(sorted.is_sorted_by(|one, other| order(one) < order(other)));
+        assert_eq!(sorted.len(), 5000);
     }
 }

@@ -163,13 +163,18 @@ impl Tile {
 
     #[inline(always)]
     fn is_opaque(&self) -> bool {
-        let mut open = 0f32;
+        // A lane each: one for all would wait for every value in turn.
+        let mut open = [0f32; SIZE];
         for row in &self.transmittance {
-            for value in row {
-                open = if *value > open { *value } else { open };
+            for lane in 0..SIZE {
+                open[lane] = if row[lane] > open[lane] {
+                    row[lane]
+                } else {
+                    open[lane]
+                };
             }
         }
-        open < TRANSMITTANCE_MIN
+        open.iter().all(|open| *open < TRANSMITTANCE_MIN)
     }
 }
 
