@@ -1,7 +1,7 @@
 //! Signed distance from the surface of a solid at rest, on the lattice of its matter.
 
 use super::{
-    model::Seed,
+    lattice::{Lattice, Seed},
     surface::{Filling, WHOLE, filling, plane_of},
 };
 use crate::mat3::{dot, length};
@@ -12,7 +12,8 @@ const BAND: i64 = 3;
 /// Distances [m] at the corners of the lattice, negative inside, linear in between.
 #[derive(Clone, Debug)]
 pub(crate) struct DepthField {
-    edge: f64,
+    lattice: Lattice,
+    /// The first of its corners that has a value, along its axes [m].
     first: [f64; 3],
     size: [usize; 3],
     values: Vec<f32>,
@@ -87,9 +88,14 @@ fn patches(edge: f64, first: [f64; 3], filling: &Filling) -> Vec<([i64; 3], Patc
 }
 
 impl DepthField {
-    /// Of some matter, at least one piece, on a grid with cells of `dx` [m].
-    pub fn new(dx: f64, seeds: &[Seed]) -> Self {
-        let (edge, first, filling) = filling(dx, seeds);
+    /// Of some matter, at least one piece, on its lattice.
+    pub fn new(lattice: &Lattice, seeds: &[Seed]) -> Self {
+        let filling = filling(lattice, seeds);
+        let &Lattice {
+            edge,
+            corner: first,
+            ..
+        } = lattice;
         let bound = |a: usize, pick: fn(i64, i64) -> i64, none: i64| {
             filling.keys().map(|index| index[a]).fold(none, pick)
         };
@@ -134,7 +140,7 @@ impl DepthField {
         }
         Self {
             first: std::array::from_fn(|a| first[a] + edge * min[a] as f64),
-            edge,
+            lattice: lattice.clone(),
             size,
             values,
         }
@@ -142,7 +148,8 @@ impl DepthField {
 
     /// Distance at a rest position [m], and its gradient; none far outside.
     pub fn at(&self, x: [f64; 3]) -> Option<(f64, [f64; 3])> {
-        let at: [f64; 3] = std::array::from_fn(|a| (x[a] - self.first[a]) / self.edge);
+        let (x, edge) = (self.lattice.place(x), self.lattice.edge);
+        let at: [f64; 3] = std::array::from_fn(|a| (x[a] - self.first[a]) / edge);
         let inside = |a: usize| at[a] >= 0.0 && at[a] < (self.size[a] - 1) as f64;
         if !(0..3).all(inside) {
             return None;
@@ -158,11 +165,11 @@ impl DepthField {
                 std::array::from_fn(|a| if o[a] == 1 { part[a] } else { 1.0 - part[a] });
             let sign = o.map(|o| 2.0 * o as f64 - 1.0);
             value += w[0] * w[1] * w[2] * there;
-            slope[0] += sign[0] * w[1] * w[2] * there / self.edge;
-            slope[1] += w[0] * sign[1] * w[2] * there / self.edge;
-            slope[2] += w[0] * w[1] * sign[2] * there / self.edge;
+            slope[0] += sign[0] * w[1] * w[2] * there / edge;
+            slope[1] += w[0] * sign[1] * w[2] * there / edge;
+            slope[2] += w[0] * w[1] * sign[2] * there / edge;
         }
-        Some((value, slope))
+        Some((value, self.lattice.world(slope)))
     }
 }
 
@@ -173,7 +180,8 @@ mod tests {
 
     #[test]
     fn depth_in_a_box_and_a_ball_is_that_of_the_shape() {
-        let field = DepthField::new(0.1, &lattice(0.1, [0.0; 3], [4, 4, 4], |_| true));
+        let of = |seeds: &[Seed]| DepthField::new(&Lattice::of(0.1, seeds), seeds);
+        let field = of(&lattice(0.1, [0.0; 3], [4, 4, 4], |_| true));
         for (x, expected) in [
             ([0.2, 0.2, 0.02], -0.02),
             ([0.2, 0.2, 0.43], 0.03),
@@ -183,7 +191,7 @@ mod tests {
             assert!((value - expected).abs() < 1e-6, "{x:?}: {value}");
             assert!((length(slope) - 1.0).abs() < 1e-5);
         }
-        let field = DepthField::new(0.1, &ball(0.1, [0.0; 3], 0.5));
+        let field = of(&ball(0.1, [0.0; 3], 0.5));
         for x in [[0.47, 0.0, 0.0], [0.27, 0.27, 0.27], [-0.3, 0.4, 0.05]] {
             let (value, _) = field.at(x).expect("near");
             // A tenth of a cell, linear between corners of the lattice.

@@ -25,6 +25,7 @@ pub(crate) mod grip;
 pub(crate) mod group;
 pub(crate) mod inverse;
 pub(crate) mod kernel;
+mod lattice;
 pub(crate) mod model;
 pub(crate) mod nodes;
 pub(crate) mod object;

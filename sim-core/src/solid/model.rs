@@ -6,6 +6,7 @@ use super::{
     basis::weights_f64,
     cells::{CELLS, FilledCells},
     extension::Extension,
+    lattice::{Lattice, Seed},
     nodes::{NODES, place, slot},
     volumes::{BlockParts, Parts},
 };
@@ -17,24 +18,8 @@ pub(crate) type Bears = [(u32, f32); 27];
 pub(crate) const NO_BLOCK: u32 = u32::MAX;
 /// Gauss points of a cell: so far from its centre along each axis [cells].
 pub(crate) const GAUSS: f64 = 0.288_675_134_594_812_9;
-/// Share of the largest volume from which on a piece of matter is a whole one.
-const WHOLE: f64 = 0.999;
-
 /// Largest deviation of an octant's volume from that of a full one, relative.
 const FULL: f64 = 1e-3;
-
-/// Matter at a place, at rest.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Seed {
-    /// Where [m].
-    pub position: [f64; 3],
-    /// Rest volume [m^3].
-    pub volume: f64,
-    /// Mass per rest volume [kg/m^3].
-    pub density: f64,
-    /// What it is made of: an index of the object's laws.
-    pub part: u16,
-}
 
 /// Matter of one material in a cell: eight quadrature points at the places of Gauss.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,8 +49,10 @@ type Blocks = BTreeMap<[i32; 3], Vec<(Cell, f64)>>;
 pub(crate) struct SolidModel {
     /// Cell size [m].
     pub dx: f64,
-    /// Rest position of the node (0, 0, 0) [m].
-    pub origin: [f64; 3],
+    /// The lattice of its matter, whose axes are those of the grid.
+    pub lattice: Lattice,
+    /// Rest position of the node (0, 0, 0) along them [m].
+    origin: [f64; 3],
     /// Place of every block of nodes, in lexicographic order.
     pub node_blocks: Vec<[i32; 3]>,
     /// Per block of nodes the blocks of points before and at it, in the order of x, y, z; [`NO_BLOCK`] where there is none.
@@ -104,9 +91,11 @@ pub(crate) struct CellPoint {
 impl SolidModel {
     /// The grid of some matter, at least one piece of it, with cells of `dx` [m].
     pub fn new(dx: f64, seeds: &[Seed]) -> Self {
-        let face = first_cell(dx, seeds);
+        let lattice = Lattice::of(dx, seeds);
+        let seeds = lattice.seeds(seeds);
+        let face = first_cell(dx, &lattice, &seeds);
         let mut matter: BTreeMap<([i32; 3], u16), Matter> = BTreeMap::new();
-        for seed in seeds {
+        for seed in &seeds {
             let at: [f64; 3] = std::array::from_fn(|a| (seed.position[a] - face[a]) / dx);
             let cell = at.map(|x| x.floor() as i32);
             let d = std::array::from_fn(|a| at[a] - f64::from(cell[a]) - 0.5);
@@ -124,10 +113,10 @@ impl SolidModel {
             };
             cells.push((cell, matter.mass / matter.volume()));
         }
-        Self::of_blocks(dx, face, blocks)
+        Self::of_blocks(dx, lattice, face, blocks)
     }
 
-    fn of_blocks(dx: f64, face: [f64; 3], blocks: Blocks) -> Self {
+    fn of_blocks(dx: f64, lattice: Lattice, face: [f64; 3], blocks: Blocks) -> Self {
         let around = |b: &[i32; 3], sign: i32| -> [[i32; 3]; 8] {
             std::array::from_fn(|n| {
                 let o = [n / 4, n / 2 % 2, n % 2].map(|o| sign * o as i32);
@@ -152,6 +141,7 @@ impl SolidModel {
         let mut model = Self {
             dx,
             origin: face.map(|x| x - 0.5 * dx),
+            lattice,
             mass: vec![0.0; NODES * node_blocks.len()],
             spread: vec![[F32x16::ZERO; 4]; node_blocks.len()],
             extension: Extension::default(),
@@ -229,8 +219,17 @@ impl SolidModel {
 
     /// Rest position of a node by its number [m].
     pub fn node_in_world(&self, slot: usize) -> [f64; 3] {
-        let at = self.node_position(slot);
-        std::array::from_fn(|a| self.origin[a] + self.dx * at[a])
+        self.world_of(self.node_position(slot))
+    }
+
+    /// Rest position of a place along the axes of the grid [cells] from the node (0, 0, 0) [m].
+    #[inline(always)]
+    pub fn world_of(&self, at: [f64; 3]) -> [f64; 3] {
+        let mut x = self.origin;
+        for a in 0..3 {
+            x[a] += self.dx * at[a];
+        }
+        self.lattice.world(x)
     }
 
     /// Nodes with matter about them, inner and outer ones, by their numbers.
@@ -242,6 +241,7 @@ impl SolidModel {
     /// A rest position [m] in cells, and the cell that it is in.
     #[inline(always)]
     fn cell_of(&self, x: [f64; 3]) -> ([f64; 3], [i32; 3]) {
+        let x = self.lattice.place(x);
         let at: [f64; 3] = std::array::from_fn(|a| (x[a] - self.origin[a]) / self.dx - 0.5);
         let mut cell = [0; 3];
         for a in 0..3 {
@@ -354,35 +354,12 @@ pub(crate) fn gauss_point(n: usize) -> [f64; 3] {
     [n / 4, n / 2 % 2, n % 2].map(|o| GAUSS * (2.0 * o as f64 - 1.0))
 }
 
-/// A corner of cells [m], such that the lattice of the largest pieces of matter fills them and its faces are faces of cells.
-/// Pieces may be off their places a little.
-pub(crate) fn corner(dx: f64, seeds: &[Seed]) -> [f64; 3] {
-    let (edge, whole) = whole_pieces(seeds);
-    let edge = edge.min(dx);
-    let Some(first) = whole.first() else {
-        return [0.0; 3];
-    };
-    std::array::from_fn(|a| {
-        // Mean phase of places on a lattice of that spacing.
-        let (mut s, mut c) = (0.0, 0.0);
-        for seed in &whole {
-            let turn = std::f64::consts::TAU * (seed.position[a] - first.position[a]) / edge;
-            s += turn.sin();
-            c += turn.cos();
-        }
-        let phase = s.atan2(c) / std::f64::consts::TAU * edge;
-        let least = whole.iter().map(|seed| seed.position[a]);
-        let least = least.fold(f64::INFINITY, f64::min);
-        let steps = ((least - first.position[a] - phase) / edge).round();
-        first.position[a] + phase + (steps - 0.5) * edge
-    })
-}
-
-/// The lower corner of the first cell [m]: faces of the lattice are faces of cells, of which there are as few along each axis as
-/// that allows, so that there are few blocks.
-fn first_cell(dx: f64, seeds: &[Seed]) -> [f64; 3] {
-    let face = corner(dx, seeds);
-    let edge = whole_pieces(seeds).0.min(dx);
+/// The lower corner of the first cell [m], all along the axes of the lattice: its faces are faces of cells, of which there are as few
+/// along each axis as that allows, so that there are few blocks.
+fn first_cell(dx: f64, lattice: &Lattice, seeds: &[Seed]) -> [f64; 3] {
+    let &Lattice {
+        edge, corner: face, ..
+    } = lattice;
     let pieces = (dx / edge).round().max(1.0) as u32;
     std::array::from_fn(|a| {
         let places = || seeds.iter().map(|seed| seed.position[a]);
@@ -400,13 +377,6 @@ fn first_cell(dx: f64, seeds: &[Seed]) -> [f64; 3] {
         let best = (0..pieces).min_by_key(count).unwrap_or(0);
         face[a] - f64::from(best) * edge + cells(best)[0] * dx
     })
-}
-
-/// Edge of the largest pieces of matter as cubes [m], and all that are as large.
-pub(crate) fn whole_pieces(seeds: &[Seed]) -> (f64, Vec<&Seed>) {
-    let largest = seeds.iter().map(|s| s.volume).fold(0.0, f64::max);
-    let whole = seeds.iter().filter(|s| s.volume > WHOLE * largest);
-    (largest.cbrt(), whole.collect())
 }
 
 /// Matter of one material in a cell.

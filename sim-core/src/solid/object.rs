@@ -4,7 +4,8 @@ use super::{
     contact::ContactSurface,
     depth::DepthField,
     kernel::SolidLaw,
-    model::{CellPoint, Seed, SolidModel},
+    lattice::Seed,
+    model::{CellPoint, SolidModel},
     sampling::Sampling,
     surface::surface,
 };
@@ -49,7 +50,7 @@ impl SolidObject {
         let particles = points.collect::<Option<Vec<CellPoint>>>()?;
         let mut solid = Self {
             surface: ContactSurface::new(&grid, surface(&grid, &seeds)),
-            depth: has_others(scene).then(|| DepthField::new(scene.dx, &seeds)),
+            depth: has_others(scene).then(|| DepthField::new(&grid.lattice, &seeds)),
             sampling: Sampling::new(&particles),
             particles,
             masses: seeds.iter().map(|s| s.volume * s.density).collect(),

@@ -130,7 +130,7 @@ fn sample<V: Lanes>(
     pairs: &[Pair],
     out: &mut [Sampled],
 ) {
-    let mut rows = [F32x16::ZERO; 27];
+    let (mut rows, axes) = ([F32x16::ZERO; 27], model.lattice.axes());
     let mut known = None;
     for (pair, out) in pairs.iter().zip(out.chunks_exact_mut(2)) {
         let cell = (pair.block, pair.number);
@@ -142,7 +142,7 @@ fn sample<V: Lanes>(
         for half in 0..2 {
             let n = pair.particles[half];
             let d = &particles[n as usize].d;
-            finish(model, state, (pair, d), half, &sums, &mut out[half]);
+            finish(model, &axes, state, (pair, d), half, &sums, &mut out[half]);
             out[half].particle = n;
         }
     }
@@ -214,6 +214,7 @@ fn interpolate<V: Lanes>(rows: &[F32x16; 27], d: &[F32x16; 3]) -> [F32x16; 4] {
 #[inline(always)]
 fn finish(
     model: &SolidModel,
+    axes: &Mat3<f32>,
     state: &SolidState,
     (pair, d): (&Pair, &[f64; 3]),
     half: usize,
@@ -222,20 +223,28 @@ fn finish(
 ) {
     let block = &model.node_blocks[model.point_blocks[pair.block as usize].nodes[0] as usize];
     let cell = cell_of_number(pair.number);
-    let (mut f, mut rate) = ([[0.0_f32; 3]; 3], [[0.0_f32; 3]; 3]);
+    let (mut slopes, mut rates) = ([[0.0_f32; 3]; 3], [[0.0_f32; 3]; 3]);
+    for a in 0..3 {
+        out.x[a] = f64::from(CELLS * block[a]) + cell[a] as f64 + 1.0 + d[a];
+    }
+    out.x = model.world_of(out.x);
     for a in 0..3 {
         let lane = HALF * half + a;
-        let rest = f64::from(CELLS * block[a]) + cell[a] as f64 + 1.0 + d[a];
-        let at = rest + f64::from(sums[0].0[lane]);
-        out.x[a] = model.origin[a] + state.shift[a] + model.dx * at;
+        out.x[a] += state.shift[a] + model.dx * f64::from(sums[0].0[lane]);
         out.v[a] = (state.velocity[a] + model.dx * f64::from(sums[0].0[lane + 3])) as f32;
         for b in 0..3 {
-            f[a][b] = sums[1 + b].0[lane];
-            rate[a][b] = sums[1 + b].0[lane + 3];
+            slopes[a][b] = sums[1 + b].0[lane];
+            rates[a][b] = sums[1 + b].0[lane + 3];
         }
-        f[a][a] += 1.0;
     }
-    let (f, rate) = (Mat3(f), Mat3(rate));
+    // Over rest positions in the world.
+    let (mut f, rate) = (
+        Mat3(slopes).mul_transposed(axes),
+        Mat3(rates).mul_transposed(axes),
+    );
+    for a in 0..3 {
+        f.0[a][a] += 1.0;
+    }
     let j = f.det();
     // Over present positions, as other particles have it.
     let gradient = match j > 0.0 {

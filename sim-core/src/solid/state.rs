@@ -242,10 +242,14 @@ impl SolidState {
         };
         for a in 0..3 {
             let first = f64::from(CELLS * place[a]) + cell[a] as f64;
-            let at = first + 1.0 + site.d[a] + sums[0][a];
-            out.x[a] = model.origin[a] + self.shift[a] + model.dx * at;
+            out.x[a] = first + 1.0 + site.d[a];
+        }
+        out.x = model.world_of(out.x);
+        let slopes = over_rest(model, &sums);
+        for a in 0..3 {
+            out.x[a] += self.shift[a] + model.dx * sums[0][a];
             for b in 0..3 {
-                out.f[a][b] += sums[1 + b][a];
+                out.f[a][b] += slopes[a][b];
             }
         }
         out
@@ -255,14 +259,11 @@ impl SolidState {
     #[inline(always)]
     pub fn velocity_at(&self, model: &SolidModel, site: &CellPoint) -> ([f64; 3], [[f64; 3]; 3]) {
         let sums = self.sums_at(model, site, |node| &node.v);
-        let (mut v, mut rate) = (self.velocity, [[0.0; 3]; 3]);
+        let mut v = self.velocity;
         for a in 0..3 {
             v[a] += model.dx * sums[0][a];
-            for b in 0..3 {
-                rate[a][b] = sums[1 + b][a];
-            }
         }
-        (v, rate)
+        (v, over_rest(model, &sums))
     }
 
     /// A field at a site, and its slopes along each axis, summed along z, then y, then x.
@@ -311,4 +312,18 @@ impl SolidState {
         }
         sums
     }
+}
+
+/// Gradient over rest positions in the world of a field with these slopes along the axes of the grid.
+#[inline(always)]
+fn over_rest(model: &SolidModel, sums: &[[f64; 3]; 4]) -> [[f64; 3]; 3] {
+    let axes = &model.lattice.world_from_lattice.0;
+    let mut out = [[0.0; 3]; 3];
+    for a in 0..3 {
+        for b in 0..3 {
+            out[a][b] =
+                axes[b][0] * sums[1][a] + (axes[b][1] * sums[2][a] + axes[b][2] * sums[3][a]);
+        }
+    }
+    out
 }

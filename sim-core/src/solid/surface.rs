@@ -6,7 +6,10 @@
 
 use std::collections::BTreeMap;
 
-use super::model::{Bears, Seed, SolidModel, corner, whole_pieces};
+use super::{
+    lattice::{Lattice, Seed},
+    model::{Bears, SolidModel},
+};
 use crate::mat3::length;
 
 /// Filling from which on a piece is whole.
@@ -27,7 +30,7 @@ pub(crate) struct SurfacePoint {
     pub bears: Bears,
 }
 
-/// A point before it is on a grid: its place [m], area [m^2], the matter behind it.
+/// A point before it is on a grid, along the axes of the lattice: its place [m], area [m^2], the matter behind it.
 struct Found {
     x: [f64; 3],
     area: f64,
@@ -36,39 +39,48 @@ struct Found {
 
 /// Points of the surface of matter.
 pub(crate) fn surface(model: &SolidModel, seeds: &[Seed]) -> Vec<SurfacePoint> {
-    let mut found = cut_pieces(model.dx, seeds);
-    found.extend(whole_faces(model.dx, seeds));
+    let lattice = &model.lattice;
+    let filling = filling(lattice, seeds);
+    let mut found = cut_pieces(lattice, &filling);
+    found.extend(whole_faces(lattice, &filling));
     let on_grid = found.into_iter().filter_map(|point| {
-        let site = model.site(point.x, point.owner);
-        let site = site.or_else(|| model.site_near(point.x))?;
+        let (x, owner) = (lattice.world(point.x), lattice.world(point.owner));
+        let site = model.site(x, owner);
+        let site = site.or_else(|| model.site_near(x))?;
         Some(SurfacePoint {
             bears: model.bears(&site),
-            x: point.x,
+            x,
             area: point.area,
         })
     });
     on_grid.collect()
 }
 
-/// Filling of the lattice, with the place of some matter in each.
+/// Filling of the lattice, with the place of some matter in each along its axes.
 pub(super) type Filling = BTreeMap<[i64; 3], (f64, [f64; 3])>;
 
-pub(super) fn filling(dx: f64, seeds: &[Seed]) -> (f64, [f64; 3], Filling) {
-    let (edge, _) = whole_pieces(seeds);
-    let edge = edge.min(dx);
-    let first = corner(dx, seeds);
+pub(super) fn filling(lattice: &Lattice, seeds: &[Seed]) -> Filling {
+    let &Lattice {
+        edge,
+        corner: first,
+        ..
+    } = lattice;
     let mut filling = Filling::new();
-    for seed in seeds {
+    for seed in &lattice.seeds(seeds) {
         let index = std::array::from_fn(|a| ((seed.position[a] - first[a]) / edge).floor() as i64);
         let piece = filling.entry(index).or_insert((0.0, seed.position));
         piece.0 += seed.volume / edge.powi(3);
     }
-    (edge, first, filling)
+    filling
 }
 
 /// Corners of the faces of whole pieces that have no neighbour there.
-fn whole_faces(dx: f64, seeds: &[Seed]) -> Vec<Found> {
-    let (edge, first, filling) = filling(dx, seeds);
+fn whole_faces(lattice: &Lattice, filling: &Filling) -> Vec<Found> {
+    let &Lattice {
+        edge,
+        corner: first,
+        ..
+    } = lattice;
     let mut corners: BTreeMap<[i64; 3], (f64, [f64; 3], [f64; 3])> = BTreeMap::new();
     for (index, (filled, owner)) in filling.iter().filter(|(_, piece)| piece.0 >= WHOLE) {
         for face in 0..6 {
@@ -102,11 +114,15 @@ fn whole_faces(dx: f64, seeds: &[Seed]) -> Vec<Found> {
 }
 
 /// The planes of pieces that are cut.
-fn cut_pieces(dx: f64, seeds: &[Seed]) -> Vec<Found> {
-    let (edge, first, filling) = filling(dx, seeds);
+fn cut_pieces(lattice: &Lattice, filling: &Filling) -> Vec<Found> {
+    let &Lattice {
+        edge,
+        corner: first,
+        ..
+    } = lattice;
     let cut = filling.iter().filter(|(_, piece)| piece.0 < WHOLE);
     let cut = cut.filter_map(|(index, (own, owner))| {
-        let (height, normal, area) = plane_of(&filling, index, *own)?;
+        let (height, normal, area) = plane_of(filling, index, *own)?;
         Some(Found {
             x: std::array::from_fn(|a| {
                 first[a] + edge * (index[a] as f64 + 0.5 + height * normal[a])

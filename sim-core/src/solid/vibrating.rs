@@ -3,7 +3,8 @@
 use super::{
     advance::Scratch,
     kernel::{SolidLaw, Step, substep},
-    model::{Seed, SolidModel},
+    lattice::Seed,
+    model::SolidModel,
     nodes::{NODES, NodeBlock, write},
 };
 use crate::{materials::Material, simd::Isa};

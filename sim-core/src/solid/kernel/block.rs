@@ -139,10 +139,13 @@ fn gradients<V: Lanes>(rule: &Rule<V>, summed: &[Summed; 3], x: usize, q: usize)
     out
 }
 
+/// The deformation gradient over the axes of the grid, of the gradient of displacements.
 #[inline(always)]
-fn plus_identity<V: Lanes>(mut h: Mat3<V>) -> Mat3<V> {
+fn deformation<V: Lanes>(rule: &Rule<V>, mut h: Mat3<V>) -> Mat3<V> {
     for a in 0..3 {
-        h.0[a][a] = h.0[a][a] + V::splat(1.0);
+        for b in 0..3 {
+            h.0[a][b] = h.0[a][b] + rule.rest.0[a][b];
+        }
     }
     h
 }
@@ -203,7 +206,7 @@ fn respond<V: Lanes, S: Stress, const LOOKS: bool>(
                 } else {
                     h[n]
                 };
-                let f = plus_identity(h);
+                let f = deformation(rule, h);
                 let answer = first_piola(S::LAW, &f, lambda * volume, mu * volume);
                 if LOOKS {
                     let tangent = V::select(zero.lt(volume), answer.tangent, zero);
@@ -239,7 +242,8 @@ fn add_viscous<V: Lanes>(
             let (h, rate) = (gradients(rule, u, x, q), gradients(rule, v, x, q));
             for n in 0..2 {
                 let volume = V::load(&volumes[q][x][n]);
-                let (f, rate) = (plus_identity(masked(h[n], volume)), masked(rate[n], volume));
+                let f = deformation(rule, masked(h[n], volume));
+                let rate = masked(rate[n], volume);
                 largest = largest.max(rate.norm_squared());
                 let e = f.transpose().mul(&rate);
                 let e = e.blend(half, &e.transpose(), half);
@@ -388,17 +392,17 @@ fn scatter_tangents<V: Lanes>(rule: &Rule<V>, tangents: &Tangents, tile: &mut Ta
 pub(super) fn forces<'a, V: Lanes>(
     nodes: [&NodeBlock; 8],
     matter: impl Iterator<Item = Matter<'a>>,
+    rule: &Rule<V>,
     step: &Step,
     scratch: &mut Scratch,
     (tile, tangent_tile): (&mut Tile, &mut TangentTile),
 ) -> f32 {
-    let rule = Rule::<V>::new();
     let Scratch {
         summed,
         stress,
         tangents,
     } = scratch;
-    gather(&rule, fields(nodes, |node| &node.u), summed);
+    gather(rule, fields(nodes, |node| &node.u), summed);
     let looks = step.wants_extremes;
     if looks {
         *tangents = Scratch::EMPTY.tangents;
@@ -406,26 +410,26 @@ pub(super) fn forces<'a, V: Lanes>(
     let mut rate = 0.0_f32;
     for (n, here) in matter.enumerate() {
         if n == 0 {
-            respond_to(&rule, summed, &here, looks, stress, tangents);
+            respond_to(rule, summed, &here, looks, stress, tangents);
         } else {
             // Blocks of several materials are few.
             let mut more = Scratch::EMPTY.stress;
-            respond_to(&rule, summed, &here, looks, &mut more, tangents);
+            respond_to(rule, summed, &here, looks, &mut more, tangents);
             add::<V>(&more, stress);
         }
         if step.viscosity > 0.0 {
             let mut rates = Scratch::EMPTY.summed;
-            gather(&rule, fields(nodes, |node| &node.v), &mut rates);
-            let of_matter = add_viscous(&rule, [summed, &rates], &here, step.viscosity, stress);
+            gather(rule, fields(nodes, |node| &node.v), &mut rates);
+            let of_matter = add_viscous(rule, [summed, &rates], &here, step.viscosity, stress);
             rate = rate.max(of_matter);
         }
     }
     for a in 0..3 {
-        scatter_x(&rule, stress, a, &mut summed[a]);
-        scatter_yz(&rule, &summed[a], &mut tile[a]);
+        scatter_x(rule, stress, a, &mut summed[a]);
+        scatter_yz(rule, &summed[a], &mut tile[a]);
     }
     if looks {
-        scatter_tangents(&rule, tangents, tangent_tile);
+        scatter_tangents(rule, tangents, tangent_tile);
     }
     rate
 }
@@ -435,16 +439,16 @@ pub(super) fn forces<'a, V: Lanes>(
 pub(super) fn energy<'a, V: Lanes>(
     nodes: [&NodeBlock; 8],
     matter: impl Iterator<Item = Matter<'a>>,
+    rule: &Rule<V>,
     scratch: &mut Scratch,
 ) -> f64 {
-    let rule = Rule::<V>::new();
     let summed = &mut scratch.summed;
-    gather(&rule, fields(nodes, |node| &node.u), summed);
+    gather(rule, fields(nodes, |node| &node.u), summed);
     let mut sum = 0.0;
     for Matter { law, volumes } in matter {
         sum += match law.law {
-            Law::NeoHookean => stored::<V, NeoHookean>(&rule, summed, volumes, law),
-            _ => stored::<V, FixedCorotated>(&rule, summed, volumes, law),
+            Law::NeoHookean => stored::<V, NeoHookean>(rule, summed, volumes, law),
+            _ => stored::<V, FixedCorotated>(rule, summed, volumes, law),
         };
     }
     sum
@@ -465,7 +469,8 @@ fn stored<V: Lanes, S: Stress>(
             let h = gradients(rule, summed, x, q);
             for n in 0..2 {
                 let volume = V::load(&volumes[q][x][n]);
-                let density = energy_of_gradient(S::LAW, &masked(h[n], volume), lambda, mu);
+                let h = masked(h[n], volume).mul_transposed(&rule.rest);
+                let density = energy_of_gradient(S::LAW, &h, lambda, mu);
                 (volume * density).store(&mut lanes);
                 for lane in lanes.0 {
                     sum += f64::from(lane);

@@ -13,7 +13,10 @@ mod tests;
 
 use rayon::prelude::*;
 
-use self::block::{Matter, Scratch, TangentTile, Tile};
+use self::{
+    block::{Matter, Scratch, TangentTile, Tile},
+    rule::Rule,
+};
 use super::{
     model::{NO_BLOCK, SolidModel},
     nodes::{Conditions, NODES, NodeBlock, Planes, read, write},
@@ -269,6 +272,11 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
+    #[inline(always)]
+    fn rule<V: Lanes>(&self) -> Rule<V> {
+        Rule::new(&self.model.lattice.axes())
+    }
+
     /// Nodes of its block `n`, and what that is made of.
     #[inline(always)]
     fn block(&self, n: usize) -> ([&NodeBlock; 8], impl Iterator<Item = Matter<'_>>) {
@@ -310,11 +318,18 @@ fn forces<V: Lanes>(
     tiles: &mut [Tile],
     tangents: &mut [TangentTile],
 ) -> f32 {
-    let mut scratch = Scratch::EMPTY;
+    let (mut scratch, rule) = (Scratch::EMPTY, task.rule::<V>());
     let mut rate = 0.0_f32;
     for (n, tiles) in tiles.iter_mut().zip(tangents).enumerate() {
         let (nodes, matter) = task.block(n);
-        rate = rate.max(block::forces::<V>(nodes, matter, step, &mut scratch, tiles));
+        rate = rate.max(block::forces(
+            nodes,
+            matter,
+            &rule,
+            step,
+            &mut scratch,
+            tiles,
+        ));
     }
     rate
 }
@@ -364,11 +379,11 @@ on_isa! {
 /// Elastic energy of some blocks [Pa cells^3].
 #[inline(always)]
 fn energy<V: Lanes>(task: &Task<'_>, count: usize) -> f64 {
-    let mut scratch = Scratch::EMPTY;
+    let (mut scratch, rule) = (Scratch::EMPTY, task.rule::<V>());
     let mut sum = 0.0;
     for n in 0..count {
         let (nodes, matter) = task.block(n);
-        sum += block::energy::<V>(nodes, matter, &mut scratch);
+        sum += block::energy(nodes, matter, &rule, &mut scratch);
     }
     sum
 }

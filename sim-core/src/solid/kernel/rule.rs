@@ -4,7 +4,7 @@
 //! `s = l + r`, `t = r - l` and `q = s - 2 c`, the spline at `+-S` is `c + a q +- e t` with `a = 1/8 + S^2/2` and `e = S/2`, and twice
 //! its slope is `t +- g q` with `g = 2 S`.
 
-use crate::simd::Lanes;
+use crate::{mat3::Mat3, simd::Lanes};
 
 /// Distance of the points from the middle of their cell [dx]: those of Gauss, `1 / sqrt(12)`.
 pub(super) const S: f64 = 0.288_675_134_594_812_9;
@@ -16,12 +16,15 @@ pub(super) struct Rule<V> {
     e: V,
     g: V,
     minus_two: V,
+    /// Deformation gradient at rest over the axes of the grid: those axes as columns.
+    pub rest: Mat3<V>,
 }
 
 impl<V: Lanes> Rule<V> {
     #[inline(always)]
-    pub fn new() -> Self {
+    pub fn new(axes: &Mat3<f32>) -> Self {
         Self {
+            rest: Mat3(axes.0.map(|row| row.map(V::broadcast))),
             a: V::splat(0.125 + 0.5 * S * S),
             e: V::splat(0.5 * S),
             g: V::splat(2.0 * S),

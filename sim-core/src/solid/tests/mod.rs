@@ -1,12 +1,14 @@
 //! Laws of solids on a grid of their own.
 
 mod bars;
+mod lattices;
 mod motion;
 
 use super::{
     advance::{Outside, Scratch, Shares, Solid},
     kernel::SolidLaw,
-    model::{Seed, SolidModel},
+    lattice::Seed,
+    model::SolidModel,
     state::{SolidState, Sums},
 };
 use crate::{

@@ -15,7 +15,8 @@ use crate::{
         basis::weights_f64,
         extension::Extension,
         frequency::largest_squared_frequency,
-        model::{Seed, gauss_point, stencil},
+        lattice::Seed,
+        model::{gauss_point, stencil},
     },
 };
 
