@@ -209,19 +209,41 @@ pub fn group<E>(
         covered.push(coverage(&evidence(view)?, &region, size.len()));
     }
     let mut object = share_masks(&covered, &size);
-    join_unseen(&mut object, &covered, &region, &edges);
+    let unknown = unknown(&object, &covered);
+    join_unknown(&mut object, unknown, &region, &edges);
     Ok(labels(&region, &object, &edges))
 }
 
-/// Gives each region that no view shows the object of the neighbour that most speaks for.
-fn join_unseen(
+/// Regions that no view shows, and those of objects that are most of no mask: what is seen of them leaks through others.
+fn unknown(object: &[u32], covered: &[Coverage]) -> Vec<bool> {
+    let mut is_most = vec![false; object.len()];
+    for view in covered {
+        let mut masks = BTreeMap::<i32, BTreeMap<u32, f32>>::new();
+        for ((of, seen), object) in view.share.iter().zip(&view.seen).zip(object) {
+            for (mask, share) in of {
+                *masks.entry(*mask).or_default().entry(*object).or_default() += share * seen;
+            }
+        }
+        for of in masks.values() {
+            let all: f32 = of.values().sum();
+            let most = of.iter().find(|(_, weight)| **weight > 0.5 * all);
+            most.iter().for_each(|(o, _)| is_most[**o as usize] = true);
+        }
+    }
+    let is_seen = |r: usize| covered.iter().any(|view| view.seen[r] > 1.0);
+    let regions = object.iter().enumerate();
+    regions
+        .map(|(r, o)| !is_seen(r) || !is_most[*o as usize])
+        .collect()
+}
+
+/// Gives each region of which nothing is known the object of the neighbour that most speaks for.
+fn join_unknown(
     object: &mut [u32],
-    covered: &[Coverage],
+    mut unknown: Vec<bool>,
     region: &[u32],
     edges: &[(u32, u32, Votes)],
 ) {
-    let is_seen = |r: usize| covered.iter().any(|view| view.seen[r] > 1.0);
-    let mut unseen: Vec<bool> = (0..object.len()).map(|r| !is_seen(r)).collect();
     let mut links = BTreeMap::<(u32, u32), f32>::new();
     for (a, b, votes) in edges {
         let (a, b) = (region[*a as usize], region[*b as usize]);
@@ -230,11 +252,11 @@ fn join_unseen(
             *links.entry((b, a)).or_default() += votes.all - votes.parted;
         }
     }
-    // What hangs on an unseen region alone waits for it.
+    // What hangs on an unknown region alone waits for it.
     loop {
         let mut best = BTreeMap::<u32, (f32, u32)>::new();
         for (&(a, b), &votes) in &links {
-            if unseen[a as usize] && !unseen[b as usize] {
+            if unknown[a as usize] && !unknown[b as usize] {
                 let known = best.entry(a).or_default();
                 if votes > known.0 {
                     *known = (votes, b);
@@ -247,7 +269,7 @@ fn join_unseen(
         }
         for (a, (_, b)) in best {
             object[a as usize] = object[b as usize];
-            unseen[a as usize] = false;
+            unknown[a as usize] = false;
         }
     }
 }
