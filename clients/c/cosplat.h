@@ -20,7 +20,7 @@
 #endif
 
 /** Hash of the layout of all types: a server with another one in its hello must not be read. */
-#define COSPLAT_SCHEMA_HASH UINT64_C(0xdeae37dfe890812e)
+#define COSPLAT_SCHEMA_HASH UINT64_C(0x040df2202d83ba5f)
 /** All of the object is as its own frame had it last, at another place. */
 #define COSPLAT_CHANGE_PLACED UINT32_C(1)
 /** The object's Gaussians follow, in the world frame. */
@@ -842,9 +842,15 @@ struct cosplat_status {
     uint32_t frame_readers;
     /** Whether the server sends `changes` to those who read it: 1, else 0. */
     uint32_t has_changes;
+    /** Work that springs of clients did on what they hold, since start [J]. */
+    double spring_work;
+    /** Energy that edits brought into the world, since start [J]. */
+    double edit_energy;
+    /** Mass that edits brought into the world, since start [kg]. */
+    double edit_mass;
 };
 #define COSPLAT_STATUS_TYPE_NAME "cosplat.v1.Status"
-COSPLAT_ASSERT(sizeof(struct cosplat_status) == 224, "cosplat_status");
+COSPLAT_ASSERT(sizeof(struct cosplat_status) == 248, "cosplat_status");
 COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_status) == 8, "cosplat_status");
 COSPLAT_ASSERT(offsetof(struct cosplat_status, step) == 0, "cosplat_status");
 COSPLAT_ASSERT(offsetof(struct cosplat_status, sim_time) == 8, "cosplat_status");
@@ -873,5 +879,8 @@ COSPLAT_ASSERT(offsetof(struct cosplat_status, server_state) == 208, "cosplat_st
 COSPLAT_ASSERT(offsetof(struct cosplat_status, pid) == 212, "cosplat_status");
 COSPLAT_ASSERT(offsetof(struct cosplat_status, frame_readers) == 216, "cosplat_status");
 COSPLAT_ASSERT(offsetof(struct cosplat_status, has_changes) == 220, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, spring_work) == 224, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, edit_energy) == 232, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, edit_mass) == 240, "cosplat_status");
 
 #endif

@@ -42,6 +42,9 @@ struct Totals {
     rollbacks: u64,
     left: u64,
     quarantined: u64,
+    spring_work: f64,
+    edit_energy: f64,
+    edit_mass: f64,
 }
 
 impl Output {
@@ -75,6 +78,9 @@ impl Output {
         self.totals.rollbacks += u64::from(report.rollbacks);
         self.totals.left += report.left_domain.len() as u64;
         self.totals.quarantined += report.quarantined.len() as u64;
+        self.totals.spring_work += report.spring_work;
+        self.totals.edit_energy += report.edit_energy;
+        self.totals.edit_mass += report.edit_mass;
         if self.recent.len() == RATE_WINDOW {
             self.recent.pop_front();
         }
@@ -107,6 +113,9 @@ impl Output {
             dt_limit: report.dt_limit as u32,
             dt_object: report.dt_object.map_or(u32::MAX, |object| object as u32),
             server_state: self.state,
+            spring_work: self.totals.spring_work,
+            edit_energy: self.totals.edit_energy,
+            edit_mass: self.totals.edit_mass,
             ..Status::default()
         }
     }

@@ -21,11 +21,13 @@ from cosplat import (
     Grab,
     LetGo,
     Release,
+    Remove,
     Reset,
     Resume,
     ServerLost,
     SetGravity,
     SetMaterial,
+    SetPose,
     SetVelocity,
     Step,
     wire,
@@ -159,6 +161,31 @@ def test_orders_are_applied_and_journalled(session: LaunchedSession) -> None:
     # A push of 1 N s twice on 8.56 kg; a velocity is what was ordered.
     assert states["left"].linear_velocity[1] > 0.2
     assert states["right"].linear_velocity == pytest.approx([1, 0, 0], abs=1e-3)
+
+
+def test_status_says_what_hands_and_edits_brought_in(session: LaunchedSession) -> None:
+    def status_of(step: int) -> wire.Status:
+        while (status := session.status()).step < step:
+            time.sleep(0.01)
+        return status
+
+    # A hand lifts a block by 0.1 m against 10 m/s^2, and holds it there.
+    objects = session.objects(128)
+    orders = [SetGravity((0, -10, 0)), Grab("left", (-0.3, 0.3, 0), radius=0.4)]
+    lifts = [Drag("left", (-0.3, 0.3 + 0.002 * n, 0), at_step=1 + n) for n in range(1, 51)]
+    session.send(*orders, *lifts, Pause(at_step=101), Resume())
+    held = status_of(100)
+    masses = {name: next(objects)[name].mass for name in ("left", "right")}
+    # It hangs g / w^2 below, 0.01 m, and what it is deformed by its weight is little.
+    assert held.spring_work == pytest.approx(masses["left"] * 10 * 0.09, rel=0.1)
+    assert (held.edit_energy, held.edit_mass) == (0, 0)
+    # 1 m higher, and the other one is gone.
+    session.send(SetPose("left", (-0.3, 1.39, 0)), Remove("right"), Step(1))
+    edited = status_of(101)
+    gone = held.potential_energy - edited.potential_energy + masses["left"] * 10
+    assert edited.edit_mass == pytest.approx(-masses["right"])
+    assert edited.edit_energy == pytest.approx(masses["left"] * 10 - gone, rel=0.05)
+    assert edited.spring_work == held.spring_work
 
 
 def test_orders_of_one_step_go_by_the_senders_numbers(session: LaunchedSession) -> None:

@@ -267,7 +267,7 @@ wire_types! {
         24 count: u32,
         28 reserved: u32,
     }
-    "cosplat.v1.Status" Status: 224 align 8 {
+    "cosplat.v1.Status" Status: 248 align 8 {
         0 step: u64,
         8 sim_time: f64,
         16 heartbeat_ns: u64,
@@ -295,6 +295,9 @@ wire_types! {
         212 pid: u32,
         216 frame_readers: u32,
         220 has_changes: u32,
+        224 spring_work: f64,
+        232 edit_energy: f64,
+        240 edit_mass: f64,
     }
 }
 

@@ -62,6 +62,12 @@ pub struct Status {
     pub frame_readers: u32,
     /// Whether the server sends `changes` to those who read it: 1, else 0.
     pub has_changes: u32,
+    /// Work that springs of clients did on what they hold, since start [J].
+    pub spring_work: f64,
+    /// Energy that edits brought into the world, since start [J].
+    pub edit_energy: f64,
+    /// Mass that edits brought into the world, since start [kg].
+    pub edit_mass: f64,
 }
 
 /// The server is stepping.

@@ -49,7 +49,7 @@ class Record:
         return cls(*values)
 
 
-SCHEMA_HASH = 0xdeae37dfe890812e
+SCHEMA_HASH = 0x040df2202d83ba5f
 """Hash of the layout of all types: a server with another one in its hello is not read."""
 CHANGE_PLACED = 1
 """All of the object is as its own frame had it last, at another place."""
@@ -909,7 +909,7 @@ class Status(Record):
     type_name = "cosplat.v1.Status"
     alignment = 8
     dtype = _dtype(
-        224,
+        248,
         step=("<u8", 0),
         sim_time=("<f8", 8),
         heartbeat_ns=("<u8", 16),
@@ -937,6 +937,9 @@ class Status(Record):
         pid=("<u4", 212),
         frame_readers=("<u4", 216),
         has_changes=("<u4", 220),
+        spring_work=("<f8", 224),
+        edit_energy=("<f8", 232),
+        edit_mass=("<f8", 240),
     )
 
     step: int
@@ -993,3 +996,9 @@ class Status(Record):
     """Readers of `frame` and of `changes`."""
     has_changes: int
     """Whether the server sends `changes` to those who read it: 1, else 0."""
+    spring_work: float
+    """Work that springs of clients did on what they hold, since start [J]."""
+    edit_energy: float
+    """Energy that edits brought into the world, since start [J]."""
+    edit_mass: float
+    """Mass that edits brought into the world, since start [kg]."""

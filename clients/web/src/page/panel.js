@@ -239,6 +239,7 @@ export class Panel {
     this.charts.add(figures);
     const rows = {
       'substep': `${short(status.dt)} s`, 'real time': `${short(status.real_time)} x`, 'potential energy': `${short(status.potential)} J`,
+      'work of hands': `${short(status.spring_work)} J`, 'energy of edits': `${short(status.edit_energy)} J`, 'mass of edits': `${short(status.edit_mass)} kg`,
       'Gaussians': state.about.gaussians, 'particles': state.about.particles, 'left the domain': status.left,
       'quarantined': status.quarantined, 'rolled back': status.rollbacks, 'not shown here': state.dropped,
     };
