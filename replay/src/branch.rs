@@ -16,11 +16,12 @@ use cosplat_recorder::{
     topics::checkpoint_of,
 };
 use cosplat_scene::load::LoadedScene;
+use cosplat_sim_core::command::Action;
 
 use crate::{
     ReplayError,
     outlook::Start,
-    rerun::{Kept, Rerun, Take, take},
+    rerun::{Kept, Rerun, Take, action, take},
     walk::Walk,
 };
 
@@ -61,7 +62,10 @@ pub fn branch(
     if !(first..=last).contains(&at) {
         return Err(ReplayError::NoSuchStep { at, first, last });
     }
-    let start = recorded.start.as_ref();
+    let start = match &recorded.start {
+        Some(start) if !reaches_back(&recorded.journal, start.step, at)? => Some(start),
+        _ => None,
+    };
     let mut rerun = Rerun::begin(&kept, &header, path, start, threads)?;
     let first = rerun.step();
     let mut count = match start {
@@ -100,6 +104,31 @@ pub fn branch(
     let checkpoint = folder.join(format!("step-{at}.checkpoint"));
     write(&checkpoint, &rerun.checkpoint())?;
     Ok(Some(Branch { scene, checkpoint }))
+}
+
+/// Whether an undo or redo after step `start`, and up to step `at`, goes to a state from before: a checkpoint has none of these.
+fn reaches_back(journal: &[JournalEntry], start: u64, at: u64) -> Result<bool, ReplayError> {
+    let (mut undoable, mut redoable) = (0_usize, 0_usize);
+    for JournalEntry { applied, .. } in journal {
+        if !(start + 1..=at).contains(&applied.step) {
+            continue;
+        }
+        let action = action(applied, applied.step)?.action;
+        let [from, to] = match action {
+            Action::Undo => [&mut undoable, &mut redoable],
+            Action::Redo => [&mut redoable, &mut undoable],
+            _ if action.is_edit() => {
+                (undoable, redoable) = (undoable + 1, 0);
+                continue;
+            }
+            _ => continue,
+        };
+        let Some(left) = from.checked_sub(1) else {
+            return Ok(true);
+        };
+        (*from, *to) = (left, *to + 1);
+    }
+    Ok(false)
 }
 
 /// What a run has to be compared with and to apply.

@@ -288,7 +288,7 @@ impl Rerun {
 }
 
 /// A command of the journal as the world takes it at the start of `step`.
-fn action(applied: &AppliedCommand, step: u64) -> Result<Command, ReplayError> {
+pub(crate) fn action(applied: &AppliedCommand, step: u64) -> Result<Command, ReplayError> {
     let command = &applied.command;
     if applied.step != step {
         let command = applied.step;

@@ -157,9 +157,14 @@ fn a_recording_of_edits_verifies_on_any_threads() {
         "--duration",
         "1.2",
     ];
-    let mut server = stage.serve_scene(&scene(), &[&rest[..], &["--threads", "2"]].concat());
+    let folder = stage.path("states");
+    fs::create_dir(&folder).expect("a folder");
+    let states = ["--checkpoints", folder.to_str().expect("a plain path")];
+    let all = [&rest[..], &["--threads", "2"], &states].concat();
+    let mut server = stage.serve_scene(&scene(), &all);
     let client = stage.client();
-    let record = ["record", "-o", "run.mcap", "--json"];
+    let often = ["--checkpoint-every", "0.25"];
+    let record = [&["record", "-o", "run.mcap", "--json"][..], &often].concat();
     let mut recorder = Process::start(stage.cosplat(&record));
     wait_for_status(&client, |s: &Status| s.frame_readers >= 1);
     let orders = [
@@ -209,4 +214,11 @@ fn a_recording_of_edits_verifies_on_any_threads() {
         assert_eq!(run["commands"], orders.len(), "{outcome}");
         assert_eq!(run["frames_compared"], 61, "{outcome}");
     }
+    // What is undone at 0.5 s was done before the checkpoint of that time, which holds no states before edits: the run is taken
+    // up farther back.
+    let branch: Vec<_> = "branch run.mcap --at 29 --session other --pace free --duration 0.04"
+        .split(' ')
+        .collect();
+    let output = stage.cosplat(&branch).output().expect("cosplat runs");
+    assert!(output.status.success(), "{output:?}");
 }

@@ -445,6 +445,18 @@ fn undo_is_the_state_before_and_redo_the_one_left() {
     assert_eq!(world.undoable(), [2, 0]);
 }
 
+#[test]
+fn a_checkpoint_holds_no_states_before_edits() {
+    let mut world = started(Kind::Matter);
+    world.step(FRAME, &[order(Action::Remove { object: 1 })]);
+    let bytes = world.checkpoint();
+    let mut other = started(Kind::Matter);
+    other.restore(&bytes).expect("its own state");
+    assert_eq!(other.report().state_hash, world.report().state_hash);
+    assert_eq!(other.check(&Action::Undo), Err(CommandError::NothingToUndo));
+    assert_eq!(world.check(&Action::Undo), Ok(()));
+}
+
 /// The same edits lead to the same bits on any thread count, and from a checkpoint in the middle of them.
 #[test]
 fn edits_keep_the_bits() {
