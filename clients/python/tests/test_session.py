@@ -172,10 +172,12 @@ def test_status_says_what_hands_and_edits_brought_in(session: LaunchedSession) -
     # A hand lifts a block by 0.1 m against 10 m/s^2, and holds it there.
     objects = session.objects(128)
     orders = [SetGravity((0, -10, 0)), Grab("left", (-0.3, 0.3, 0), radius=0.4)]
-    lifts = [Drag("left", (-0.3, 0.3 + 0.002 * n, 0), at_step=1 + n) for n in range(1, 51)]
+    lifts = [Drag("left", (-0.3, 0.3 + 0.004 * n, 0), at_step=1 + 2 * n) for n in range(1, 26)]
     session.send(*orders, *lifts, Pause(at_step=101), Resume())
     held = status_of(100)
-    masses = {name: next(objects)[name].mass for name in ("left", "right")}
+    state = objects.next(PATIENCE)
+    assert state
+    masses = {name: state[name].mass for name in ("left", "right")}
     # It hangs g / w^2 below, 0.01 m, and what it is deformed by its weight is little.
     assert held.spring_work == pytest.approx(masses["left"] * 10 * 0.09, rel=0.1)
     assert (held.edit_energy, held.edit_mass) == (0, 0)
