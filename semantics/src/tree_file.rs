@@ -3,8 +3,9 @@
 //! Tensors: `superpoint` u32 `[Gaussians that can be read]`; `ground` u8 `[superpoints]`; `touch` u32 `[n][2]`;
 //! `votes` f32 `[n][2]`, those that part and all. Metadata: version, hash of the asset's file, the ground plane.
 
-use std::{collections::HashMap, path::Path};
+use std::{collections::BTreeMap, path::Path};
 
+use cosplat_scene::assets::tensors::serialize;
 use glam::Vec3;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
@@ -57,10 +58,10 @@ impl Tree {
             } = g;
             [up.x, up.y, up.z, offset, tolerance, confidence]
         });
-        let metadata = HashMap::from([
-            ("cosplat.tree".to_owned(), VERSION.to_owned()),
-            ("asset_hash".to_owned(), format!("{asset_hash:016x}")),
-            ("plane".to_owned(), serde_json::json!(plane).to_string()),
+        let metadata = BTreeMap::from([
+            ("cosplat.tree", VERSION.to_owned()),
+            ("asset_hash", format!("{asset_hash:016x}")),
+            ("plane", serde_json::json!(plane).to_string()),
         ]);
         let damaged =
             |error: safetensors::SafeTensorError| SemanticsError::format(path, error.to_string());
@@ -68,7 +69,7 @@ impl Tree {
             TensorView::new(*kind, shape.clone(), bytes).map(|tensor| (*name, tensor))
         });
         let tensors = tensors.collect::<Result<Vec<_>, _>>().map_err(damaged)?;
-        let bytes = safetensors::serialize(tensors, Some(metadata)).map_err(damaged)?;
+        let bytes = serialize(tensors, &metadata).map_err(damaged)?;
         std::fs::write(path, bytes).map_err(SemanticsError::write(path))
     }
 

@@ -10,6 +10,7 @@ mod paint;
 pub mod ply;
 mod ply_header;
 pub mod splat;
+pub mod tensors;
 
 pub use activate::SH_C0;
 pub use cosplat_sim_core::scene::Gaussians;

@@ -6,12 +6,14 @@
 //! asset's file, names, how it was made.
 
 use std::{
-    collections::{BTreeSet, HashMap},
+    collections::{BTreeMap, BTreeSet},
     path::{Path, PathBuf},
 };
 
 use half::f16;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+
+use super::tensors;
 
 /// Version of the format.
 const VERSION: &str = "1";
@@ -217,20 +219,20 @@ impl Objects {
             let shape = vec![self.names.len()];
             data.push(("parent", Dtype::I32, shape, ints(&self.parent)));
         }
-        let tensors = data
+        let given = data
             .iter()
             .map(|(name, kind, shape, bytes)| {
                 Ok((*name, TensorView::new(*kind, shape.clone(), bytes)?))
             })
             .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
         let names = serde_json::to_string(&self.names).unwrap_or_default();
-        let metadata = HashMap::from([
-            ("cosplat.objects".to_owned(), VERSION.to_owned()),
-            ("asset_hash".to_owned(), format!("{:016x}", self.asset_hash)),
-            ("names".to_owned(), names),
-            ("made".to_owned(), self.made.clone()),
+        let metadata = BTreeMap::from([
+            ("cosplat.objects", VERSION.to_owned()),
+            ("asset_hash", format!("{:016x}", self.asset_hash)),
+            ("names", names),
+            ("made", self.made.clone()),
         ]);
-        safetensors::serialize(tensors, Some(metadata))
+        tensors::serialize(given, &metadata)
     }
 
     /// Writes the file.
