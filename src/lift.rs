@@ -103,6 +103,23 @@ pub(crate) fn load(path: &Path) -> anyhow::Result<(Gaussians, ReadReport, u64)> 
     Ok((gaussians, report, file.hash))
 }
 
+/// Gaussians as they are drawn.
+pub(crate) fn states(splat: &Splat) -> Vec<GaussianState> {
+    (0..splat.len())
+        .map(|n| GaussianState {
+            position: splat.position[n].to_array(),
+            color: splat.color[n]
+                .extend(splat.opacity[n])
+                .to_array()
+                .map(|level| (level * 255.0).round() as u8),
+            covariance: splat.covariance[n],
+            index: n as u32,
+            rotation: [0.0, 0.0, 0.0, 1.0],
+            ..Default::default()
+        })
+        .collect()
+}
+
 /// Runs `cosplat views`.
 ///
 /// # Errors
@@ -115,19 +132,7 @@ pub fn run_views(args: &ViewsArgs) -> anyhow::Result<()> {
         .with_context(|| format!("cannot make {}", images.display()))?;
     let (width, height) = args.size;
     let views = spiral(splat.bounds(), args.up, args.count as usize, width, height);
-    let states: Vec<GaussianState> = (0..splat.len())
-        .map(|n| GaussianState {
-            position: splat.position[n].to_array(),
-            color: splat.color[n]
-                .extend(splat.opacity[n])
-                .to_array()
-                .map(|level| (level * 255.0).round() as u8),
-            covariance: splat.covariance[n],
-            index: n as u32,
-            rotation: [0.0, 0.0, 0.0, 1.0],
-            ..Default::default()
-        })
-        .collect();
+    let states = states(&splat);
     let degree = u32::from(gaussians.sh_degree);
     let bar = progress::bar("pictures", views.len() as u64);
     for view in &views {

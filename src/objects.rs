@@ -2,30 +2,21 @@
 
 mod find;
 mod materials;
+mod page;
+mod prepared;
 
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-    time::Instant,
-};
+use std::{collections::BTreeMap, net::SocketAddr, path::PathBuf, time::Instant};
 
 use anyhow::{Context, bail, ensure};
-use cosplat_renderer::camera::{Camera, Orbit};
 use cosplat_semantics::{
-    Splat,
     lift::Labels,
     neighbours::Tree as Places,
-    objects::Objects,
-    show,
     strokes::{Stroke, under},
-    tree::Tree,
 };
 use glam::Vec3;
 
-use crate::{
-    lift::{cameras, load},
-    say,
-};
+use crate::{lift::cameras, say};
+use prepared::{Found, Output, Prepared};
 
 /// Objects of a splat without pictures: what it stands on, what hangs together, and parts of it by stroke or by number.
 #[derive(clap::Args)]
@@ -97,178 +88,18 @@ struct PickArgs {
     /// All nodes of this height, 0 to 1.
     #[arg(long, value_name = "H", conflicts_with_all = ["node", "stroke"])]
     height: Option<f32>,
+    /// Serve a page that shows the splat in a browser and takes strokes by mouse, and print its link: at this address, on a free
+    /// port of this machine without. Its button Save writes the file, and the command that does the same is printed.
+    #[arg(
+        long,
+        value_name = "ADDR",
+        num_args = 0..=1,
+        default_missing_value = "127.0.0.1:0",
+        conflicts_with_all = ["node", "stroke", "views", "height", "json"]
+    )]
+    web: Option<SocketAddr>,
     #[command(flatten)]
     output: Output,
-}
-
-#[derive(clap::Args)]
-struct Output {
-    /// File of objects [default: beside the splat, `NAME.objects.safetensors`].
-    #[arg(short, long, value_name = "FILE")]
-    out: Option<PathBuf>,
-    /// Picture of the objects in colours with their names.
-    #[arg(long, value_name = "FILE.png")]
-    picture: Option<PathBuf>,
-    /// Print one JSON object.
-    #[arg(long)]
-    json: bool,
-}
-
-/// A splat with its tree.
-struct Prepared {
-    path: PathBuf,
-    splat: Splat,
-    hash: u64,
-    rows: Vec<usize>,
-    count: usize,
-    tree: Tree,
-    /// When all of it was there.
-    ready: Instant,
-}
-
-fn tree_file(splat: &Path) -> PathBuf {
-    splat.with_extension("tree.safetensors")
-}
-
-impl Prepared {
-    /// The splat, with the tree that `tree` makes or reads of it and its hash.
-    fn with(
-        path: &Path,
-        tree: impl FnOnce(&Splat, u64) -> anyhow::Result<Tree>,
-    ) -> anyhow::Result<Self> {
-        let (gaussians, found, hash) = load(path)?;
-        let splat = Splat::from(&gaussians);
-        let tree = tree(&splat, hash)?;
-        Ok(Prepared {
-            path: path.to_owned(),
-            splat,
-            hash,
-            rows: found.rows(),
-            count: found.count,
-            tree,
-            ready: Instant::now(),
-        })
-    }
-
-    /// The splat and a tree made anew, which is kept beside it.
-    fn make(path: &Path) -> anyhow::Result<Self> {
-        Self::with(path, |splat, hash| {
-            let tree = Tree::new(splat);
-            tree.write(&tree_file(path), hash)?;
-            Ok(tree)
-        })
-    }
-
-    /// The splat and the tree that `cosplat objects tree` kept; makes it where there is none.
-    fn read(path: &Path) -> anyhow::Result<Self> {
-        let kept = tree_file(path);
-        if !kept.is_file() {
-            return Self::make(path);
-        }
-        Self::with(path, |splat, hash| {
-            Tree::read(&kept, hash, splat.len())
-                .context("a splat that has changed needs `cosplat objects tree` again")
-        })
-    }
-
-    fn picture(&self, path: &Path, object: &[i32], names: &[String]) -> anyhow::Result<()> {
-        let up = self.tree.ground.map_or(Vec3::NEG_Y, |g| g.axis().0);
-        let camera = Camera::orbit(self.splat.bounds(), up, Orbit::default(), 960, 720);
-        let mut picture = show::picture(&self.splat, object, &camera);
-        let entries = names.iter().enumerate();
-        let entries: Vec<_> = entries
-            .map(|(n, name)| (show::color(n as i32), name.clone()))
-            .collect();
-        picture.add_legend(&entries);
-        Ok(picture.write(path)?)
-    }
-
-    /// Writes objects and says what they are.
-    fn finish(&self, output: &Output, found: Found, since: Instant) -> anyhow::Result<()> {
-        let out = output
-            .out
-            .clone()
-            .unwrap_or_else(|| self.path.with_extension("objects.safetensors"));
-        if let Some(path) = &output.picture {
-            self.picture(path, &found.labels.object, &found.names)?;
-        }
-        let size = |n: usize| {
-            found
-                .labels
-                .object
-                .iter()
-                .filter(|o| **o == n as i32)
-                .count()
-        };
-        let sizes: Vec<usize> = (0..found.names.len()).map(size).collect();
-        let objects = Objects {
-            asset_hash: self.hash,
-            names: found.names,
-            parent: found.parent,
-            labels: found.labels,
-            made: found.made,
-            ..Objects::default()
-        };
-        objects.clone().spread(&self.rows, self.count).write(&out)?;
-        let seconds = since.elapsed().as_secs_f64();
-        let answer = self.ready.elapsed().as_secs_f64();
-        if output.json {
-            let all = objects.names.iter().zip(&sizes);
-            let all: Vec<_> = all
-                .map(|(name, size)| serde_json::json!({ "name": name, "gaussians": size }))
-                .collect();
-            let ground = self.tree.ground.map(|g| {
-                serde_json::json!({
-                    "up": g.up.to_array(), "gravity": (-9.81 * g.up).to_array(), "axis": axis_name(g.axis().0),
-                    "tilt_deg": g.axis().1.to_degrees(), "offset": g.offset, "confidence": g.confidence,
-                })
-            });
-            return say!(
-                "{}",
-                serde_json::json!({
-                    "file": out, "objects": all, "ground": ground, "superpoints": self.tree.size.len(), "seconds": seconds,
-                    "answer_seconds": answer,
-                })
-            );
-        }
-        for (name, size) in objects.names.iter().zip(&sizes) {
-            say!("{size:9} Gaussians  {name}")?;
-        }
-        say!("{}", self.ground_sentence())?;
-        say!(
-            "{} superpoints; {seconds:.2} s, of which {answer:.2} s after the splat and its tree were there; {}",
-            self.tree.size.len(),
-            out.display()
-        )
-    }
-
-    fn ground_sentence(&self) -> String {
-        let Some(ground) = self.tree.ground else {
-            return "no ground was found".to_owned();
-        };
-        let (axis, tilt) = ground.axis();
-        let [x, y, z] = (-9.81 * ground.up).to_array();
-        format!(
-            "ground with confidence {:.2}: up = \"{}\" (off by {:.1} degrees), gravity = [{x:.3}, {y:.3}, {z:.3}] m/s^2 in the frame of the splat",
-            ground.confidence,
-            axis_name(axis),
-            tilt.to_degrees()
-        )
-    }
-}
-
-/// Objects as they are written.
-struct Found {
-    names: Vec<String>,
-    parent: Vec<i32>,
-    labels: Labels,
-    made: String,
-}
-
-fn axis_name(axis: Vec3) -> String {
-    let most = axis.abs().max_position();
-    let sign = if axis[most] < 0.0 { '-' } else { '+' };
-    format!("{sign}{}", ['x', 'y', 'z'][most])
 }
 
 /// Runs the command.
@@ -288,6 +119,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Command::Materials(args) => materials::run(args),
         Command::Pick(args) => {
             let prepared = Prepared::read(&args.splat)?;
+            if let Some(address) = args.web {
+                return page::serve(address, prepared, args.output.clone());
+            }
             let found = match (args.height, args.stroke.is_empty(), args.node.is_empty()) {
                 (Some(height), ..) => at_height(&prepared, height)?,
                 (None, false, _) => stroked(&prepared, args)?,
@@ -390,16 +224,18 @@ fn point<const N: usize>(text: &str, stroke: &str) -> anyhow::Result<[f32; N]> {
     found.with_context(|| format!("--stroke is {stroke:?}: {text:?} is no point of {N} numbers"))
 }
 
+/// A stroke: the name, and Gaussians under it.
+type Marked = (String, Vec<u32>);
+
 fn stroked(prepared: &Prepared, args: &PickArgs) -> anyhow::Result<Found> {
-    let Prepared { splat, tree, .. } = prepared;
+    let splat = &prepared.splat;
     let views = args
         .views
         .as_deref()
         .map(|path| cameras(path, None))
         .transpose()?
         .unwrap_or_default();
-    let mut names: Vec<String> = Vec::new();
-    let mut strokes = Vec::new();
+    let mut strokes: Vec<Marked> = Vec::new();
     let mut places = None;
     for text in &args.stroke {
         let parts = text.split_once(':').filter(|(name, _)| !name.is_empty());
@@ -434,17 +270,27 @@ fn stroked(prepared: &Prepared, args: &PickArgs) -> anyhow::Result<Found> {
             !gaussians.is_empty(),
             "--stroke is {text:?}: nothing is seen under it"
         );
+        strokes.push((name.to_owned(), gaussians));
+    }
+    Ok(parted(prepared, &strokes))
+}
+
+/// The objects of strokes. What hangs together without one stays an object.
+fn parted(prepared: &Prepared, marked: &[Marked]) -> Found {
+    let Prepared { splat, tree, .. } = prepared;
+    let mut names: Vec<String> = Vec::new();
+    let mut strokes = Vec::new();
+    for (name, gaussians) in marked {
         let number = names.iter().position(|n| n == name).unwrap_or(names.len());
         if number == names.len() {
-            names.push(name.to_owned());
+            names.push(name.clone());
         }
         strokes.push(Stroke {
             name: number,
-            gaussians,
+            gaussians: gaussians.clone(),
         });
     }
     let mut of = tree.stroked(&strokes);
-    // What hangs together without a stroke stays an object.
     let is_free = |node: usize| tree.leaves(node).iter().all(|s| of[*s] < 0);
     let rest = tree.whole().into_iter();
     let rest: Vec<_> = rest
@@ -456,12 +302,12 @@ fn stroked(prepared: &Prepared, args: &PickArgs) -> anyhow::Result<Found> {
             .for_each(|s| of[*s] = names.len() as i32);
         names.push(name);
     }
-    Ok(Found {
+    Found {
         labels: tree.labels(splat, &of),
         names,
         parent: Vec::new(),
-        made: format!("cosplat objects pick, {} strokes", args.stroke.len()),
-    })
+        made: format!("cosplat objects pick, {} strokes", marked.len()),
+    }
 }
 
 fn list(args: &ListArgs) -> anyhow::Result<()> {

@@ -8,7 +8,7 @@ use anyhow::anyhow;
 use cosplat_ipc::Domain;
 use cosplat_replay::player::{PlayOptions, Player};
 use cosplat_scene::materials::presets::PRESETS;
-use cosplat_web::{Options, Server};
+use cosplat_web::{Door, Options, Server};
 use serde_json::{Map, Value, json};
 
 use crate::{ctl, note, progress, say, signals};
@@ -32,7 +32,7 @@ pub fn serve(
         read_only,
         ..options
     })?;
-    announce(&server, address)?;
+    announce(server.door(), address, "give orders")?;
     server.run(&stop);
     Ok(())
 }
@@ -80,7 +80,7 @@ pub fn replay(
                 read_only,
                 ..options(address, &session, OWN)?
             })?;
-            announce(&server, address)?;
+            announce(server.door(), address, "give orders")?;
             server.run(&stop);
             Ok(())
         };
@@ -104,13 +104,14 @@ fn options(address: SocketAddr, session: &str, patience: Duration) -> anyhow::Re
     })
 }
 
-fn announce(server: &Server, address: SocketAddr) -> anyhow::Result<()> {
-    if !server.is_local() {
+/// Prints the link of a page, and what else whoever has it `may` do where other machines reach it.
+pub fn announce(door: &Door, address: SocketAddr, may: &str) -> anyhow::Result<()> {
+    if !door.is_local() {
         note!(
-            "other machines reach {address}: whoever has the link may watch and give orders, and the link is not encrypted"
+            "other machines reach {address}: whoever has the link may watch and {may}, and the link is not encrypted"
         );
     }
-    say!("{}", server.link())
+    say!("{}", door.link())
 }
 
 /// The presets with their numbers, by the keys of a scene file.

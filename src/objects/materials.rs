@@ -12,7 +12,7 @@ use cosplat_semantics::{ground::Ground, objects::Objects, tree::SURE};
 use cosplat_sim_core::materials::Material;
 use glam::{DQuat, DVec3, Vec3};
 
-use super::{Prepared, axis_name};
+use super::prepared::{Prepared, axis_name};
 use crate::{lift::load, say};
 
 /// Say what objects are made of, by the words for them: a table that may be edited. Nothing is used before it is shown; `--scene`

@@ -98,7 +98,7 @@ impl Browser {
         answer["value"].take()
     }
 
-    fn post(&self, path: &str, body: &Value) -> Value {
+    pub fn post(&self, path: &str, body: &Value) -> Value {
         self.ask(&format!("{}{path}", self.session), body)
     }
 

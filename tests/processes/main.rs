@@ -21,5 +21,6 @@ mod replay;
 mod restart;
 mod shutdown;
 mod stage;
+mod strokes;
 mod verify;
 mod web;

@@ -5,7 +5,7 @@ use cosplat_scene::assets::{Gaussians, Paint, generate, ply};
 use crate::stage::{Process, Stage, watchdog};
 
 /// A box on a box on a plate, each of another colour: Gaussians, and how many of them each has.
-fn tower() -> (Gaussians, [usize; 3]) {
+pub fn tower() -> (Gaussians, [usize; 3]) {
     let style = |seed, paint| generate::Style {
         spacing: 0.02,
         paint: Paint::Plain(paint),

@@ -331,16 +331,19 @@ fn about(scene: &SceneView, client: &Client) -> Value {
     })
 }
 
+fn harmonics(scene: &SceneView) -> Bytes {
+    padded_harmonics(scene.header().sh_degree, scene.sh())
+}
+
 /// Spherical harmonics in half precision, `[gaussian][coefficient][rgb]`, each Gaussian padded to whole texels of eight;
 /// none for degree 0, whose colours frames have.
-fn harmonics(scene: &SceneView) -> Bytes {
-    let degree = scene.header().sh_degree as usize;
+pub fn padded_harmonics(degree: u32, sh: &[f32]) -> Bytes {
     if degree == 0 {
         return Bytes::new();
     }
-    let own = 3 * (degree + 1).pow(2);
+    let own = 3 * (degree as usize + 1).pow(2);
     let mut bytes = Vec::new();
-    for values in scene.sh().chunks_exact(own) {
+    for values in sh.chunks_exact(own) {
         let padding = std::iter::repeat_n(0.0, own.next_multiple_of(8) - own);
         for value in values.iter().copied().chain(padding) {
             bytes.extend_from_slice(&f16::from_f32(value).to_le_bytes());

@@ -14,19 +14,24 @@ use hyper::header::{self, HeaderName, HeaderValue};
 use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::time::timeout;
 
 use crate::commands::{Ordered, Orders, Unsent};
 use crate::feed::Shared;
+use crate::files;
 use crate::guard::Guard;
 use crate::latest::{Known, Parts};
+use crate::strokes::{Asked, Board};
 
 /// Longest head of a request [byte], the least that the library can limit it to.
 const HEAD: usize = 8192;
-/// Longest body of a request [byte].
-const BODY: usize = 4096;
+/// Longest order [byte].
+const ORDER: usize = 4096;
+/// Longest body with strokes [byte].
+const STROKES: usize = 1 << 20;
 /// Connections at a time.
 const CONNECTIONS: usize = 32;
 /// How long a head, and then a body, may take.
@@ -38,47 +43,6 @@ const GLANCE: Duration = Duration::from_millis(100);
 
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
     connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-
-/// The files of the page: path, type, text.
-const FILES: &[(&str, &str, &str)] = &[
-    ("/", "text/html", include_str!("page/index.html")),
-    ("/style.css", "text/css", include_str!("page/style.css")),
-    ("/main.js", "text/javascript", include_str!("page/main.js")),
-    ("/link.js", "text/javascript", include_str!("page/link.js")),
-    (
-        "/state.js",
-        "text/javascript",
-        include_str!("page/state.js"),
-    ),
-    ("/draw.js", "text/javascript", include_str!("page/draw.js")),
-    (
-        "/shaders.js",
-        "text/javascript",
-        include_str!("page/shaders.js"),
-    ),
-    (
-        "/camera.js",
-        "text/javascript",
-        include_str!("page/camera.js"),
-    ),
-    (
-        "/panel.js",
-        "text/javascript",
-        include_str!("page/panel.js"),
-    ),
-    ("/edit.js", "text/javascript", include_str!("page/edit.js")),
-    ("/pick.js", "text/javascript", include_str!("page/pick.js")),
-    (
-        "/pointer.js",
-        "text/javascript",
-        include_str!("page/pointer.js"),
-    ),
-    (
-        "/charts.js",
-        "text/javascript",
-        include_str!("page/charts.js"),
-    ),
-];
 
 type Answer = Response<Parts>;
 
@@ -112,6 +76,8 @@ pub struct Site {
     pub presets: Value,
     /// Who may ask.
     pub guard: Guard,
+    /// What makes objects of strokes, where that is the page.
+    pub board: Option<Arc<Board>>,
 }
 
 /// Answers requests until `stop`.
@@ -170,7 +136,7 @@ impl Site {
         if let Err((status, why)) = self.guard.admit(method, request.headers()) {
             return refusal(status, why);
         }
-        if let Some((_, kind, text)) = FILES.iter().find(|(name, _, _)| *name == path) {
+        if let Some((_, kind, text)) = files::find(path, self.board.is_some()) {
             return match *method {
                 Method::GET => file(kind, text),
                 _ => refusal(StatusCode::METHOD_NOT_ALLOWED, "the page is only read"),
@@ -190,11 +156,15 @@ impl Site {
                     "expected scene=N&version=N&figures=N with numbers from 0",
                 ),
             },
-            (&Method::POST, "/command") => self.command(request.into_body()).await,
-            (_, "/scene" | "/harmonics" | "/frame" | "/command") => {
-                refusal(StatusCode::METHOD_NOT_ALLOWED, "the other of GET and POST")
-            }
-            _ => refusal(StatusCode::NOT_FOUND, "no such page"),
+            (_, "/scene" | "/harmonics" | "/frame") => other_method(),
+            (method, path) => match (&self.board, method, path) {
+                (Some(board), &Method::POST, "/strokes") => {
+                    strokes(board.clone(), request.into_body()).await
+                }
+                (None, &Method::POST, "/command") => self.command(request.into_body()).await,
+                (Some(_), _, "/strokes") | (None, _, "/command") => other_method(),
+                _ => refusal(StatusCode::NOT_FOUND, "no such page"),
+            },
         }
     }
 
@@ -232,19 +202,9 @@ impl Site {
             let why = "this server only shows (--read-only): it takes no orders";
             return refusal(StatusCode::FORBIDDEN, why);
         };
-        let whole = timeout(PATIENCE, Limited::new(body, BODY).collect());
-        let text = match whole.await {
-            Err(_) => return refusal(StatusCode::REQUEST_TIMEOUT, "the order did not come"),
-            Ok(Err(error)) if error.is::<LengthLimitError>() => {
-                let why = format!("an order has at most {BODY} bytes");
-                return refusal(StatusCode::PAYLOAD_TOO_LARGE, &why);
-            }
-            Ok(Err(error)) => return refusal(StatusCode::BAD_REQUEST, &error.to_string()),
-            Ok(Ok(body)) => body.to_bytes(),
-        };
-        let ordered: Ordered = match serde_json::from_slice(&text) {
+        let ordered: Ordered = match read(body, ORDER, "an order").await {
             Ok(ordered) => ordered,
-            Err(error) => return refusal(StatusCode::BAD_REQUEST, &error.to_string()),
+            Err((status, why)) => return refusal(status, &why),
         };
         match orders.hand_in(ordered) {
             Ok(answer) => match answer.await {
@@ -255,6 +215,42 @@ impl Site {
             Err(error) => refusal(StatusCode::SERVICE_UNAVAILABLE, &error.to_string()),
         }
     }
+}
+
+/// The objects of a page's strokes. Whoever makes them takes a while: other requests are answered meanwhile.
+async fn strokes(board: Arc<Board>, body: Incoming) -> Answer {
+    let asked: Asked = match read(body, STROKES, "strokes").await {
+        Ok(asked) => asked,
+        Err((status, why)) => return refusal(status, &why),
+    };
+    match tokio::task::spawn_blocking(move || board.answer(asked)).await {
+        Ok(Ok(answer)) => binary(answer),
+        Ok(Err(why)) => refusal(StatusCode::UNPROCESSABLE_ENTITY, &why),
+        Err(error) => refusal(StatusCode::INTERNAL_SERVER_ERROR, &error.to_string()),
+    }
+}
+
+/// What a body says, which has at most so many bytes; the error is status and reason of the answer.
+async fn read<T: DeserializeOwned>(
+    body: Incoming,
+    most: usize,
+    what: &str,
+) -> Result<T, (StatusCode, String)> {
+    let whole = timeout(PATIENCE, Limited::new(body, most).collect()).await;
+    let text = match whole {
+        Err(_) => return Err((StatusCode::REQUEST_TIMEOUT, format!("{what} did not come"))),
+        Ok(Err(error)) if error.is::<LengthLimitError>() => {
+            let why = format!("{what} may have at most {most} bytes");
+            return Err((StatusCode::PAYLOAD_TOO_LARGE, why));
+        }
+        Ok(Err(error)) => return Err((StatusCode::BAD_REQUEST, error.to_string())),
+        Ok(Ok(body)) => body.to_bytes(),
+    };
+    serde_json::from_slice(&text).map_err(|error| (StatusCode::BAD_REQUEST, error.to_string()))
+}
+
+fn other_method() -> Answer {
+    refusal(StatusCode::METHOD_NOT_ALLOWED, "the other of GET and POST")
 }
 
 /// What a page says that it has.

@@ -1,15 +1,18 @@
-//! Web client: one page in the browser that shows a running session and gives it orders.
+//! Web client: one page in the browser that shows a running session and gives it orders, and one that parts a splat by
+//! strokes.
 //!
 //! In reading order: `feed` reads the session, `latest` keeps what pages need of it, `packing` makes a Gaussian small.
-//! `guard` says who may ask, `http` answers, `commands` passes orders on. The page itself is in `src/page`, as it is
-//! served: plain HTML, CSS and JavaScript with WebGL2.
+//! `guard` says who may ask, `http` answers, `commands` passes orders on; `strokes` is the other page. The pages themselves
+//! are in `src/page`, as `files` has them served: plain HTML, CSS and JavaScript with WebGL2.
 
 mod commands;
 mod feed;
+mod files;
 mod guard;
 mod http;
 mod latest;
 pub mod packing;
+pub mod strokes;
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -68,39 +71,27 @@ pub enum WebError {
     },
 }
 
-/// A page that waits for browsers.
-pub struct Server {
-    options: Options,
+/// Where a page listens, and who may ask there.
+pub struct Door {
     runtime: Runtime,
     listener: TcpListener,
     address: SocketAddr,
     guard: Guard,
-    client: Client,
 }
 
-impl Server {
-    /// Attaches to the session and listens.
-    ///
-    /// # Errors
-    /// When there is no such session within `options.patience`, or the address cannot be had.
-    pub fn bind(options: Options) -> Result<Server, WebError> {
+impl Door {
+    fn open(address: SocketAddr) -> Result<Door, WebError> {
         let system = |cause| WebError::System { cause };
-        let client = connect(&options, options.patience)?;
         let mut runtime = Builder::new_current_thread();
         let runtime = runtime.enable_all().build().map_err(system)?;
-        let listener = runtime.block_on(TcpListener::bind(options.address));
-        let listener = listener.map_err(|cause| WebError::Listen {
-            address: options.address,
-            cause,
-        })?;
+        let listener = runtime.block_on(TcpListener::bind(address));
+        let listener = listener.map_err(|cause| WebError::Listen { address, cause })?;
         let address = listener.local_addr().map_err(system)?;
-        Ok(Server {
+        Ok(Door {
             guard: Guard::new(address).map_err(system)?,
-            options,
             runtime,
             listener,
             address,
-            client,
         })
     }
 
@@ -113,17 +104,51 @@ impl Server {
     pub fn is_local(&self) -> bool {
         guard::is_local(self.address.ip())
     }
+}
+
+/// A page that waits for browsers.
+pub struct Server {
+    options: Options,
+    door: Door,
+    client: Client,
+}
+
+impl Server {
+    /// Attaches to the session and listens.
+    ///
+    /// # Errors
+    /// When there is no such session within `options.patience`, or the address cannot be had.
+    pub fn bind(options: Options) -> Result<Server, WebError> {
+        let client = connect(&options, options.patience)?;
+        Ok(Server {
+            door: Door::open(options.address)?,
+            options,
+            client,
+        })
+    }
+
+    /// Where it listens.
+    pub fn door(&self) -> &Door {
+        &self.door
+    }
 
     /// Serves until `stop`. The session may end and come back meanwhile.
     pub fn run(self, stop: &AtomicBool) {
         let shared = Shared::new();
         let options = &self.options;
         let (orders, waiting) = Orders::new();
+        let Door {
+            runtime,
+            listener,
+            guard,
+            ..
+        } = self.door;
         let site = Arc::new(Site {
             shared: shared.clone(),
             orders: (!options.read_only).then_some(orders),
             presets: options.presets.clone(),
-            guard: self.guard,
+            guard,
+            board: None,
         });
         let is_over = AtomicBool::new(false);
         std::thread::scope(|scope| {
@@ -134,10 +159,9 @@ impl Server {
             let (domain, session) = (&options.domain, &options.session);
             let (patience, materials) = (options.patience, &options.materials);
             scope.spawn(move || commands::run(&waiting, domain, session, patience, materials));
-            self.runtime
-                .block_on(http::serve(self.listener, site, stop));
+            runtime.block_on(http::serve(listener, site, stop));
             // Ends connections, and with the last of them the thread of the orders.
-            self.runtime.shutdown_background();
+            runtime.shutdown_background();
             is_over.store(true, Ordering::Relaxed);
         });
     }

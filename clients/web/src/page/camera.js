@@ -86,3 +86,23 @@ export class Camera {
     this.distance = Math.min(1e6, Math.max(1e-4, this.look(1, 1).distance * factor));
   }
 }
+
+/** What a finger or the mouse that moves from `before` to `now` does to the camera: turns it; with Shift, the right button or a
+ * second finger shifts it, and two fingers move nearer and away.
+ * @param {Camera} camera @param {Map<number, number[]>} fingers where they are, this one before it moved
+ * @param {PointerEvent} event @param {number} size height of the picture, in the units of the event */
+export function steer(camera, fingers, event, size) {
+  const before = fingers.get(event.pointerId);
+  if (!before) return;
+  const now = [event.clientX, event.clientY], [x, y] = [now[0] - before[0], now[1] - before[1]];
+  if (fingers.size === 2) {
+    const other = [...fingers.entries()].filter(([id]) => id !== event.pointerId)[0][1];
+    const span = (/** @type {number[]} */ a) => Math.hypot(a[0] - other[0], a[1] - other[1]);
+    camera.zoom(span(before) / Math.max(1, span(now)));
+    camera.shift(x / 2 / size, y / 2 / size);
+  } else if (event.buttons & 2 || event.shiftKey) {
+    camera.shift(x / size, y / size);
+  } else {
+    camera.turn((-x / size) * Math.PI, (y / size) * Math.PI);
+  }
+}

@@ -29,3 +29,12 @@ export async function frame(scene, version, figures) {
 export async function order(order, step = 0) {
   return (await ask('/command', { method: 'POST', body: JSON.stringify({ order, step, page }) })).json();
 }
+
+/** The objects of strokes, and of one more line: what is said of them, and the object of each Gaussian.
+ * @param {object} asked */
+export async function strokes(asked) {
+  const buffer = await (await ask('/strokes', { method: 'POST', body: JSON.stringify(asked) })).arrayBuffer();
+  const length = new Uint32Array(buffer, 0, 1)[0];
+  const told = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  return { ...told, label: new Int32Array(buffer, 4 + length) };
+}

@@ -1,6 +1,7 @@
 // @ts-check
 // Mouse and touch: what a press in the picture does is the tool's matter, from the background it turns the camera.
 
+import { steer } from './camera.js';
 import { centre, meet, pick, pixelOf, pointAt } from './pick.js';
 
 const $ = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
@@ -156,8 +157,7 @@ export class Pointer {
   move(event) {
     const { camera } = this.page, before = this.fingers.get(event.pointerId);
     if (!before || !camera) return;
-    const now = [event.clientX, event.clientY], [x, y] = [now[0] - before[0], now[1] - before[1]];
-    const size = this.canvas.clientHeight, pressed = this.pressed;
+    const now = [event.clientX, event.clientY], pressed = this.pressed;
     if (pressed && Math.hypot(now[0] - pressed.x, now[1] - pressed.y) > CLICK) pressed.isClick = false;
     if (this.carried) {
       const scale = this.canvas.width / this.canvas.clientWidth;
@@ -169,15 +169,8 @@ export class Pointer {
       this.hold.isMoved = Boolean(this.busy);
       this.send();
       this.mark();
-    } else if (this.fingers.size === 2) {
-      const other = [...this.fingers.entries()].filter(([id]) => id !== event.pointerId)[0][1];
-      const span = (/** @type {number[]} */ a) => Math.hypot(a[0] - other[0], a[1] - other[1]);
-      camera.zoom(span(before) / Math.max(1, span(now)));
-      camera.shift(x / 2 / size, y / 2 / size);
-    } else if (event.buttons & 2 || event.shiftKey) {
-      camera.shift(x / size, y / size);
     } else {
-      camera.turn((-x / size) * Math.PI, (y / size) * Math.PI);
+      steer(camera, this.fingers, event, this.canvas.clientHeight);
     }
     this.fingers.set(event.pointerId, now);
     this.page.redraw();
