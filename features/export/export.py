@@ -5,7 +5,7 @@
     python export.py sam facebook/sam-vit-base sam --points 16
 
 A checkpoint is a name or a folder, as transformers takes it. `--size` is what pictures are stretched to: choose the shape of your
-pictures, in whole patches. SAM takes 1024x1024 alone.
+pictures, in whole patches. SAM takes 1024x1024 alone, in which a picture keeps its shape: the rest is zeros.
 """
 
 import argparse
@@ -82,9 +82,9 @@ def save(module, out, given, inputs, outputs, lines):
         file.write("\n".join([f'network = "{out.split("/")[-1]}.onnx"', *lines, ""]))
 
 
-def picture(size, levels):
+def picture(size, levels, *more):
     mean, std = levels
-    return ["", "[picture]", f"size = [{size[0]}, {size[1]}]", f"mean = {mean}", f"std = {std}"]
+    return ["", "[picture]", f"size = [{size[0]}, {size[1]}]", f"mean = {mean}", f"std = {std}", *more]
 
 
 def main():
@@ -113,7 +113,8 @@ def main():
         side = model.config.vision_config.image_size
         lines = ['kind = "masks"', 'output = "masks"', 'scores = "scores"', "least_score = 0.88", "overlap = 0.7"]
         pixels = torch.zeros(1, 3, side, side)
-        save(SamMasks(model, args.points), args.out, pixels, ["pixels"], ["masks", "scores"], lines + picture([side, side], IMAGENET))
+        lines += picture([side, side], IMAGENET, 'fit = "pad"')
+        save(SamMasks(model, args.points), args.out, pixels, ["pixels"], ["masks", "scores"], lines)
 
 
 if __name__ == "__main__":

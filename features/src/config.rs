@@ -11,7 +11,18 @@ const MOST_PIXELS: usize = 4096;
 /// Most tokens of a text.
 const MOST_TOKENS: usize = 4096;
 
-/// How a picture becomes an input `[1][3][rows][columns]`: stretched to a size, and each channel `(level - mean) / std`.
+/// How a picture of another shape fills the input.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum Fit {
+    /// Stretched, each axis by itself.
+    #[default]
+    Stretch,
+    /// As large as it fits in its own shape, with zeros to the right and below, as SAM has it.
+    Pad,
+}
+
+/// How a picture becomes an input `[1][3][rows][columns]`: brought to a size, and each channel `(level - mean) / std`.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Shown {
@@ -21,6 +32,9 @@ pub struct Shown {
     pub mean: [f32; 3],
     /// Their standard deviation, above 0.
     pub std: [f32; 3],
+    /// What becomes of a picture of another shape.
+    #[serde(default)]
+    pub fit: Fit,
 }
 
 /// An image encoder.
@@ -152,6 +166,30 @@ impl Config {
 }
 
 impl Shown {
+    /// Columns and rows of the input that a picture of so many covers.
+    pub fn covered(&self, picture: [usize; 2]) -> [usize; 2] {
+        match self.fit {
+            Fit::Stretch => self.size,
+            Fit::Pad => {
+                let scale = |axis: usize| self.size[axis] as f64 / picture[axis] as f64;
+                let scale = scale(0).min(scale(1));
+                let of = |axis: usize| (picture[axis] as f64 * scale).round() as usize;
+                [0, 1].map(|axis| of(axis).clamp(1, self.size[axis]))
+            }
+        }
+    }
+
+    /// Columns and rows that a picture covers of an output with so many, which stands for the whole input. One of which it
+    /// covers half belongs to it.
+    pub fn covered_of(&self, picture: [usize; 2], output: [usize; 2]) -> [usize; 2] {
+        let covered = self.covered(picture);
+        let part = |axis: usize| {
+            let whole = output[axis] * covered[axis];
+            (2 * whole + self.size[axis]) / (2 * self.size[axis])
+        };
+        [0, 1].map(|axis| part(axis).clamp(1, output[axis].max(1)))
+    }
+
     fn check(&self) -> Result<(), String> {
         let [width, height] = self.size;
         if !self
@@ -188,14 +226,19 @@ mod tests {
             std::fs::write(&path, text).expect("written");
             Config::read(&path)
         };
-        let found = read(IMAGE).expect("an encoder");
-        assert_eq!(found.kind(), "image");
+        let fit = |text: &str| match read(text).expect("an encoder") {
+            Config::Image(image) => image.picture.fit,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(fit(IMAGE), Fit::Stretch);
+        assert_eq!(fit(&IMAGE.replace("std", "fit = 'pad'\nstd")), Fit::Pad);
         for (from, to, expected) in [
             ("patch = 8", "patch = 7", "a divisor of the size 64 x 48"),
             ("patch = 8", "patch = 0", "a divisor"),
             ("64, 48", "64, 0", "64 x 0, expected 1 to 4096 pixels"),
             ("64, 48", "64, 9999", "expected 1 to 4096 pixels"),
             ("std = [0.5, ", "std = [0.0, ", "above 0"),
+            ("std", "fit = 'crop'\nstd", "unknown variant `crop`"),
             ("mean = [0.5, ", "mean = [nan, ", "finite"),
             ("'image'", "'sound'", "unknown variant `sound`"),
             ("patch", "patsch", "unknown field `patsch`"),
@@ -212,5 +255,26 @@ mod tests {
         let text = "kind = 'text'\nnetwork = 'a.onnx'\noutput = 'x'\ntokens = 1";
         let error = read(text).expect_err("a token").to_string();
         assert!(error.contains("tokens is 1, expected 2"), "{error}");
+    }
+
+    /// Sizes are those of SAM's `get_preprocess_shape`, by hand.
+    #[test]
+    fn a_padded_picture_covers_a_part_in_its_own_shape() {
+        let shown = |fit| Shown {
+            size: [1024, 1024],
+            mean: [0.0; 3],
+            std: [1.0; 3],
+            fit,
+        };
+        let padded = shown(Fit::Pad);
+        assert_eq!(padded.covered([640, 480]), [1024, 768]);
+        assert_eq!(padded.covered([480, 641]), [767, 1024]);
+        assert_eq!(padded.covered([4000, 1]), [1024, 1]);
+        assert_eq!(padded.covered_of([640, 480], [256, 256]), [256, 192]);
+        assert_eq!(padded.covered_of([480, 641], [256, 256]), [192, 256]);
+        assert_eq!(padded.covered_of([4000, 1], [256, 256]), [256, 1]);
+        let stretched = shown(Fit::Stretch);
+        assert_eq!(stretched.covered([640, 480]), [1024, 1024]);
+        assert_eq!(stretched.covered_of([640, 480], [256, 100]), [256, 100]);
     }
 }

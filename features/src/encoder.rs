@@ -46,7 +46,11 @@ impl Encoder {
         let input = self.network.input(&[1, 3, height, width], shown)?;
         let mut found = self.network.run(worker, input)?;
         let tensor = found.swap_remove(0);
-        self.map_of(tensor).map_err(|why| self.network.first(why))
+        let map = self.map_of(tensor);
+        let map = map.map_err(|why| self.network.first(why))?;
+        let size = [map.columns, map.rows];
+        let covered = self.config.picture.covered_of(picture.size(), size);
+        Ok(cut(map, covered))
     }
 
     fn map_of(&self, tensor: Tensor) -> Result<DenseMap, String> {
@@ -85,5 +89,20 @@ impl Encoder {
                 "has shape {shape:?}, expected [1, tokens, values] or [1, values, rows, columns]"
             )),
         }
+    }
+}
+
+/// The upper left of a map.
+fn cut(map: DenseMap, [columns, rows]: [usize; 2]) -> DenseMap {
+    let dim = map.vectors.dim;
+    let lines = map.vectors.value.chunks_exact(map.columns * dim);
+    let lines = lines.take(rows).map(|line| &line[..columns * dim]);
+    DenseMap {
+        rows,
+        columns,
+        vectors: Vectors {
+            dim,
+            value: lines.collect::<Vec<_>>().concat(),
+        },
     }
 }

@@ -1,4 +1,4 @@
-//! Pictures: read, stretched to the size that a network is made for, and brought to its levels.
+//! Pictures: read, brought to the size that a network is made for, and to its levels.
 
 use std::{fs::File, io::BufReader, path::Path};
 
@@ -71,16 +71,26 @@ impl Picture {
         }
     }
 
+    /// Columns and rows.
+    pub fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
     /// The input of a network, `[3][rows][columns]`.
     pub fn shown(&self, how: &Shown) -> Vec<f32> {
         let [width, height] = how.size;
-        let level = self.stretched(width, height);
-        let channel = |c: usize| {
+        let covered = how.covered(self.size());
+        let level = self.stretched(covered[0], covered[1]);
+        let mut input = vec![0.0; 3 * width * height];
+        for (c, channel) in input.chunks_exact_mut(width * height).enumerate() {
             let scale = 1.0 / how.std[c];
-            let level = level.iter();
-            level.map(move |pixel| (pixel[c] - how.mean[c]) * scale)
-        };
-        (0..3).flat_map(channel).collect()
+            let rows = channel.chunks_exact_mut(width);
+            for (row, level) in rows.zip(level.chunks_exact(covered[0])) {
+                let values = row.iter_mut().zip(level);
+                values.for_each(|(value, pixel)| *value = (pixel[c] - how.mean[c]) * scale);
+            }
+        }
+        input
     }
 
     /// The picture at another size, by a triangle as wide as what a pixel stands for: smaller ones do not alias.

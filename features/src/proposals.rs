@@ -55,7 +55,8 @@ impl Proposer {
         Ok(Self { config, network })
     }
 
-    /// Masks of a picture: those with a score of at least `least_score`, less those that a better one is much like.
+    /// Masks of a picture: those with a score of at least `least_score`, less those that a better one is much like. What of them
+    /// lies beside a padded picture is left out.
     ///
     /// # Errors
     /// When the network does not run, or gives other shapes.
@@ -68,7 +69,8 @@ impl Proposer {
             shape: Vec::new(),
             value: Vec::new(),
         });
-        let &[1, count, height, width] = masks.shape.as_slice() else {
+        let &[1, count, height @ 1..=usize::MAX, width @ 1..=usize::MAX] = masks.shape.as_slice()
+        else {
             let why = format!(
                 "has shape {:?}, expected [1, masks, rows, columns]",
                 masks.shape
@@ -84,8 +86,13 @@ impl Proposer {
             _ => vec![self.config.least_score; count],
         };
         let pixels = width * height;
+        let [columns, rows] = self
+            .config
+            .picture
+            .covered_of(picture.size(), [width, height]);
         let inside = |n: usize| {
-            let values = masks.value[n * pixels..(n + 1) * pixels].iter();
+            let lines = masks.value[n * pixels..(n + 1) * pixels].chunks_exact(width);
+            let values = lines.take(rows).flat_map(|line| &line[..columns]);
             let inside = (0..)
                 .zip(values)
                 .filter(|(_, v)| **v > self.config.threshold);
@@ -107,8 +114,8 @@ impl Proposer {
             }
         }
         Ok(Proposals {
-            width,
-            height,
+            width: columns,
+            height: rows,
             masks: kept,
         })
     }

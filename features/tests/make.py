@@ -137,10 +137,20 @@ def shown(image):
     return level.transpose(2, 0, 1)[None].copy()
 
 
-def toml(path, kind, network, size, more):
+def padded(image, size):
+    """As SAM has it: the longer side as long as it fits, levels, then zeros to the right and below; and what the picture covers."""
+    scale = min(size[0] / image.width, size[1] / image.height)
+    covered = [int(side * scale + 0.5) for side in image.size]
+    planes = [Image.fromarray(np.asarray(image, dtype=np.float32)[:, :, c]).resize(covered, Image.BILINEAR) for c in range(3)]
+    level = (np.stack([np.asarray(p) for p in planes], -1) / np.float32(255) - MEAN) / STD
+    level = np.pad(level, ((0, size[1] - covered[1]), (0, size[0] - covered[0]), (0, 0)))
+    return level.transpose(2, 0, 1)[None].copy(), covered
+
+
+def toml(path, kind, network, size, more, fit=()):
     lines = [f'kind = "{kind}"', f'network = "{network}"', *more]
     if size:
-        lines += ["", "[picture]", f"size = [{size[0]}, {size[1]}]", "mean = [0.48, 0.46, 0.41]", "std = [0.27, 0.26, 0.28]"]
+        lines += ["", "[picture]", f"size = [{size[0]}, {size[1]}]", "mean = [0.48, 0.46, 0.41]", "std = [0.27, 0.26, 0.28]", *fit]
     path.write_text("\n".join(lines) + "\n")
 
 
@@ -189,6 +199,24 @@ def small(folder):
     pooled = np.stack([fine[m].mean(0) for m in kept])
     np.save(folder / "masks_f.npy", (pooled / np.linalg.norm(pooled, axis=1, keepdims=True)).astype(np.float32))
     print(len(kept), "masks kept of", len(scores[0]), "scores", scores[0])
+
+    # A picture of another shape, padded: it covers 30 of 64 columns, so nearly 4 of 8 patches and 15 of 32 pixels of masks.
+    tall = picture(60, 96)
+    tall.save(folder / "tall.png")
+    pixels, covered = padded(tall, size)
+    assert covered == [30, 48]
+    pad = ['fit = "pad"']
+    toml(folder / "vit_padded.toml", "image", "vit.onnx", size, ["patch = 8", 'output = "tokens"'], pad)
+    tokens = session(folder / "vit.onnx").run(["tokens"], {"pixels": pixels})[0]
+    np.save(folder / "vit_padded.npy", tokens[0, 1:].reshape(6, 8, 32)[:, :4].copy())
+    toml(folder / "masks_padded.toml", "masks", "masks.onnx", size, ['output = "masks"', 'scores = "scores"', "overlap = 1.0"], pad)
+    masks, scores = session(folder / "masks.onnx").run(["masks", "scores"], {"pixels": pixels})
+    inside = (masks[0] > 0)[:, :, :15]
+    flat = np.full(inside.shape[1:], -1, dtype=np.int32)
+    order = [n for n in np.argsort(-scores[0], kind="stable") if inside[n].any()]
+    for rank in reversed(range(len(order))):
+        flat[inside[order[rank]]] = rank
+    np.save(folder / "masks_padded.npy", flat)
 
     text(folder / "text.onnx", 77, 32)
     toml(folder / "text.toml", "text", "text.onnx", None, ["tokens = 77", 'output = "vector"'])

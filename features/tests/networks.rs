@@ -65,6 +65,29 @@ fn masks_and_their_vectors_are_those_of_numpy() {
     assert!(apart < 1e-4, "{apart}");
 }
 
+/// A tall picture in an input that is wide: maps and masks are those of the part that it covers.
+#[test]
+fn a_padded_picture_has_the_maps_and_masks_of_its_part() {
+    let worker = Worker::default();
+    let tall = Picture::read(&fixture("tall.png")).expect("a picture");
+    let encoder = Encoder::load(&fixture("vit_padded.toml")).expect("an encoder");
+    let map = encoder.map(&worker, &tall).expect("a map");
+    let expected = floats("vit_padded.npy");
+    assert_eq!([map.rows, map.columns, map.vectors.dim], *expected.shape);
+    let apart = deviation(&map.vectors.value, &expected.value);
+    assert!(apart < 1e-4, "{apart}");
+    let proposer = Proposer::load(&fixture("masks_padded.toml")).expect("a proposer");
+    let found = proposer.masks(&worker, &tall).expect("masks");
+    let bytes = std::fs::read(fixture("masks_padded.npy")).expect("a file");
+    let expected = npy::ints(&bytes).expect("an array");
+    assert_eq!([found.height, found.width], *expected.shape);
+    assert_eq!(found.levels()[0].mask, expected.value);
+    // Stretched, it is another picture.
+    let stretched = Encoder::load(&fixture("vit.toml")).expect("an encoder");
+    let map = stretched.map(&worker, &tall).expect("a map");
+    assert_eq!([map.rows, map.columns], [6, 8]);
+}
+
 #[test]
 fn a_text_has_the_tokens_of_clip() {
     let encoder = TextEncoder::load(&fixture("text.toml")).expect("an encoder");
