@@ -100,6 +100,7 @@ mutated! {
     mutated_checkpoints_do_no_harm: "checkpoint",
     mutated_recordings_do_no_harm: "recording",
     mutated_arrays_do_no_harm: "npy",
+    mutated_masks_do_no_harm: "mask",
     mutated_objects_do_no_harm: "objects",
     mutated_trees_do_no_harm: "tree",
     mutated_colmap_texts_do_no_harm: "colmap_text",

@@ -40,10 +40,18 @@ pub fn find(folder: &Path, view: &str) -> Option<PathBuf> {
 /// When the file cannot be read or is no such array.
 pub fn read(path: &Path) -> Result<DenseMap, SemanticsError> {
     let bytes = std::fs::read(path).map_err(SemanticsError::read(path))?;
+    parse(path, &bytes)
+}
+
+/// As [`read`], from the bytes of the file; its name says which of the two formats they have.
+///
+/// # Errors
+/// When they are no such array.
+pub fn parse(path: &Path, bytes: &[u8]) -> Result<DenseMap, SemanticsError> {
     let is_array = path.extension().is_some_and(|e| e == "npy");
     let array = match is_array {
-        true => npy::floats(&bytes),
-        false => tensor(&bytes),
+        true => npy::floats(bytes),
+        false => tensor(bytes),
     };
     let map = array.and_then(DenseMap::new);
     map.map(DenseMap::coarse)
@@ -55,12 +63,8 @@ pub fn read(path: &Path) -> Result<DenseMap, SemanticsError> {
 /// # Errors
 /// When it cannot be written.
 pub fn write(folder: &Path, view: &str, map: &DenseMap) -> Result<(), SemanticsError> {
-    let bytes = npy::write_floats(&npy::Array {
-        shape: vec![map.rows, map.columns, map.vectors.dim],
-        value: map.vectors.value.clone(),
-    });
     let path = folder.join(format!("{view}.npy"));
-    std::fs::write(&path, bytes).map_err(SemanticsError::write(&path))
+    std::fs::write(&path, map.to_bytes()).map_err(SemanticsError::write(&path))
 }
 
 /// The one tensor of a file of safetensors.
@@ -121,6 +125,15 @@ impl DenseMap {
                  numpy.moveaxis(a, 0, -1) brings values that come first to the end"
             )),
         }
+    }
+
+    /// The map as a `.npy`, float32.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        npy::write_floats(&npy::Array {
+            shape: vec![self.rows, self.columns, self.vectors.dim],
+            value: self.vectors.value.clone(),
+        })
     }
 
     /// The map with at most [`MOST_CELLS`] cells along a side: means over the cells that each stands for.

@@ -6,8 +6,7 @@
 
 use std::{
     collections::BTreeMap,
-    fs::File,
-    io::BufReader,
+    io::Cursor,
     path::{Path, PathBuf},
 };
 
@@ -20,6 +19,9 @@ const VECTORS: &str = "_f.npy";
 
 /// Levels of LangSplat's masks.
 const LEVELS: usize = 4;
+
+/// Most bytes that one byte of a PNG can stand for, by its compression.
+const DEFLATE: usize = 1032;
 
 /// Most objects that masks may name: shares of each are kept for every Gaussian.
 pub const MOST_OBJECTS: usize = 1024;
@@ -231,13 +233,24 @@ pub fn read(path: &Path) -> Result<MaskMap, SemanticsError> {
                 .into(),
         ));
     }
-    if path.extension().is_some_and(|e| e == "npy") {
-        let bytes = std::fs::read(path).map_err(SemanticsError::read(path))?;
-        return parse_array(path, &bytes);
+    let bytes = std::fs::read(path).map_err(SemanticsError::read(path))?;
+    match path.extension().is_some_and(|e| e == "npy") {
+        true => parse_array(path, &bytes),
+        false => parse_picture(path, &bytes),
     }
-    let file = File::open(path).map_err(SemanticsError::read(path))?;
-    let mut decoder =
-        png::Decoder::new_with_limits(BufReader::new(file), png::Limits { bytes: 1 << 30 });
+}
+
+/// As [`read`], from the bytes of a PNG.
+///
+/// # Errors
+/// When they are no such picture or name too many objects.
+pub fn parse_picture(path: &Path, bytes: &[u8]) -> Result<MaskMap, SemanticsError> {
+    let wrong = |why: String| SemanticsError::format(path, why);
+    let most = bytes.len().saturating_mul(DEFLATE);
+    let limits = png::Limits {
+        bytes: most.max(1 << 20),
+    };
+    let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
     // A palette's numbers are the objects, not its colours.
     decoder.set_transformations(png::Transformations::IDENTITY);
     let mut reader = decoder
@@ -247,18 +260,25 @@ pub fn read(path: &Path) -> Result<MaskMap, SemanticsError> {
     let (width, height) = (info.width as usize, info.height as usize);
     let (color, depth) = (info.color_type, info.bit_depth);
     let is_number = matches!(color, png::ColorType::Grayscale | png::ColorType::Indexed);
-    let bytes = match depth {
+    let size = match depth {
         png::BitDepth::Eight => 1,
         png::BitDepth::Sixteen => 2,
         _ => 0,
     };
-    if !is_number || bytes == 0 {
+    if !is_number || size == 0 {
         return Err(wrong(format!(
             "a mask with colours {color:?} of {depth:?} bits, expected one channel or a palette of 8 or 16 bits: \
              0 for no object, n for object n"
         )));
     }
-    let mut data = vec![0; reader.output_buffer_size().unwrap_or_default()];
+    let length = reader.output_buffer_size().unwrap_or(usize::MAX);
+    if length > most {
+        return Err(wrong(format!(
+            "a damaged PNG picture: {width} x {height} pixels, expected at most {most} bytes of them in a file of {}",
+            bytes.len()
+        )));
+    }
+    let mut data = vec![0; length];
     reader
         .next_frame(&mut data)
         .map_err(|error| wrong(format!("a damaged PNG picture: {error}")))?;
@@ -267,7 +287,7 @@ pub fn read(path: &Path) -> Result<MaskMap, SemanticsError> {
         _ => i32::from(pixel[0]),
     };
     let mask: Vec<i32> = data
-        .chunks_exact(bytes)
+        .chunks_exact(size)
         .take(width * height)
         .map(|pixel| number(pixel) - 1)
         .collect();
@@ -318,6 +338,8 @@ pub fn names(folder: &Path, count: usize) -> Result<Vec<String>, SemanticsError>
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
+
     use super::*;
     use crate::npy::tests::file;
 
@@ -446,6 +468,22 @@ mod tests {
             weight,
         });
         assert_eq!(with_objects(&map, &said, &labels).mask, [3, 5, -1, -1]);
+    }
+
+    #[test]
+    fn a_small_file_of_a_huge_picture_is_refused() {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 60_000, 60_000);
+        encoder.set_color(png::ColorType::Grayscale);
+        let mut writer = encoder.write_header().expect("a header");
+        let data = [0x78, 0x01, 0x03, 0x00];
+        writer
+            .write_chunk(png::chunk::IDAT, &data)
+            .expect("written");
+        drop(writer);
+        let refused = parse_picture(Path::new("a.png"), &bytes).expect_err("refused");
+        let expected = format!("at most {} bytes", DEFLATE * bytes.len());
+        assert!(refused.to_string().contains(&expected), "{refused}");
     }
 
     #[test]

@@ -37,9 +37,14 @@ pub struct Words {
 
 /// The vector over its length; none where that is 0 or not finite.
 pub fn unit(vector: &[f32]) -> Option<Vec<f32>> {
-    let length = vector.iter().map(|x| x * x).sum::<f32>().sqrt();
+    // Squares of what `f32` holds are beyond it, at both ends.
+    let squares = vector.iter().map(|x| f64::from(*x).powi(2));
+    let length = squares.sum::<f64>().sqrt();
     let is_good = length.is_finite() && length > 0.0;
-    is_good.then(|| vector.iter().map(|x| x / length).collect())
+    is_good.then(|| {
+        let whole = vector.iter().map(|x| f64::from(*x) / length);
+        whole.map(|x| x as f32).collect()
+    })
 }
 
 /// Cosine of two unit vectors.
@@ -273,6 +278,15 @@ pub fn alike(objects: &Vectors, example: usize) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_smallest_and_the_largest_vectors_have_a_direction() {
+        for size in [1e-45, 1e-23, 1.0, f32::MAX] {
+            assert_eq!(unit(&[0.0, -size]), Some(vec![0.0, -1.0]), "{size}");
+        }
+        assert_eq!(unit(&[0.0, 0.0]), None);
+        assert_eq!(unit(&[f32::INFINITY]), None);
+    }
 
     const DIM: usize = 512;
     const OBJECTS: usize = 20;

@@ -86,6 +86,12 @@ pub const TARGETS: &[Target] = &[
         seeds: semantics::array_seeds,
     },
     Target {
+        name: "mask",
+        shape: Shape::Binary,
+        read: semantics::mask,
+        seeds: semantics::mask_seeds,
+    },
+    Target {
         name: "objects",
         shape: Shape::Text,
         read: semantics::objects,

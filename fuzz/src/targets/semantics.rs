@@ -6,7 +6,9 @@ use cosplat_scene::assets::objects::{Labels, Objects, Vectors};
 use cosplat_semantics::{
     View,
     colmap::{self, Form},
-    masks, npy, transforms,
+    dense, masks, npy,
+    query::Words,
+    transforms,
     tree::Tree,
 };
 
@@ -49,6 +51,7 @@ pub fn array(data: &[u8]) {
         assert_eq!(found.shape.iter().product::<usize>(), found.value.len());
         assert_eq!(npy::floats(&npy::write_floats(&found)), Ok(found));
     }
+    map(Path::new("fuzz.npy"), &file);
     let path = Path::new("fuzz_s.npy");
     if let Ok(map) = masks::parse_array(path, &file) {
         assert_eq!(map.resized(5, 3).mask.len(), 15);
@@ -73,6 +76,20 @@ pub fn array(data: &[u8]) {
     }
 }
 
+/// A map of features has a finite vector for each of its cells, which are not too many, and comes back as it was written.
+fn map(path: &Path, file: &[u8]) {
+    let Ok(map) = dense::parse(path, file) else {
+        return;
+    };
+    let cells = map.cells();
+    assert!((1..=128).contains(&map.rows) && (1..=128).contains(&map.columns));
+    assert_eq!(cells.mask.len(), map.rows * map.columns);
+    assert_eq!(map.vectors.value.len(), cells.mask.len() * map.vectors.dim);
+    assert!(map.vectors.value.iter().all(|x| x.is_finite()));
+    let again = dense::parse(Path::new("again.npy"), &map.to_bytes());
+    assert_eq!(again.expect("what is written can be read"), map);
+}
+
 /// Whole files and headers of each version, of whole numbers and of fractions.
 pub fn array_seeds() -> Vec<Vec<u8>> {
     let masks = npy::Array {
@@ -94,6 +111,8 @@ pub fn array_seeds() -> Vec<Vec<u8>> {
         file(text('A', "|u1", "(2, 3)"), &[0, 1, 2, 3, 4, 255]),
         file(text('B', "<i8", "(1,)"), &[255; 8]),
         file(text('C', "<f2", "(2, 1)"), &[0, 60, 0, 184]),
+        file(text('A', "<f2", "(1, 2, 1)"), &[0, 60, 0, 184]),
+        file(text('A', "<f4", "(130, 1, 1)"), &[0; 520]),
     ]
 }
 
@@ -113,6 +132,8 @@ pub fn objects(data: &[u8]) {
     let Some(file) = tensors(data) else {
         return;
     };
+    map(Path::new("fuzz.safetensors"), &file);
+    words(&file);
     let Ok(found) = Objects::parse_any("fuzz", &file) else {
         return;
     };
@@ -137,6 +158,33 @@ pub fn objects(data: &[u8]) {
     assert_eq!(spread.subset(&even), found.subset(&even));
     let again = found.to_bytes().expect("what is accepted can be written");
     assert_eq!(Objects::parse_any("again", &again).expect("again"), found);
+}
+
+/// Vectors of words score objects by numbers from 0 to 1.
+fn words(file: &[u8]) {
+    let Ok(words) = Words::parse(file) else {
+        return;
+    };
+    assert!(!words.vector.is_empty());
+    for vector in words.vector.values() {
+        assert_eq!(vector.len(), words.dim);
+        let length: f64 = vector.iter().map(|x| f64::from(*x).powi(2)).sum();
+        assert!((length - 1.0).abs() < 1e-3, "{length}");
+    }
+    let objects = Vectors {
+        dim: words.dim,
+        value: words.vector.values().flatten().copied().collect(),
+    };
+    let all: Vec<&str> = words.vector.keys().map(String::as_str).collect();
+    let is_share = |score: &f32| (0.0..=1.0).contains(score);
+    for query in &all {
+        let scores = words.relevancy(&objects, query, &all);
+        assert!(scores.is_some_and(|scores| scores.iter().all(is_share)));
+        let stands_out = words.contrast(&objects, query).unwrap_or_default();
+        assert!(stands_out.iter().all(|deviations| !deviations.is_nan()));
+        let scores = words.softmax(&objects, query, &all);
+        assert!(scores.is_some_and(|scores| scores.iter().all(is_share)));
+    }
 }
 
 /// Objects with everything that a file may have, and with what it must have.
@@ -170,7 +218,68 @@ pub fn objects_seeds() -> Vec<Vec<u8>> {
         let framed = [b"A", header, b"\n", values].concat();
         [[b"@", &bytes[..]].concat(), framed]
     };
-    [&plain, &full].into_iter().flat_map(seed).collect()
+    let tensors = [
+        r#"A{"clip":{"dtype":"F16","shape":[1,2,1],"data_offsets":[0,4]}}"#,
+        r#"A{"a":{"dtype":"F32","shape":[1],"data_offsets":[0,4]},"b":{"dtype":"F32","shape":[1],"data_offsets":[4,8]}}"#,
+    ];
+    let tensor = |(header, values): (&str, &[u8])| [header.as_bytes(), b"\n", values].concat();
+    let more = tensors
+        .into_iter()
+        .zip([&[0, 60, 0, 184][..], &[0, 0, 128, 63, 0, 0, 128, 191]]);
+    let seeds = [&plain, &full].into_iter().flat_map(seed);
+    seeds.chain(more.map(tensor)).collect()
+}
+
+/// A mask as PNG: columns, rows, kind of colours, bits, and whether it is interlaced, a byte each but for two of rows; then
+/// what its compressed data are. The chunks around it are made here, as no mutation would hit their sums.
+pub fn mask(data: &[u8]) {
+    let Some(file) = picture(data) else {
+        return;
+    };
+    let Ok(map) = masks::parse_picture(Path::new("fuzz.png"), &file) else {
+        return;
+    };
+    assert_eq!(map.mask.len(), map.width * map.height);
+    let most = masks::MOST_OBJECTS as i32;
+    assert!(map.mask.iter().all(|mask| (-1..most).contains(mask)));
+    assert_eq!(map.resized(5, 3).mask.len(), 15);
+}
+
+fn picture(data: &[u8]) -> Option<Vec<u8>> {
+    let ([columns, rows, high, color, depth, interlaced], packed) = data.split_first_chunk()?;
+    let chunk = |kind: &[u8], data: &[u8]| {
+        let body = [kind, data].concat();
+        let sum = crc32fast::hash(&body).to_be_bytes();
+        [&(data.len() as u32).to_be_bytes(), &body[..], &sum].concat()
+    };
+    let size = [0, 0, 0, *columns, 0, 0, *high, *rows];
+    let kind = [*depth, *color, 0, 0, *interlaced & 1];
+    let palette = [[1, 2, 3]; 256];
+    let palette = match color {
+        3 => chunk(b"PLTE", palette.as_flattened()),
+        _ => Vec::new(),
+    };
+    let head = chunk(b"IHDR", &[&size[..], &kind].concat());
+    let start = b"\x89PNG\r\n\x1a\n";
+    let data = chunk(b"IDAT", packed);
+    let end = chunk(b"IEND", b"");
+    Some([start, &head[..], &palette, &data, &end].concat())
+}
+
+/// Three pixels with their rows as they are: of 8 bits, of a palette, of 16 bits.
+pub fn mask_seeds() -> Vec<Vec<u8>> {
+    // A block that is not compressed: its length, that with all bits turned, a filter and the pixels.
+    let seed = |color: u8, depth: u8, pixels: &[u8]| {
+        let length = pixels.len() as u16 + 1;
+        let head = [3, 1, 0, color, depth, 0, 0x78, 0x01, 1];
+        let lengths = [length.to_le_bytes(), (!length).to_le_bytes()];
+        [&head[..], lengths.as_flattened(), &[0], pixels].concat()
+    };
+    vec![
+        seed(0, 8, &[0, 1, 2]),
+        seed(3, 8, &[0, 1, 2]),
+        seed(0, 16, &[0, 1, 0, 2, 0, 0]),
+    ]
 }
 
 /// A file of a tree, for the asset that the seed is for.
@@ -333,4 +442,22 @@ pub fn cameras_seeds() -> Vec<Vec<u8>> {
         frame("images/b.png", r#","fl_x":400,"w":32.5"#)
     );
     vec![synthetic.into(), nerfstudio.into()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seeds_of_masks_are_masks() {
+        let of = |seed: &Vec<u8>| {
+            let file = picture(seed).expect("a picture");
+            masks::parse_picture(Path::new("seed.png"), &file).map(|map| map.mask)
+        };
+        let found: Vec<_> = mask_seeds().iter().map(of).collect();
+        for mask in &found[..2] {
+            assert_eq!(mask.as_ref().expect("a mask"), &[-1, 0, 1]);
+        }
+        assert_eq!(found[2].as_ref().expect("a mask"), &[0, 1, -1]);
+    }
 }
