@@ -239,7 +239,10 @@ fn from_masks(
 ) -> anyhow::Result<(Objects, usize, usize)> {
     let views = masked_views(&args.views, folder)?;
     let count = views.len();
-    let bar = progress::bar("masks", 3 * count as u64);
+    let is_unnamed = args.unnamed || views.iter().any(|(_, path)| masks::is_proposals(path));
+    // How often every view is asked.
+    let passes = if is_unnamed { 2 } else { 3 };
+    let bar = progress::bar("masks", (1 + passes) * count as u64);
     let mut most = 0;
     for (_, path) in &views {
         let map = map_of(path, args.level)?;
@@ -258,7 +261,6 @@ fn from_masks(
         }
         Ok::<_, SemanticsError>(said)
     };
-    let is_unnamed = args.unnamed || views.iter().any(|(_, path)| masks::is_proposals(path));
     let (names, labels): (Vec<String>, Labels) = match is_unnamed {
         true => {
             let labels = group(splat, count, said)?;
@@ -277,8 +279,8 @@ fn from_masks(
         None => vectors(splat, &views, args.level, &labels, names.len())?,
         Some(_) => None,
     };
-    // Every view is asked twice.
-    let unseen = seen.iter().filter(|weight| **weight <= 2.0).count();
+    let least = passes as f32;
+    let unseen = seen.iter().filter(|weight| **weight <= least).count();
     let objects = Objects {
         asset_hash,
         names,

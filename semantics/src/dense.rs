@@ -17,6 +17,9 @@ const MOST_VALUES: usize = 8192;
 /// Values of all Gaussians that are summed at once; views are gone through again for the next ones.
 const BLOCK: usize = 64;
 
+/// Ends of torch files of maps, as nerfstudio and Feature 3DGS have them: found, to be refused with the line that converts.
+const TORCH: [&str; 3] = [".pt", ".pth", "_fmap_CxHxW.pt"];
+
 /// Features of a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DenseMap {
@@ -31,7 +34,8 @@ pub struct DenseMap {
 /// Where the map of a view is, if there is one.
 pub fn find(folder: &Path, view: &str) -> Option<PathBuf> {
     let file = |end: &str| Some(folder.join(format!("{view}{end}"))).filter(|path| path.is_file());
-    file(".npy").or_else(|| file(".safetensors"))
+    let readable = file(".npy").or_else(|| file(".safetensors"));
+    readable.or_else(|| TORCH.into_iter().find_map(file))
 }
 
 /// Reads a map; one of more than 128 cells along a side is made smaller.
@@ -39,6 +43,15 @@ pub fn find(folder: &Path, view: &str) -> Option<PathBuf> {
 /// # Errors
 /// When the file cannot be read or is no such array.
 pub fn read(path: &Path) -> Result<DenseMap, SemanticsError> {
+    if path.extension().is_some_and(|e| e == "pt" || e == "pth") {
+        return Err(SemanticsError::format(
+            path,
+            "a torch file may run programs when it is read; convert it, values first as they mostly are: \
+             python -c \"import sys,torch,numpy; \
+             numpy.save(sys.argv[2],torch.load(sys.argv[1],weights_only=True).float().cpu().movedim(0,-1).numpy())\" \
+             PICTURE.pt PICTURE.npy",
+        ));
+    }
     let bytes = std::fs::read(path).map_err(SemanticsError::read(path))?;
     parse(path, &bytes)
 }
@@ -283,6 +296,24 @@ mod tests {
         let none =
             safetensors::serialize(Vec::<(&str, safetensors::tensor::TensorView)>::new(), None);
         assert!(refused(&none.expect("bytes")).contains("0 tensors"));
+    }
+
+    #[test]
+    fn torch_files_are_found_and_refused_with_what_converts_them() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for end in TORCH {
+            let path = folder.path().join(format!("a{end}"));
+            std::fs::write(&path, b"PK").expect("written");
+            let found = find(folder.path(), "a").expect("a file");
+            assert_eq!(found, path);
+            let refused = read(&found).expect_err("refused").to_string();
+            assert!(refused.contains("torch.load(sys.argv[1],weights_only=True)"));
+            std::fs::remove_file(&path).expect("removed");
+        }
+        // What can be read comes first.
+        std::fs::write(folder.path().join("a.pt"), b"PK").expect("written");
+        write(folder.path(), "a", &map(1, 1, vec![1.0])).expect("written");
+        assert!(read(&find(folder.path(), "a").expect("a file")).is_ok());
     }
 
     #[test]

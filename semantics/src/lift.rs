@@ -26,8 +26,12 @@ const UNSEEN: f32 = 1.0;
 /// Weight above which a node of the tree counts as seen [pixel].
 const SEEN: f64 = 20.0;
 /// Share of a mask's weight that must lie in Gaussians of its object for it to count; the same of an object's weight in masks
-/// of its name.
-const AGREEMENT: f64 = 0.5;
+/// of its name. The least, for objects whose masks have bad edges in most views, and the most.
+const AGREEMENT: [f64; 2] = [0.5, 0.7];
+/// Part of what the better views of an object agree by that every view must.
+const OF_BETTER: f64 = 0.72;
+/// Share of the views that agree no more than the better ones: names that are wrong in fewer than that do not count.
+const BETTER: f64 = 0.75;
 /// Weight of the shares of a Gaussian's superpoint against its own. A part of more than a third of a superpoint keeps its name
 /// where all masks agree on it, as `1 + 3 / 3 = 3 * 2 / 3`; a smaller one, and a Gaussian in doubt, go with the superpoint.
 const SUPERPOINT: f32 = 3.0;
@@ -264,15 +268,24 @@ pub fn fill_unseen(labels: &mut Labels, tree: &superpoints::Tree, weight: &[f32]
     }
 }
 
-/// What a view says that agrees with labels: masks of whose weight at least [`AGREEMENT`] lies in Gaussians of their object,
-/// about objects of whose weight as much lies in masks of their name. A mask with the name of another object is of neither kind,
-/// also where it is small beside the right mask of that name. What says nothing is believed.
-fn believed(view: &[Evidence], labels: &Labels, objects: usize) -> Vec<Evidence> {
-    let named = |e: &&Evidence| usize::try_from(e.mask).is_ok_and(|mask| mask < objects);
-    let label = |e: &Evidence| usize::try_from(labels.object[e.gaussian as usize]).ok();
-    let mut sums = vec![[[0.0f64; 2]; 2]; objects];
-    for e in view.iter().filter(named) {
-        let (mask, label) = (Some(e.mask as usize), label(e));
+/// How far masks of an object lie in Gaussians of it (first), and Gaussians of it in masks of its name (second), in a view: the
+/// weight that does, and all weight.
+type Agreement = [[f64; 2]; 2];
+
+/// The object of a mask, where it names one of so many.
+fn named(e: &Evidence, objects: usize) -> Option<usize> {
+    usize::try_from(e.mask).ok().filter(|mask| *mask < objects)
+}
+
+fn labelled(e: &Evidence, labels: &Labels) -> Option<usize> {
+    usize::try_from(labels.object[e.gaussian as usize]).ok()
+}
+
+/// Agreement of what a view says with labels, for each object.
+fn agreements(view: &[Evidence], labels: &Labels, objects: usize) -> Vec<Agreement> {
+    let mut sums = vec![Agreement::default(); objects];
+    for e in view.iter().filter(|e| named(e, objects).is_some()) {
+        let (mask, label) = (named(e, objects), labelled(e, labels));
         let weight = f64::from(e.weight);
         for (kind, object) in [mask, label].into_iter().enumerate() {
             if let Some(object) = object {
@@ -281,18 +294,49 @@ fn believed(view: &[Evidence], labels: &Labels, objects: usize) -> Vec<Evidence>
             }
         }
     }
+    sums
+}
+
+/// What views must agree by for what they say about each object to count: a part of what its better views agree by, within
+/// [`AGREEMENT`]. Where edges are good, a mask that is half wrong is wrong; where they are bad everywhere, it is the best there is.
+fn least(views: &[Vec<Agreement>], objects: usize) -> Vec<[f64; 2]> {
+    let of = |object: usize, kind: usize| {
+        let sums = views.iter().map(|view| view[object][kind]);
+        let sums = sums.filter(|[_, all]| *all > 0.0);
+        let mut shares: Vec<f64> = sums.map(|[agree, all]| agree / all).collect();
+        shares.sort_unstable_by(f64::total_cmp);
+        let better = (BETTER * shares.len() as f64).ceil() as usize;
+        let better = shares.get(better.saturating_sub(1)).copied();
+        let [low, high] = AGREEMENT;
+        (OF_BETTER * better.unwrap_or(1.0)).clamp(low, high)
+    };
+    (0..objects)
+        .map(|n| [0, 1].map(|kind| of(n, kind)))
+        .collect()
+}
+
+/// What a view says that agrees with labels by the `least` that each object asks for, about masks and about Gaussians. A mask with
+/// the name of another object agrees by neither, also where it is small beside the right mask of that name. What says nothing is
+/// believed.
+fn believed(
+    view: &[Evidence],
+    labels: &Labels,
+    agreed: &[Agreement],
+    least: &[[f64; 2]],
+) -> Vec<Evidence> {
     let holds = |object: usize, kind: usize| {
-        let [agree, all] = sums[object][kind];
-        agree >= AGREEMENT * all
+        let [agree, all] = agreed[object][kind];
+        agree >= least[object][kind] * all
     };
     let is_believed = |e: &&Evidence| {
-        named(e) && holds(e.mask as usize, 0) && label(e).is_none_or(|label| holds(label, 1))
+        named(e, agreed.len()).is_some_and(|mask| holds(mask, 0))
+            && labelled(e, labels).is_none_or(|label| holds(label, 1))
     };
     view.iter().filter(is_believed).copied().collect()
 }
 
 /// Labels of all Gaussians of `splat` from masks of `views` views that name `objects` objects; `evidence` gives what those of
-/// a view say, and is asked twice for each. First all masks count; then those that most of what they cover contradicts are left
+/// a view say, and is asked three times for each. First all masks count; then those that most of what they cover contradicts are left
 /// out, and what a view says about objects that it calls something else.
 ///
 /// # Errors
@@ -309,11 +353,16 @@ pub fn lift<E>(
     for view in 0..views {
         all.add(&evidence(view)?, |mask| usize::try_from(mask).ok());
     }
-    // A third time changes nothing any more where it was tried.
+    // Once more changes nothing any more where it was tried.
     let labels = label(splat, &graph, &tree, &all);
-    let mut agreed = Lifted::new(splat.len(), objects);
+    let mut agreements_of = Vec::with_capacity(views);
     for view in 0..views {
-        let said = believed(&evidence(view)?, &labels, objects);
+        agreements_of.push(agreements(&evidence(view)?, &labels, objects));
+    }
+    let least = least(&agreements_of, objects);
+    let mut agreed = Lifted::new(splat.len(), objects);
+    for (view, agreement) in agreements_of.iter().enumerate() {
+        let said = believed(&evidence(view)?, &labels, agreement, &least);
         agreed.add(&said, |mask| usize::try_from(mask).ok());
     }
     let mut labels = label(splat, &graph, &tree, &agreed);

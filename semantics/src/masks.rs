@@ -26,12 +26,14 @@ const DEFLATE: usize = 1032;
 /// Most objects that masks may name: shares of each are kept for every Gaussian.
 pub const MOST_OBJECTS: usize = 1024;
 
-/// Where the masks of a view are, if there are any.
+/// Where the masks of a view are, if there are any. A torch file is found last, to be refused with the line that converts it.
 pub fn find(folder: &Path, view: &str) -> Option<PathBuf> {
     let file = |end: &str| Some(folder.join(format!("{view}{end}"))).filter(|path| path.is_file());
     file(".png")
         .or_else(|| file(".npy"))
         .or_else(|| file(PROPOSALS))
+        .or_else(|| file(".pt"))
+        .or_else(|| file(".pth"))
 }
 
 /// Whether a mask is one of LangSplat's: its numbers mean nothing beyond its picture.
@@ -514,7 +516,9 @@ mod tests {
             "{}",
             refused(&path)
         );
-        assert!(refused(Path::new("masks.pt")).contains("torch.load"));
+        std::fs::write(folder.path().join("b.pt"), "PK").expect("written");
+        let torch = find(folder.path(), "b").expect("a file");
+        assert!(refused(&torch).contains("torch.load"));
         std::fs::write(folder.path().join("names.json"), r#"{"2": "vase"}"#).expect("written");
         assert_eq!(
             names(folder.path(), 1).expect("names"),

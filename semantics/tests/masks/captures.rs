@@ -3,8 +3,8 @@
 use std::convert::Infallible;
 
 use cosplat_semantics::{
-    Evidence, MaskMap, evidence,
-    lift::lift,
+    Evidence, MaskMap, Splat, evidence,
+    lift::{Graph, Labels, Lifted, fill_from_nearest, lift, spread},
     stand_in::{mask, shifted},
     views::spiral,
 };
@@ -26,6 +26,27 @@ fn damaged(what: &str, map: &MaskMap, objects: usize, view: usize) -> MaskMap {
         "64 wide" => map.resized(64, 48),
         _ => map.clone(),
     }
+}
+
+/// What published methods make of the same masks: the closed form alone (Occam's LGS, LUDVIG, Splat Feature Solver; its largest
+/// share is FlashSplat's label), and with diffusion (LUDVIG's idea, on our graph).
+fn published(splat: &Splat, objects: usize, said: &[Vec<Evidence>]) -> [Vec<i32>; 2] {
+    let mut all = Lifted::new(splat.len(), objects);
+    said.iter()
+        .for_each(|view| all.add(view, |mask| usize::try_from(mask).ok()));
+    let shares = all.shares();
+    let largest = |of: &[f32]| {
+        let best = (0..objects).max_by(|&a, &b| of[a].total_cmp(&of[b]).then(b.cmp(&a)));
+        best.filter(|n| of[*n] > 0.0).map_or(-1, |n| n as i32)
+    };
+    let mut closed = Labels {
+        object: shares.chunks(objects).map(largest).collect(),
+        confidence: vec![1.0; splat.len()],
+    };
+    fill_from_nearest(&mut closed, &splat.position);
+    let seen: Vec<f32> = (0..splat.len()).map(|n| all.seen(n)).collect();
+    let diffused = spread(splat, &Graph::new(splat), &shares, &seen);
+    [closed.object, diffused.object]
 }
 
 /// Scores by kind of damage: of Gaussians seen, of all by opacity. `masked` is what the masks are of.
@@ -55,11 +76,17 @@ fn scores(name: &str, scene: &Known, masked: &Known, up: Vec3, count: usize) -> 
         let shown = shown(&said, scene.truth.len());
         let seen = |n: usize| f64::from(u8::from(shown[n] > 1.0));
         let all = |n: usize| f64::from(scene.splat.opacity[n]);
-        let iou = |weight: &dyn Fn(usize) -> f64| {
-            mean_iou(&scene.truth, &labels.object, scene.objects, weight)
+        let iou = |labels: &[i32]| {
+            let of = |weight: &dyn Fn(usize) -> f64| {
+                mean_iou(&scene.truth, labels, scene.objects, weight)
+            };
+            [of(&seen), of(&all)]
         };
-        let found = [iou(&seen), iou(&all)];
+        let found = iou(&labels.object);
         println!("{name}, {what}: seen {:.4}, all {:.4}", found[0], found[1]);
+        let others = published(&scene.splat, scene.objects, &said);
+        let [closed, diffused] = others.map(|labels| iou(&labels));
+        println!("  closed form {closed:.4?}, with diffusion {diffused:.4?}");
         found
     };
     DAMAGE.iter().map(of).collect()

@@ -151,7 +151,7 @@ fn shifted_edges_and_wrong_masks_cost_little() {
     assert!(seen >= 0.988, "{seen}");
     let (_, [seen, _]) = score(|map, view| renamed(map, OBJECTS, 30, view));
     println!("16 of 48 masks wrong: seen {seen:.4}");
-    assert!(seen >= 0.914, "{seen}");
+    assert!(seen >= 0.99, "{seen}");
     let (_, [seen, _]) = score(|map, _| map.resized(64, 48));
     println!("maps 64 wide: seen {seen:.4}");
     assert!(seen >= 0.978, "{seen}");
