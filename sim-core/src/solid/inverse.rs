@@ -58,6 +58,8 @@ pub(crate) struct SeenSurface {
     pub distance: f64,
     /// Unit normal outwards.
     pub normal: [f64; 3],
+    /// Change of the depth at rest per way along the normal, 0 to 1: less than 1 amid matter, where the nearest surface is on several sides.
+    pub steepness: f64,
     /// Where that is on the grid.
     site: CellPoint,
 }
@@ -167,9 +169,10 @@ impl<'a> LocalInverse<'a> {
         (cofactor, j): (&Mat3<f64>, f64),
     ) -> Result<SeenSurface, Missing> {
         let (distance, slope) = self.depth.at(rest).ok_or(Missing::NoMatter)?;
+        let steepness = length(slope);
         let mut normal = cofactor.mul_vec(slope);
         for n in &mut normal {
-            *n /= j;
+            *n /= j * steepness;
         }
         let size = length(normal);
         let distance = distance / size;
@@ -181,6 +184,7 @@ impl<'a> LocalInverse<'a> {
                 rest,
                 distance,
                 normal,
+                steepness: steepness.min(1.0),
                 site,
             }),
             false => Err(Missing::Lost),

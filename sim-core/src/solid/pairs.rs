@@ -227,11 +227,13 @@ impl<'a> Presence<'a> {
             return None;
         }
         let stiffness = HALF * self.modulus.min(other.modulus) * self.surface.stiffness[n];
+        // The force is the slope of a potential, of half the squared depth: amid matter, where the depth is at its largest, it ends.
+        let effective_depth = depth * found.steepness;
         let spring = Spring {
             stiffness,
-            pressure: stiffness * depth,
+            pressure: stiffness * effective_depth,
             normal,
-            most: friction * depth,
+            most: friction * effective_depth,
         };
         let (v, u) = (
             self.solid.velocity(self.surface, n),
