@@ -73,17 +73,20 @@ fn neo_hookean<R: Real>(
 /// where two are equal. Across them the eigenvalues are `+-slope s_k`.
 #[inline(always)]
 fn volumetric_tangent<R: Real>([j, area, length]: [R; 3], slope: R, curvature: R) -> R {
-    let (two, three, third) = (R::splat(2.0), R::splat(3.0), R::splat(1.0 / 3.0));
-    // Largest root of a cubic with real roots, at most, by their sum and that of their squares.
-    let at_most = |sum: R, spread: R| {
-        let spread = spread.max(R::splat(0.0)).sqrt();
-        spread.mul_add(two, sum) * third
-    };
+    let (two, three) = (R::splat(2.0), R::splat(3.0));
     let trace = curvature * area;
     let cross = (two * curvature * j).mul_add(slope, slope * slope) * length;
-    let along = at_most(trace, three.mul_add(cross, trace * trace));
-    let stretch = at_most(length, length.mul_add(length, R::splat(-3.0) * area));
+    let along = largest_root(trace, three.mul_add(cross, trace * trace));
+    let stretch = largest_root(length, length.mul_add(length, R::splat(-3.0) * area));
     along.max(slope.abs() * stretch.sqrt())
+}
+
+/// Bound of the largest root of a cubic with real roots `x`, by their sum `s` and `(3 sum x^2 - s^2) / 2`.
+// A closure would not get the instruction set of whoever calls.
+#[inline(always)]
+fn largest_root<R: Real>(sum: R, spread: R) -> R {
+    let spread = spread.max(R::splat(0.0)).sqrt();
+    spread.mul_add(R::splat(2.0), sum) * R::splat(1.0 / 3.0)
 }
 
 /// Volumetric energy `-mu ln J + lambda / 2 (ln J)^2` [J/m^3], its slope and curvature over `J` [Pa], with the parabola below
