@@ -11,7 +11,6 @@ use super::{
     advance::Solid,
     frequency::CONTACT,
     grip::{Grip, NOTHING, OBJECTS},
-    inverse::Start,
     model::SolidModel,
     nodes::NODES,
     search::{
@@ -121,19 +120,37 @@ impl ContactSurface {
         [min, max]
     }
 
-    /// Box around all points now, and their largest speed [m, m/s].
-    pub fn extent(&self, model: &SolidModel, state: &SolidState) -> ([[f64; 3]; 2], f64) {
+    /// Box around all points now, and a speed that none of them exceeds [m, m/s]: from the boxes of their clusters, where these are
+    /// known in the frame at hand.
+    pub fn reach(
+        &self,
+        model: &SolidModel,
+        state: &SolidState,
+        known: Option<&mut Search>,
+    ) -> (Bounds, f64) {
+        let bounds = match known {
+            Some(search) => {
+                search.look(self, model, state);
+                search.bounds(state)
+            }
+            None => self.extent(model, state),
+        };
+        let spread = self.clusters.iter().map(|cluster| cluster.spread);
+        let own = spread.fold(1.0, f64::max) * state.fastest(model);
+        (bounds, length(state.velocity) + own)
+    }
+
+    /// Box around all points now [m].
+    pub fn extent(&self, model: &SolidModel, state: &SolidState) -> Bounds {
         let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        let mut fastest = 0.0_f64;
         for point in &self.points {
-            let (x, v) = (place(model, state, point), velocity(model, state, point));
+            let x = place(model, state, point);
             for a in 0..3 {
                 min[a] = min[a].min(x[a]);
                 max[a] = max[a].max(x[a]);
             }
-            fastest = fastest.max(dot(v, v));
         }
-        ([min, max], fastest.sqrt())
+        [min, max]
     }
 }
 
@@ -294,39 +311,24 @@ impl Solid<'_> {
     }
 }
 
-impl Solid<'_> {
-    /// Where it stands, after a [`look`](Self::look).
-    pub fn stand(&self) -> Stand {
-        Stand {
-            place: self.state.shift,
-            turn: [0.0, 0.0, 0.0, 1.0],
-            radius: 0.0,
-            own: self.scratch.search.farthest(),
-        }
-    }
-
-    /// How near to what they may touch points are listed [m].
-    pub fn margin(&self) -> f64 {
-        MARGIN * self.model.dx
-    }
-
-    /// Looks at where its clusters are, those again that may have moved far.
-    pub fn look(&mut self, surface: &ContactSurface) {
-        let Search {
+impl Search {
+    /// Looks at where the clusters of a surface are, those again that may have moved far.
+    pub fn look(&mut self, surface: &ContactSurface, model: &SolidModel, state: &SolidState) {
+        let Self {
             ways,
             own,
             boxes,
             is_fresh,
             lists,
             ..
-        } = &mut self.scratch.search;
+        } = self;
         if std::mem::replace(is_fresh, true) {
             return;
         }
-        ways.resize(self.model.node_blocks.len(), 0.0);
+        ways.resize(model.node_blocks.len(), 0.0);
         own.clear();
         own.extend(surface.clusters.iter().map(|cluster| cluster.way(ways)));
-        let (model, state, loose) = (self.model, &*self.state, LOOSE * self.model.dx);
+        let loose = LOOSE * model.dx;
         let bounds = |n: usize| surface.cluster_bounds(model, state, n);
         let lists = &*lists;
         if boxes.is_empty() {
@@ -357,28 +359,28 @@ impl Solid<'_> {
                 };
             });
     }
+}
+
+impl Solid<'_> {
+    /// How near to what they may touch points are listed [m].
+    pub fn margin(&self) -> f64 {
+        MARGIN * self.model.dx
+    }
+
+    /// Looks at where its clusters are.
+    pub fn look(&mut self, surface: &ContactSurface) {
+        let search = &mut self.scratch.search;
+        search.look(surface, self.model, self.state);
+    }
+
+    /// Where it stands, after a [`look`](Self::look).
+    pub fn stand(&self) -> Stand {
+        self.scratch.search.stand(self.state)
+    }
 
     /// A box that the points of its surface are in, after a [`look`](Self::look) [m].
     pub fn bounds(&self) -> Bounds {
-        let bounds = self.scratch.search.bounds();
-        bounds.map(|x| std::array::from_fn(|a| x[a] + self.state.shift[a]))
-    }
-
-    /// Where a search for its material points begins, after a [`look`](Self::look).
-    pub fn start(&mut self) -> Start {
-        let now = self.stand();
-        if let Some((start, then)) = &self.scratch.search.start
-            && now.own - then.own < self.margin()
-        {
-            let mut start = *start;
-            for a in 0..3 {
-                start.centre[0][a] += now.place[a] - then.place[a];
-            }
-            return start;
-        }
-        let start = Start::of(self.model, self.state);
-        self.scratch.search.start = Some((start, now));
-        start
+        self.scratch.search.bounds(self.state)
     }
 
     /// Points of a cluster that are near something, or hold on to it; `clear` tells how far a place is from that at least [m].

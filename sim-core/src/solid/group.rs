@@ -235,7 +235,9 @@ fn meet_each_other(
 ) {
     let look = |one: &mut Mover<'_>| {
         one.solid.look(&one.object.surface);
-        (one.solid.bounds(), one.solid.start())
+        let (bounds, solid) = (one.solid.bounds(), &mut one.solid);
+        let start = solid.scratch.search.start(solid.model, solid.state);
+        (bounds, start)
     };
     let seen: Vec<(Bounds, Start)> = group.iter_mut().map(look).collect();
     let mut found = vec![];

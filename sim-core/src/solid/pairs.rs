@@ -9,7 +9,7 @@ use super::{
     grip::Grip,
     inverse::{LocalInverse, Missing, SURE, SeenSurface, Start},
     model::Bears,
-    search::{Candidate, CandidateList, ClusterBox, FoundInCluster, TASK, find_near},
+    search::{Bounds, Candidate, CandidateList, FoundInCluster, TASK, find_near, squared_distance},
 };
 use crate::contact::ledger::Received;
 
@@ -91,21 +91,19 @@ impl<'a> Presence<'a> {
         number: u32,
         due: &[usize],
     ) -> Vec<FoundInCluster> {
-        let search = &self.solid.scratch.search;
-        let boxes = search.boxes.iter().zip(&search.own);
-        let boxes: Vec<(&ClusterBox, f64)> = boxes.map(|(one, own)| (one, *own)).collect();
+        let boxes: Vec<Bounds> = self.solid.scratch.search.grown().collect();
         find_near(due, |cluster| {
             self.find(solid, surface, number, &boxes, cluster)
         })
     }
 
-    /// Points of a cluster that may soon touch this one, or do; boxes are those of this one's clusters, with their ways.
+    /// Points of a cluster that may soon touch this one, or do; boxes are around this one's clusters, in its frame.
     fn find(
         &self,
         solid: &Solid<'_>,
         surface: &ContactSurface,
         number: u32,
-        boxes: &[(&ClusterBox, f64)],
+        boxes: &[Bounds],
         cluster: usize,
     ) -> FoundInCluster {
         let (cover, shift) = (COVER * self.inverse.model.dx, self.solid.state.shift);
@@ -116,13 +114,14 @@ impl<'a> Presence<'a> {
         }
         let reach = radius + solid.margin() + cover;
         let (mut near, mut least) = (vec![], f64::INFINITY);
-        for &(one, own) in boxes {
-            let beyond = one.beyond(off, own);
+        for bounds in boxes {
+            let beyond = squared_distance(bounds, off);
             least = least.min(beyond);
-            if beyond < reach {
-                near.push((one, own));
+            if beyond < reach * reach {
+                near.push(bounds);
             }
         }
+        let least = least.sqrt();
         let holds = |grip: &Grip| grip.with == number;
         let points = &surface.clusters[cluster].points;
         let is_far = least - cover - radius >= solid.margin();
@@ -138,11 +137,11 @@ impl<'a> Presence<'a> {
                 off[a] -= shift[a];
             }
             // What is not near is farther than the margin from all points.
-            let mut least = solid.margin() + cover;
-            for (one, own) in &near {
-                least = least.min(one.beyond(off, *own));
+            let mut least = (solid.margin() + cover).powi(2);
+            for bounds in &near {
+                least = least.min(squared_distance(bounds, off));
             }
-            least - cover
+            least.sqrt() - cover
         })
     }
 

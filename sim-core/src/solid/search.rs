@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::inverse::Start;
+use super::{inverse::Start, model::SolidModel, state::SolidState};
 use crate::mat3::length;
 
 /// How near to what they may touch points are listed [cells].
@@ -143,16 +143,18 @@ impl CandidateList {
         let mut before = before.into_iter().peekable();
         for (&cluster, found) in due.iter().zip(found) {
             let way = self.way + own[cluster];
-            while let Some(point) = before.next_if(|p| p.cluster() <= cluster) {
-                if point.cluster() < cluster {
-                    self.points.push(point);
-                }
+            while let Some(point) = before.next_if(|p| p.cluster() < cluster) {
+                self.points.push(point);
             }
-            self.points
-                .extend(found.points.into_iter().map(|p| Candidate {
-                    until: way + p.until,
-                    ..p
-                }));
+            for mut point in found.points {
+                while before.next_if(|p| p.point < point.point).is_some() {}
+                // One that is listed still goes on from where it was.
+                let listed = before.next_if(|p| p.point == point.point);
+                point.rest = listed.and_then(|p| p.rest);
+                point.until += way;
+                self.points.push(point);
+            }
+            while before.next_if(|p| p.cluster() == cluster).is_some() {}
             self.until[cluster] = way + found.clear;
         }
         self.points.extend(before);
@@ -208,17 +210,15 @@ pub(crate) struct ClusterBox {
     pub own: f64,
 }
 
-impl ClusterBox {
-    /// How far a place from the solid's frame is from all points of the cluster at least [m], after some way of it.
-    #[inline(always)]
-    pub fn beyond(&self, x: [f64; 3], own: f64) -> f64 {
-        let [min, max] = self.bounds;
-        let mut beyond = [0.0; 3];
-        for a in 0..3 {
-            beyond[a] = (min[a] - x[a]).max(x[a] - max[a]).max(0.0);
-        }
-        length(beyond) - (own - self.own)
+/// Squared distance of a place from a box; 0 inside [m^2].
+#[inline(always)]
+pub(super) fn squared_distance([min, max]: &Bounds, x: [f64; 3]) -> f64 {
+    let mut sum = 0.0;
+    for a in 0..3 {
+        let beyond = (min[a] - x[a]).max(x[a] - max[a]).max(0.0);
+        sum += beyond * beyond;
     }
+    sum
 }
 
 /// What a solid knows of itself and its surroundings; begun anew in every frame, so that no frame depends on those before, and where
@@ -265,17 +265,52 @@ impl Search {
         self.own.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Box around all points, from the solid's frame [m].
-    pub fn bounds(&self) -> Bounds {
+    /// Boxes that clusters are in, from the solid's frame, after a look [m].
+    pub fn grown(&self) -> impl Iterator<Item = Bounds> {
+        self.boxes.iter().zip(&self.own).map(|(one, own)| {
+            let by = own - one.own;
+            let [min, max] = one.bounds;
+            [min.map(|x| x - by), max.map(|x| x + by)]
+        })
+    }
+
+    /// Where the solid stands, after a look.
+    pub fn stand(&self, state: &SolidState) -> Stand {
+        Stand {
+            place: state.shift,
+            turn: [0.0, 0.0, 0.0, 1.0],
+            radius: 0.0,
+            own: self.farthest(),
+        }
+    }
+
+    /// A box that all points are in, after a look [m].
+    pub fn bounds(&self, state: &SolidState) -> Bounds {
         let mut all = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        for (one, own) in self.boxes.iter().zip(&self.own) {
-            let grown = own - one.own;
+        for [min, max] in self.grown() {
             for a in 0..3 {
-                all[0][a] = all[0][a].min(one.bounds[0][a] - grown);
-                all[1][a] = all[1][a].max(one.bounds[1][a] + grown);
+                all[0][a] = all[0][a].min(min[a]);
+                all[1][a] = all[1][a].max(max[a]);
             }
         }
-        all
+        all.map(|x| std::array::from_fn(|a| x[a] + state.shift[a]))
+    }
+
+    /// Where a search for material points begins, after a look.
+    pub fn start(&mut self, model: &SolidModel, state: &SolidState) -> Start {
+        let now = self.stand(state);
+        if let Some((start, then)) = &self.start
+            && now.own - then.own < MARGIN * model.dx
+        {
+            let mut start = *start;
+            for a in 0..3 {
+                start.centre[0][a] += now.place[a] - then.place[a];
+            }
+            return start;
+        }
+        let start = Start::of(model, state);
+        self.start = Some((start, now));
+        start
     }
 
     /// The list for these things; an empty one where there is none.

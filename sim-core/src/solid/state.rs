@@ -89,6 +89,22 @@ impl SolidState {
         state
     }
 
+    /// Largest speed of a node relative to the frame [m/s].
+    pub fn fastest(&self, model: &SolidModel) -> f64 {
+        let mut largest = [0.0_f32; 16];
+        for block in &self.nodes {
+            let [u, v, w] = &block.v;
+            for ((u, v), w) in u.iter().zip(v).zip(w) {
+                for (n, largest) in largest.iter_mut().enumerate() {
+                    let (u, v, w) = (u.0[n], v.0[n], w.0[n]);
+                    *largest = largest.max(u * u + v * v + w * w);
+                }
+            }
+        }
+        let largest = largest.into_iter().fold(0.0, f32::max);
+        model.dx * f64::from(largest).sqrt()
+    }
+
     /// Whether all of it is somewhere.
     pub fn is_sound(&self) -> bool {
         let finite = |planes: &Planes| {

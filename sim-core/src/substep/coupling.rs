@@ -1,6 +1,10 @@
 //! Matter on the grid against what is off it: rigid bodies and solids.
 
-use super::{rigid::drive, solids::held_nodes, springs::pull_on_body};
+use super::{
+    rigid::drive,
+    solids::{held_nodes, known_in_frame},
+    springs::pull_on_body,
+};
 use crate::{
     colliders::Substep,
     coupling::{
@@ -10,6 +14,7 @@ use crate::{
     },
     grid::{FieldPass, anchors::Anchors},
     solid::{
+        advance::Scratch,
         inverse::{LocalInverse, Start},
         state::SolidState,
     },
@@ -96,7 +101,9 @@ pub(super) fn couple(
         bonded: &|object, field| !single && object == field as usize,
     };
     let of_bodies = couple_bodies_to_grid(&mut workspace.grid, &coupled, &input);
-    let solids = solids_at_nodes(given, now, off_grid.solids);
+    let scratch = &mut workspace.solids;
+    scratch.resize_with(off_grid.solids.len(), || None);
+    let solids = solids_at_nodes(given, now, off_grid.solids, scratch);
     let of_solids = couple_solids_to_grid(&mut workspace.grid, &solids, &input);
     (of_bodies, of_solids)
 }
@@ -106,21 +113,22 @@ fn solids_at_nodes<'a>(
     given: &Given<'a>,
     now: &Substep,
     states: &'a [Option<SolidState>],
+    scratch: &mut [Option<Scratch>],
 ) -> Vec<CoupledSolid<'a>> {
-    let states = states.iter().enumerate();
-    let states = states.filter(|(id, _)| given.is_moving_solid(*id));
-    let solids = states.filter_map(|(id, state)| {
+    let all = states.iter().zip(scratch).enumerate();
+    let all = all.filter(|(id, _)| given.is_moving_solid(*id));
+    let solids = all.filter_map(|(id, (state, scratch))| {
         let (solid, state) = (given.model.lagrangian[id].as_ref()?, state.as_ref()?);
-        let (bounds, speed) = solid.surface.extent(&solid.grid, state);
+        let mut known = known_in_frame(now, scratch);
+        let (bounds, speed) = (solid.surface).reach(&solid.grid, state, known.as_deref_mut());
+        let start = match known {
+            Some(search) => search.start(&solid.grid, state),
+            None => Start::of(&solid.grid, state),
+        };
         let (held, _) = held_nodes(given, id, (solid, state), now);
         Some(CoupledSolid {
             object: id,
-            inverse: LocalInverse::new(
-                &solid.grid,
-                state,
-                solid.depth.as_ref()?,
-                Start::of(&solid.grid, state),
-            ),
+            inverse: LocalInverse::new(&solid.grid, state, solid.depth.as_ref()?, start),
             bounds,
             speed,
             gravity: given.commanded.gravity,

@@ -12,6 +12,7 @@ use crate::{
         kernel::SolidLaw,
         object::{SolidObject, law_of},
         rigid::RigidPeers,
+        search::Search,
         state::{NodeLoad, SolidState},
     },
     state::Given,
@@ -68,7 +69,7 @@ pub(crate) fn move_solids(
 ) {
     let count = solids.states.len();
     solids.scratch.resize_with(count, || None);
-    let islands = islands(given, span, &solids, rigid);
+    let islands = islands(given, span, &mut solids, rigid);
     if !islands.iter().any(|island| island.has_bodies) {
         rigid.advance(span, None);
     }
@@ -77,19 +78,33 @@ pub(crate) fn move_solids(
     }
 }
 
+/// What a solid knows of its surroundings since the frame began; nothing where it begins.
+pub(super) fn known_in_frame<'a>(
+    span: &Substep,
+    scratch: &'a mut Option<Scratch>,
+) -> Option<&'a mut Search> {
+    let begins = span.time == span.frame_start;
+    scratch
+        .as_mut()
+        .filter(|_| !begins)
+        .map(|known| &mut known.search)
+}
+
 /// Groups of solids that may touch each other within a span. All bodies are one, as far as that goes.
 fn islands(
     given: &Given<'_>,
     span: &Substep,
-    solids: &Solids<'_>,
+    solids: &mut Solids<'_>,
     rigid: &RigidGroup<'_>,
 ) -> Vec<Island> {
     let pull = crate::mat3::length(given.commanded.gravity);
-    let states = solids.states.iter().enumerate();
-    let states = states.filter(|(id, _)| given.is_moving_solid(*id));
-    let boxes = states.filter_map(|(id, state)| {
+    let all = solids.states.iter().zip(&mut *solids.scratch).enumerate();
+    let all = all.filter(|(id, _)| given.is_moving_solid(*id));
+    let boxes = all.filter_map(|(id, (state, scratch))| {
         let solid = given.model.lagrangian[id].as_ref()?;
-        let ([min, max], speed) = solid.surface.extent(&solid.grid, state.as_ref()?);
+        let known = known_in_frame(span, scratch);
+        let reach = (solid.surface).reach(&solid.grid, state.as_ref()?, known);
+        let ([min, max], speed) = reach;
         let margin = SPEED_MARGIN * speed * span.dt + pull * span.dt * span.dt + solid.grid.dx;
         Some((id, [min.map(|x| x - margin), max.map(|x| x + margin)]))
     });

@@ -204,7 +204,7 @@ impl World {
             self.model.lagrangian[object].as_ref()?,
             self.state.solids[object].as_ref()?,
         );
-        Some(solid.surface.extent(&solid.grid, state).0)
+        Some(solid.surface.extent(&solid.grid, state))
     }
 
     /// Moments of an object that is a solid: of its nodes, but for what only its particles tell.
