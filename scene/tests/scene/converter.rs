@@ -4,6 +4,7 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::Command,
+    sync::{Mutex, PoisonError},
 };
 
 use cosplat_scene::assets::{Gaussians, ply};
@@ -13,8 +14,12 @@ use crate::{data, read, skip};
 /// Version of the converter that runs on node 20.
 const CONVERTER: &str = "@playcanvas/splat-transform@2.7.1";
 
+/// Tests run side by side, and npm does not bear a second one in its folder.
+static INSTALL: Mutex<()> = Mutex::new(());
+
 /// Path of the converter, installed on first use.
 fn converter(test: &str) -> Option<PathBuf> {
+    let _alone = INSTALL.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("splat-transform");
     let program = folder.join("node_modules/.bin/splat-transform");
     if !program.exists() {
