@@ -95,7 +95,7 @@ impl<'a> Taker<'a> {
                 continue;
             };
             let header = *next.frame.header();
-            self.courtesy.note(header.sim_time, header.publish_ns);
+            self.courtesy.note(&header);
             let Some((next, scene)) = source.with_scene(next)? else {
                 continue;
             };
