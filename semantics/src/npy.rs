@@ -77,6 +77,9 @@ fn parse(bytes: &[u8]) -> Result<(Header, &[u8]), String> {
     Ok((header, cut.1))
 }
 
+/// Bytes of the largest numbers.
+const LARGEST: usize = 8;
+
 /// Values of `size` bytes each.
 fn values<T: Copy>(
     header: Header,
@@ -85,9 +88,10 @@ fn values<T: Copy>(
     value: impl Fn(&[u8]) -> Option<T>,
 ) -> Result<Array<T>, String> {
     let shape = header.shape;
-    let all = shape
-        .iter()
-        .try_fold(size, |all, axis| all.checked_mul(*axis));
+    // As numpy has it, what is empty by one axis is not beyond all memory by others, in numbers of any size.
+    let mut filled = shape.iter().filter(|axis| **axis > 0);
+    let most = filled.try_fold(LARGEST, |all, axis| all.checked_mul(*axis));
+    let all = most.map(|_| size * shape.iter().product::<usize>());
     if all != Some(bytes.len()) {
         return Err(format!(
             "has {} bytes of values, expected {shape:?} of {size} bytes",
@@ -264,6 +268,19 @@ pub(crate) mod tests {
         assert!(refused(&file("|O", "(2,)", &[0; 8])).contains("whole numbers"));
         assert!(refused(&file("<i4", "(3,)", &[0; 8])).contains("8 bytes"));
         assert!(refused(&file("<i4", "(99999999999, 99999999999)", &[0; 8])).contains("8 bytes"));
+        for axes in [
+            format!("({}, 0)", usize::MAX / 4),
+            format!("(0, {0}, {0})", 1u64 << 40),
+        ] {
+            assert!(
+                refused(&file("<i2", &axes, &[])).contains("0 bytes"),
+                "{axes}"
+            );
+        }
+        assert_eq!(
+            ints(&file("<i2", "(3, 0, 2)", &[])).expect("empty").shape,
+            [3, 0, 2]
+        );
         assert!(refused(&file("<i4", "(-2,)", &[0; 8])).contains("lengths"));
         let axes = format!("({})", "1, ".repeat(65));
         assert!(refused(&file("<i4", &axes, &[0; 4])).contains("65 axes"));

@@ -39,7 +39,7 @@ pub struct StepReport {
     pub quarantined: Vec<u32>,
     /// Kinetic energy incl. the affine part [J].
     pub kinetic_energy: f64,
-    /// Elastic energy [J].
+    /// Elastic energy, that which contacts of solids hold with it [J].
     pub elastic_energy: f64,
     /// Potential energy in the current gravity, zero at the world origin [J].
     pub potential_energy: f64,
@@ -260,7 +260,7 @@ pub struct ObjectState {
     pub radius: f64,
     /// Kinetic energy incl. the affine part [J].
     pub kinetic_energy: f64,
-    /// Elastic energy [J].
+    /// Elastic energy, that which contacts of solids hold with it [J].
     pub elastic_energy: f64,
     /// Impulse received from colliders and other objects in this frame [N s]: momentum change less gravity
     /// and commands.

@@ -86,6 +86,8 @@ pub(crate) struct Grab {
     pub holder: u64,
     /// Its particles, ascending.
     pub particles: Vec<u32>,
+    /// Where each of them is in the hand [m]: from the centre of the patch when it was taken, turned since then as the patch has.
+    pub places: Vec<[f64; 3]>,
     /// From the point that was taken hold of to the centre of the patch [m].
     pub offset: [f64; 3],
     /// Where the spring pulls the point to when the frame begins, and when it ends [m].

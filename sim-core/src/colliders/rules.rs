@@ -396,13 +396,9 @@ impl Rules {
             impulses: impulses.collect(),
             forces: forces.collect(),
             commanded: &self.commanded,
-            springs: {
-                let [time, kick] = [substep.time, substep.kick];
-                let springs = self.springs.iter();
-                springs
-                    .map(|spring| (spring, spring.kick_of_particles(time, kick)))
-                    .collect()
-            },
+            springs: (self.springs.iter())
+                .map(|spring| (spring, spring.kick(substep)))
+                .collect(),
             kick: substep.kick,
             dt: substep.dt,
         }

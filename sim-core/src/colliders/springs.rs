@@ -2,11 +2,12 @@
 //!
 //! Every particle of a patch is pulled to its place beside the target, as critically damped as an object of the effective
 //! mass at the patch: `F = m (w^2 d - 2 w v)`, shared by mass. In sum that is the force of one spring on the centre of the
-//! patch; what turns against the patch is damped. Places are those at the start of the frame, so an object may turn in the
-//! hand.
+//! patch; what turns against the patch is damped. Places are those at which it was taken hold of, turned by the rotation that
+//! the patch has made until the start of the frame: an object may turn in the hand, and no force jumps from frame to frame.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use super::Substep;
 use crate::mat3::{Mat3, cross, dot, length};
 
 /// Natural frequency `w` of a spring [rad/s]: 1000 N/m per kilogram, of the springs that other simulators give a mouse.
@@ -36,7 +37,7 @@ pub(crate) struct Spring {
 /// A particle of a patch.
 #[derive(Debug)]
 struct Member {
-    /// Its place from the centre when the frame begins [m].
+    /// Its place from the centre [m].
     place: [f64; 3],
     /// Its mass [kg].
     mass: f64,
@@ -67,6 +68,17 @@ pub(crate) struct Grasped {
     pub id: u32,
     /// Where it is [m].
     pub x: [f64; 3],
+    /// Its mass [kg].
+    pub mass: f64,
+}
+
+/// A particle that a spring holds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PatchPoint {
+    /// Its number in the scene.
+    pub id: u32,
+    /// Its place from the centre of the patch [m].
+    pub place: [f64; 3],
     /// Its mass [kg].
     pub mass: f64,
 }
@@ -137,19 +149,18 @@ pub(crate) fn centre(grasped: &[Grasped]) -> ([f64; 3], f64) {
 
 impl Spring {
     /// A spring on these particles, in the order of their numbers; `effective` is the mass that the object has at their centre.
-    pub fn new(hold: &Hold, grasped: &[Grasped], effective: Mat3<f64>) -> Self {
-        let (centre, mass) = centre(grasped);
-        let members = grasped.iter().map(|p| Member {
-            place: std::array::from_fn(|a| p.x[a] - centre[a]),
+    pub fn new(hold: &Hold, held: &[PatchPoint], effective: Mat3<f64>) -> Self {
+        let members = held.iter().map(|p| Member {
+            place: p.place,
             mass: p.mass,
             kick: Default::default(),
             given: Default::default(),
         });
         Self {
             object: hold.object,
-            particles: grasped.iter().map(|p| p.id).collect(),
+            particles: held.iter().map(|p| p.id).collect(),
             members: members.collect(),
-            mass,
+            mass: held.iter().map(|p| p.mass).sum(),
             effective,
             max_force: hold.max_force,
             way: hold.way,
@@ -162,10 +173,14 @@ impl Spring {
         self.particles.binary_search(&id).ok()
     }
 
-    /// Its particles with their share of its force.
-    pub fn shares(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
+    /// Its particles.
+    pub fn held(&self) -> impl Iterator<Item = PatchPoint> + '_ {
         let all = self.particles.iter().zip(&self.members);
-        all.map(|(&id, member)| (id, member.mass / self.mass))
+        all.map(|(&id, member)| PatchPoint {
+            id,
+            place: member.place,
+            mass: member.mass,
+        })
     }
 
     /// Where the centre is pulled to at a time [m].
@@ -176,8 +191,7 @@ impl Spring {
         std::array::from_fn(|a| from[a] + passed * (to[a] - from[a]))
     }
 
-    /// Velocity change [m/s] in a kick from `time` on, of what has a `share` of the patch and a `mass` [kg], is at `x` [m] beside
-    /// its `place`, and has the velocity `v` [m/s].
+    /// Velocity change [m/s] in a kick, of what is at `x` [m] beside its `place` and has the velocity `v` [m/s].
     ///
     /// Damping is that of the whole kick however strong it is, by the second diagonal Padé approximant with a vanishing limit.
     pub fn change(&self, at: &Kick, place: [f64; 3], x: [f64; 3], v: [f64; 3]) -> [f64; 3] {
@@ -186,9 +200,16 @@ impl Spring {
         capped(at.gain.mul_vec(wanted), at.max_change)
     }
 
-    /// A kick of `length` [s] from `time` on, as what has `share / mass` feels it [1/kg].
-    pub fn kick(&self, time: f64, length: f64, per_mass: f64) -> Kick {
-        let z = scaled(&self.effective, 2.0 * FREQUENCY * length * per_mass);
+    /// The kick of a substep.
+    ///
+    /// Its gain is in proportion to its length: two halves between which nothing moves, as at the end of a frame, give what a whole
+    /// one does. Else a stretched patch would tremble there, and what springs give and what the patch gets would differ.
+    pub fn kick(&self, now: &Substep) -> Kick {
+        let whole = match now.dt > 0.0 {
+            true => now.kick.max(now.dt),
+            false => 2.0 * now.kick,
+        };
+        let z = scaled(&self.effective, 2.0 * FREQUENCY * whole / self.mass);
         // 1 - 1 / (1 + z + z^2 / 2)
         let mut rest = scaled(&z.mul(&z), 0.5);
         for a in 0..3 {
@@ -196,20 +217,16 @@ impl Spring {
                 rest.0[a][b] += z.0[a][b];
             }
         }
-        let mut whole = rest;
+        let mut damped = rest;
         for a in 0..3 {
-            whole.0[a][a] += 1.0;
+            damped.0[a][a] += 1.0;
         }
+        let gain = inverse(&damped).mul(&rest);
         Kick {
-            target: self.target(time),
-            gain: inverse(&whole).mul(&rest),
-            max_change: length * self.max_force * per_mass,
+            target: self.target(now.time),
+            gain: scaled(&gain, if whole > 0.0 { now.kick / whole } else { 0.0 }),
+            max_change: now.kick * self.max_force / self.mass,
         }
-    }
-
-    /// The kick that particles feel.
-    pub fn kick_of_particles(&self, time: f64, length: f64) -> Kick {
-        self.kick(time, length, self.mass.recip())
     }
 
     /// Velocity change of a particle [m/s] in a kick, which is noted.
@@ -313,12 +330,34 @@ mod tests {
             span: [0.0, 10.0],
             max_force: f64::INFINITY,
         };
-        let grasped = Grasped {
+        let held = PatchPoint {
             id: 5,
-            x: [0.0; 3],
+            place: [0.0; 3],
             mass: patch,
         };
-        Spring::new(&hold, &[grasped], Mat3::diagonal([mass; 3]))
+        Spring::new(&hold, &[held], Mat3::diagonal([mass; 3]))
+    }
+
+    fn substep(n: u32, dt: f64, kick: f64) -> Substep {
+        Substep {
+            time: f64::from(n) * dt,
+            dt,
+            kick,
+            frame_start: 0.0,
+            frame_length: 10.0,
+        }
+    }
+
+    #[test]
+    fn two_halves_that_nothing_moves_between_are_a_whole() {
+        let (spring, rest) = (on_one(50.0, 2.0), [0.0; 3]);
+        let change = |dt, kick| {
+            let kick = spring.kick(&substep(3, dt, kick));
+            spring.change(&kick, rest, rest, rest)[0]
+        };
+        let (last, first) = (change(0.0, 5e-4), change(1e-3, 5e-4));
+        assert!((last + first - change(1e-3, 1e-3)).abs() < 1e-12);
+        assert!(last == first && last > 0.0);
     }
 
     #[test]
@@ -330,7 +369,7 @@ mod tests {
             let count = (0.3 / dt).round() as u32;
             for n in 0..count {
                 let length = if n == 0 { 0.5 * dt } else { dt };
-                let kick = spring.kick_of_particles(f64::from(n) * dt, length);
+                let kick = spring.kick(&substep(n, dt, length));
                 v += spring.pull(&kick, 0, [x, 0.0, 0.0], [v, 0.0, 0.0])[0];
                 x += dt * v;
                 let wt = FREQUENCY * f64::from(n + 1) * dt;
@@ -349,7 +388,7 @@ mod tests {
             let spring = on_one(2.0, 2e-4);
             let (mut x, mut v) = (0.0, -3.0);
             for n in 0..(1.0 / dt) as u32 {
-                let kick = spring.kick_of_particles(f64::from(n) * dt, dt);
+                let kick = spring.kick(&substep(n, dt, dt));
                 v += spring.pull(&kick, 0, [x, 0.0, 0.0], [v, 0.0, 0.0])[0];
                 x += dt * v;
                 assert!((-0.1..1.0).contains(&x), "{dt}: {x}");
@@ -363,7 +402,7 @@ mod tests {
         let spring = on_one(2.0, 2.0);
         let (mut x, mut v) = (0.0, 0.5);
         for n in 0..37 {
-            let kick = spring.kick_of_particles(f64::from(n) * 1e-3, 1e-3);
+            let kick = spring.kick(&substep(n, 1e-3, 1e-3));
             v += spring.pull(&kick, 0, [x, 0.0, 0.0], [v, 0.0, 0.0])[0];
             spring.settle(0, [v, 0.0, 0.0]);
             x += 1e-3 * v;

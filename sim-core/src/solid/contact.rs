@@ -459,8 +459,10 @@ impl Solid<'_> {
 
 /// What presses and holds a point.
 pub(crate) struct Spring {
-    /// Force per stretch [N/m].
+    /// Force per stretch, and per depth [N/m].
     pub stiffness: f64,
+    /// How deep the point is in [m].
+    pub depth: f64,
     /// Normal force [N].
     pub pressure: f64,
     /// Unit normal towards the point.
@@ -491,6 +493,11 @@ impl Spring {
             std::array::from_fn(|a| self.pressure * self.normal[a] - self.stiffness * stretch[a]);
         (force, stretch)
     }
+
+    /// What it holds [J]: the force is the slope of that.
+    pub fn energy(&self, stretch: [f64; 3]) -> f64 {
+        0.5 * self.stiffness * (self.depth * self.depth + dot(stretch, stretch))
+    }
 }
 
 /// A point on its way.
@@ -519,7 +526,7 @@ impl At {
             force: [0.0; 3],
             received: vec![],
         };
-        let mut deepest = 0.0;
+        let (mut deepest, mut energy) = (0.0, 0.0);
         for placed in colliders {
             let known = before.with == placed.id as u32;
             let contact = placed.contact();
@@ -537,6 +544,10 @@ impl At {
             let relative = std::array::from_fn(|a| self.v[a] - u[a]);
             let spring = Spring {
                 stiffness: self.stiffness,
+                depth: match contact.surface {
+                    Surface::Separate => (-found.value).max(0.0),
+                    _ => -found.value,
+                },
                 pressure,
                 normal: found.normal,
                 most: match contact.surface {
@@ -549,6 +560,7 @@ impl At {
             for a in 0..3 {
                 out.force[a] += force[a];
             }
+            energy += spring.energy(stretch);
             let impulse = force.map(|f| kick * f);
             out.received.push((
                 placed.id,
@@ -559,11 +571,13 @@ impl At {
                 out.grip = Grip {
                     with: placed.id as u32,
                     stretch,
+                    energy: 0.0,
                 };
             }
         }
         let touches = out.grip.with != NOTHING;
         if touches {
+            out.grip.energy = energy;
             clear = 0.0;
         }
         (clear, (touches || before.with < OBJECTS).then_some(out))

@@ -14,6 +14,8 @@ pub(crate) struct Grip {
     pub with: u32,
     /// How much it is stretched [m].
     pub stretch: [f64; 3],
+    /// What the contact holds, pressed in and stretched [J].
+    pub energy: f64,
 }
 
 impl Grip {
@@ -26,5 +28,6 @@ impl Grip {
     pub const NONE: Self = Self {
         with: NOTHING,
         stretch: [0.0; 3],
+        energy: 0.0,
     };
 }

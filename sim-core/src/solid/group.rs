@@ -10,7 +10,7 @@ use super::{
         Exchange, Pressed as PressedByBodies, RigidPeers, Wrench, near_body, opposite, stand_of,
     },
     search::Bounds,
-    springs::NodeSpring,
+    springs::SolidSpring,
 };
 use crate::{
     colliders::{Boundaries, Paths, Placed, Substep},
@@ -33,7 +33,7 @@ pub(crate) struct Mover<'a> {
     /// Forces on nodes throughout the span, over the squared cell size [Pa].
     pub steady: Vec<(usize, [f32; 3])>,
     /// Springs that hold patches of it.
-    pub springs: Vec<NodeSpring<'a>>,
+    pub springs: Vec<SolidSpring<'a>>,
     /// Velocity of each held node [m/s].
     pub given: Vec<[f64; 3]>,
 }

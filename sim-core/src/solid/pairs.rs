@@ -230,6 +230,7 @@ impl<'a> Presence<'a> {
         let effective_depth = depth * found.steepness;
         let spring = Spring {
             stiffness,
+            depth,
             pressure: stiffness * effective_depth,
             normal,
             most: friction * effective_depth,
@@ -242,7 +243,11 @@ impl<'a> Presence<'a> {
         let (force, stretch) = spring.pull(before.map(|grip| grip.stretch), relative, moved);
         Some(PointContact {
             point: n,
-            grip: Grip { with: 0, stretch },
+            grip: Grip {
+                with: 0,
+                stretch,
+                energy: spring.energy(stretch),
+            },
             force,
             at: [x, normal],
             pressure: spring.pressure,

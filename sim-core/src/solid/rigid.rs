@@ -160,6 +160,7 @@ impl Pressed<'_> {
             let stiffness = scale * self.surface.stiffness[n];
             let spring = Spring {
                 stiffness,
+                depth,
                 pressure: stiffness * depth,
                 normal,
                 most: friction * depth,
@@ -172,6 +173,7 @@ impl Pressed<'_> {
                 grip: Grip {
                     with: number,
                     stretch,
+                    energy: spring.energy(stretch),
                 },
                 force,
                 at: [x, normal],

@@ -58,7 +58,7 @@ pub(crate) struct Sums {
     pub angular: [f64; 3],
     /// Kinetic energy [J].
     pub kinetic: f64,
-    /// Elastic energy [J].
+    /// Elastic energy, that which contacts hold with it [J].
     pub elastic: f64,
 }
 
@@ -239,8 +239,9 @@ impl SolidState {
 
     /// All sums.
     pub fn sums(&self, isa: Isa, model: &SolidModel, laws: &[SolidLaw]) -> Sums {
+        let in_contact: f64 = self.springs.iter().map(|grip| grip.energy).sum();
         Sums {
-            elastic: elastic_energy(isa, model, laws, &self.nodes),
+            elastic: elastic_energy(isa, model, laws, &self.nodes) + in_contact,
             ..self.momenta(model)
         }
     }

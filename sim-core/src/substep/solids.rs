@@ -326,7 +326,7 @@ fn mover<'a>(given: &Given<'a>, one: &'a mut Taken, span: &Substep) -> Option<Mo
         (load.slot as usize, force)
     };
     steady.extend(one.state.of_matter.iter().map(scaled));
-    let springs = springs_of_solid(given, one.id, &one.state);
+    let springs = springs_of_solid(given, one.id);
     Some(Mover {
         springs,
         colliders: near_colliders(given, &one.bounds, span),

@@ -9,7 +9,7 @@ use crate::{
     colliders::{Substep, springs::Given as FromSprings},
     contact::ledger::Ledger,
     mat3::cross,
-    solid::{springs::NodeSpring, state::SolidState},
+    solid::springs::SolidSpring,
     state::{Given, rigid::RigidBody},
 };
 
@@ -116,18 +116,14 @@ impl Pulled {
     }
 }
 
-/// Springs at the nodes of a solid in a span.
-pub(super) fn springs_of_solid<'a>(
-    given: &Given<'a>,
-    id: usize,
-    state: &SolidState,
-) -> Vec<NodeSpring<'a>> {
+/// Springs on particles of a solid in a span.
+pub(super) fn springs_of_solid<'a>(given: &Given<'a>, id: usize) -> Vec<SolidSpring<'a>> {
     let Some(solid) = given.model.lagrangian[id].as_ref() else {
         return vec![];
     };
     let first = given.model.scene.objects[id].particles.start;
     let springs = given.model.rules.springs.iter();
     let own = springs.filter(|spring| spring.object == id);
-    own.map(|spring| NodeSpring::new(spring, solid, state, first))
+    own.map(|spring| SolidSpring::new(spring, solid, first))
         .collect()
 }

@@ -97,6 +97,7 @@ fn hash_grabs(hash: &mut Xxh3, state: &State) {
     for grab in &state.commanded.grabs {
         hash.update(bytes_of(&[grab.object as u64, grab.holder]));
         hash.update(bytemuck::cast_slice(&grab.particles));
+        hash.update(bytemuck::cast_slice(&grab.places));
         hash.update(bytes_of(&[grab.offset, grab.from, grab.target]));
         hash.update(bytes_of(&[grab.steps, grab.steps_left]));
     }

@@ -199,6 +199,8 @@ impl World {
             let is_own = |p: &u32| own.is_some_and(|own| own.contains(&(*p as usize)));
             let is_patch = grab.particles.iter().all(is_own)
                 && grab.particles.is_sorted_by(|a, b| a < b)
+                && grab.places.len() == grab.particles.len()
+                && grab.places.iter().flatten().all(|x| x.is_finite())
                 && [grab.from, grab.target]
                     .iter()
                     .all(|x| self.model.is_inside(*x));

@@ -177,6 +177,10 @@ fn what_is_removed_comes_back_as_it_was() {
     for kind in KINDS {
         let mut world = started(kind);
         let before = world.report().clone();
+        // A solid comes back without its contacts: the next substep finds them.
+        let in_contact = world.state.solids[0].as_ref().map_or(0.0, |solid| {
+            solid.springs.iter().map(|grip| grip.energy).sum::<f64>()
+        });
         let seen = world.visible(0).version;
         let report = world.step(FRAME, &[order(Action::Remove { object: 0 })]);
         assert_eq!(report.objects[0].level, Level::Removed, "{kind:?}");
@@ -208,7 +212,7 @@ fn what_is_removed_comes_back_as_it_was() {
             after.com
         );
         assert!((after.mass / mass - 1.0).abs() < 1e-9, "{kind:?}");
-        let stored = before.objects[0].elastic_energy;
+        let stored = before.objects[0].elastic_energy - in_contact;
         assert!(
             (after.elastic_energy - stored).abs() <= 1e-4 * stored,
             "{kind:?}"

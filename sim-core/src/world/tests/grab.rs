@@ -395,7 +395,7 @@ fn missing(law: Law, solver: Solver) -> f64 {
     (work - (energy(&world) - before)) / most
 }
 
-/// Transfers, snow that flows and solids that tremble take energy; nothing brings any but hands.
+/// Transfers and snow that flows take energy; nothing brings any but hands, and of a solid nothing is missing.
 #[test]
 fn no_object_gains_more_than_hands_give() {
     let snow = Law::Snow {
@@ -403,25 +403,24 @@ fn no_object_gains_more_than_hands_give() {
         critical_stretch: 0.0075,
         hardening: 10.0,
     };
-    for (law, solver) in [
-        (Law::NeoHookean, Solver::Spatial),
-        (Law::FixedCorotated, Solver::Lagrangian),
-        (snow, Solver::Spatial),
+    for (law, solver, most) in [
+        (Law::NeoHookean, Solver::Spatial, 1.0),
+        (Law::FixedCorotated, Solver::Lagrangian, 1e-3),
+        (snow, Solver::Spatial, 1.0),
     ] {
         let missing = missing(law, solver);
         eprintln!("{law:?}: {missing:.1e} of the work is missing");
-        assert!((-1e-3..1.0).contains(&missing), "{law:?}: {missing}");
+        assert!((-1e-3..most).contains(&missing), "{law:?}: {missing}");
     }
 }
 
-/// Bars are what was measured, twice: of bodies round-off; of matter what transfers take, 1.1e-3; of solids a surplus of 2.7e-3, as the
-/// springs of their contact hold energy that no report counts. Asked for was 1e-3.
+/// Asked for was 1e-3. The bar of bodies is round-off, that of matter twice what transfers take, 1.3e-3.
 #[test]
 fn a_stack_taken_apart_gains_what_a_hand_gives() {
     for (kind, most) in [
         (Kind::Body, 1e-6),
-        (Kind::Matter, 2.2e-3),
-        (Kind::Solid, 5.4e-3),
+        (Kind::Matter, 2.6e-3),
+        (Kind::Solid, 1e-3),
     ] {
         let mut scene = empty(0.1);
         scene.gravity = [0.0, 0.0, -9.81];
@@ -440,7 +439,8 @@ fn a_stack_taken_apart_gains_what_a_hand_gives() {
         let up = [0.0, 0.0, 1.0];
         add_plane(&mut scene, [0.0; 3], up, Surface::Separate, 0.5);
         let mut world = World::new(scene).expect("valid scene");
-        for _ in 0..180 {
+        // Until friction takes nothing any more.
+        for _ in 0..600 {
             world.step(FRAME, &[]);
         }
         let before = energy(&world);
