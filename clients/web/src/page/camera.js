@@ -106,3 +106,12 @@ export function steer(camera, fingers, event, size) {
     camera.turn((-x / size) * Math.PI, (y / size) * Math.PI);
   }
 }
+
+/** Gives a canvas as many pixels as it has on the screen; whether that is another number than before. @param {HTMLCanvasElement} canvas */
+export function fit(canvas) {
+  const ratio = Math.min(2, window.devicePixelRatio);
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((n) => Math.max(1, Math.round(n * ratio)));
+  if (canvas.width === width && canvas.height === height) return false;
+  [canvas.width, canvas.height] = [width, height];
+  return true;
+}

@@ -6,6 +6,9 @@ import { vertex, fragment } from './shaders.js';
 
 const KEYS = 65536;
 
+/** What is behind all Gaussians, 0..1. */
+export const background = () => document.documentElement.classList.contains('dark') ? [0.1, 0.1, 0.1] : [0.93, 0.93, 0.93];
+
 export class Painter {
   /** @param {HTMLCanvasElement} canvas */
   constructor(canvas) {

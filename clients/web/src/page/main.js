@@ -3,8 +3,8 @@
 
 import * as link from './link.js';
 import { State } from './state.js';
-import { Camera } from './camera.js';
-import { Painter } from './draw.js';
+import { Camera, fit } from './camera.js';
+import { Painter, background } from './draw.js';
 import { Panel } from './panel.js';
 import { Pointer } from './pointer.js';
 import { pick } from './pick.js';
@@ -100,24 +100,18 @@ async function drawn() {
 function draw() {
   requestAnimationFrame(draw);
   if (!state || !camera || !painter) return;
-  const ratio = Math.min(2, window.devicePixelRatio);
-  const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((n) => Math.max(1, Math.round(n * ratio)));
-  if (canvas.width !== width || canvas.height !== height) {
-    [canvas.width, canvas.height] = [width, height];
-    isDrawn = false;
-  }
+  if (fit(canvas)) isDrawn = false;
   const age = state.age + performance.now() - state.arrived;
   $('clock').textContent = `${state.time.toFixed(2)} s, step ${state.step}, ${panel.isPaused ? 'paused' : `${age.toFixed(0)} ms old`}`;
   if (isDrawn || painter.isBusy) return;
   isDrawn = true;
   state.fill((object) => panel.tint(object));
-  painter.draw(camera.look(width, height), background());
+  painter.draw(camera.look(canvas.width, canvas.height), background());
   if (pointer.hold) pointer.mark();
   pictures++;
 }
 
 let pictures = 0;
-const background = () => document.documentElement.classList.contains('dark') ? [0.1, 0.1, 0.1] : [0.93, 0.93, 0.93];
 
 // Keys.
 /** @type {Record<string, () => unknown>} */

@@ -2,8 +2,8 @@
 // The page of `cosplat objects pick --web`: strokes over a splat, the objects that come of them in colours, and their file.
 
 import * as link from './link.js';
-import { Camera, steer } from './camera.js';
-import { Painter } from './draw.js';
+import { Camera, fit, steer } from './camera.js';
+import { Painter, background } from './draw.js';
 import { centre, pick, pixelOf } from './pick.js';
 import { State } from './state.js';
 
@@ -158,12 +158,7 @@ function mark() {
 function draw() {
   requestAnimationFrame(draw);
   if (!state || !camera || !painter) return;
-  const ratio = Math.min(2, window.devicePixelRatio);
-  const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((n) => Math.max(1, Math.round(n * ratio)));
-  if (canvas.width !== width || canvas.height !== height) {
-    [canvas.width, canvas.height] = [width, height];
-    isDrawn = false;
-  }
+  if (fit(canvas)) isDrawn = false;
   if (isDrawn || painter.isBusy) return;
   isDrawn = true;
   const share = $('colours').checked ? SHARE : 0;
@@ -171,7 +166,7 @@ function draw() {
     const own = objects[object.id - 1];
     return own ? [...own.color, share] : [0, 0, 0, 0];
   });
-  painter.draw(view(), document.documentElement.classList.contains('dark') ? [0.1, 0.1, 0.1] : [0.93, 0.93, 0.93]);
+  painter.draw(view(), background());
   mark();
 }
 
