@@ -151,7 +151,7 @@ mod tests {
         courtesy.note(&frame(0.0, 1, FRAME_FLAG_PAUSED));
         courtesy.note(&frame(FRAME, 5_000_000_000, 0));
         assert_eq!(courtesy.wait(BUSY), Duration::ZERO);
-        // One that came after its frame was sent, and so is not known as one, is forgotten within a second.
+        // One that came after its frame was sent, and so is not known as one, counts as one frame of delay.
         courtesy.note(&frame(2.0 * FRAME, 95_000_000_000, 0));
         assert!(courtesy.wait(BUSY) <= BUSY);
         let waits = waits(&mut courtesy, 40, |_| FRAME);

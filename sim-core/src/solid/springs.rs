@@ -1,8 +1,10 @@
 //! Springs that hold patches of a solid: they pull its particles, and nodes bear that.
 
-use std::collections::BTreeMap;
-
-use super::{advance::Solid, model::CellPoint, object::SolidObject};
+use super::{
+    advance::Solid,
+    model::{Bears, CellPoint},
+    object::SolidObject,
+};
 use crate::{
     colliders::{
         Substep,
@@ -25,7 +27,7 @@ pub(crate) struct SolidSpring<'a> {
 struct BornePoint<'a> {
     site: &'a CellPoint,
     /// Nodes that bear what acts on it, with weights.
-    bears: Vec<(u32, f32)>,
+    bears: Bears,
     /// Its place from the centre of the patch [m].
     place: [f64; 3],
     /// Its mass [kg].
@@ -41,15 +43,10 @@ impl<'a> SolidSpring<'a> {
     pub fn new(spring: &'a Spring, solid: &'a SolidObject, first: usize) -> Self {
         let points = spring.held().map(|held| {
             let site = &solid.particles[held.id as usize - first];
-            let mut bears: BTreeMap<u32, f32> = BTreeMap::new();
-            for (slot, weight) in solid.grid.stencil_at(site) {
-                for (inner, share) in solid.grid.extension.borne_by(slot as u32) {
-                    *bears.entry(inner).or_default() += weight as f32 * share;
-                }
-            }
+            let stencil = solid.grid.stencil_at(site);
             BornePoint {
                 site,
-                bears: bears.into_iter().collect(),
+                bears: stencil.map(|(slot, weight)| (slot as u32, weight as f32)),
                 place: held.place,
                 mass: held.mass,
                 impulse: [0.0; 3],

@@ -133,8 +133,7 @@ impl World {
     /// Lets springs pull through a frame of `length` [s] at all patches of which something is left.
     pub(super) fn set_springs(&mut self, length: f64) {
         let mut grabs = std::mem::take(&mut self.state.commanded.grabs);
-        let springs = grabs.iter_mut();
-        let springs = springs.filter_map(|grab| self.spring(grab, length));
+        let springs = (grabs.iter_mut()).filter_map(|grab| self.spring(grab, length));
         self.model.rules.springs = Arc::new(springs.collect());
         self.state.commanded.grabs = grabs;
     }
