@@ -35,6 +35,11 @@ pub(super) struct ClosestParticles {
 }
 
 impl ClosestParticles {
+    /// Node blocks of which some nodes are reached by particles that may touch the obstacle, in ascending order.
+    pub fn blocks(&self) -> impl Iterator<Item = usize> {
+        self.at.keys().map(|&block| block as usize)
+    }
+
     /// Of the nodes of a block, if any of them is reached by a particle that may touch the obstacle.
     pub fn get(&self, block: usize) -> Option<&[GapSample; NODES]> {
         Some(&self.nodes[*self.at.get(&(block as u32))?])
@@ -102,11 +107,11 @@ fn of_block(
             for lane in (0..LANES).filter(|&lane| mass[lane] > 0.0) {
                 let inner: Vec3 = std::array::from_fn(|a| f64::from(x[a].0[lane]) + 1.5);
                 let place = [0, 1, 2].map(|a| dx * (start[a] + inner[a]));
-                let gap = obstacle.distance(place) - dx * radii.of(mass[lane]);
-                if gap > most {
+                let Some(facing) = obstacle.facing_within(place, most + LARGEST_RADIUS * dx) else {
                     continue;
-                }
-                if let Some(facing) = obstacle.facing(place) {
+                };
+                let gap = facing.distance - dx * radii.of(mass[lane]);
+                if gap <= most {
                     let normal = facing.normal;
                     let nearest = GapSample { gap, normal };
                     found.push(CandidateParticle { inner, nearest });

@@ -53,8 +53,8 @@ impl GapSample {
 pub(super) trait Obstacle: Sync {
     /// Centre and radius of a ball that holds it [m].
     fn ball(&self) -> (Vec3, f64);
-    /// Signed distance of a place [m]; infinite where it is far.
-    fn distance(&self, x: Vec3) -> f64;
+    /// The surface as seen from a place [m]; none where it is farther than `most` [m].
+    fn facing_within(&self, x: Vec3, most: f64) -> Option<Facing>;
     /// The surface as seen from a place [m]; none where it is far.
     fn facing(&self, x: Vec3) -> Option<Facing>;
 }
@@ -71,8 +71,9 @@ impl Obstacle for RigidObstacle<'_> {
         (self.body.com, self.shape.radius)
     }
 
-    fn distance(&self, x: Vec3) -> f64 {
-        self.shape.distance(self.body.inverse_point(x))
+    fn facing_within(&self, x: Vec3, most: f64) -> Option<Facing> {
+        let distance = self.shape.distance(self.body.inverse_point(x));
+        (distance <= most).then(|| self.facing(x)).flatten()
     }
 
     fn facing(&self, x: Vec3) -> Option<Facing> {

@@ -15,15 +15,13 @@ use crate::{
     contact::ledger::Received,
     grid::Grid,
     mat3::dot,
-    solid::inverse::LocalInverse,
+    solid::inverse::{LocalInverse, SeenSurface},
 };
 
 /// Sweeps over all nodes at most.
 const SWEEPS: usize = 30;
 /// Sweeps end when no impulse changes by more than this part of the largest.
 const DONE: f64 = 1e-6;
-/// How far from its box a solid is looked for [cells]: more than particles are large, and farther than they move in a substep.
-const MARGIN: f64 = 2.5;
 
 /// A solid among nodes of the grid.
 pub(crate) struct CoupledSolid<'a> {
@@ -47,23 +45,27 @@ impl Obstacle for CoupledSolid<'_> {
         (add(min, half), length(half))
     }
 
-    fn distance(&self, x: Vec3) -> f64 {
-        let margin = MARGIN * self.inverse.model.dx;
+    fn facing_within(&self, x: Vec3, most: f64) -> Option<Facing> {
         let [min, max] = self.bounds;
-        if (0..3).any(|a| x[a] < min[a] - margin || x[a] > max[a] + margin) {
-            return f64::INFINITY;
+        if (0..3).any(|a| x[a] < min[a] - most || x[a] > max[a] + most) {
+            return None;
         }
-        let found = self.inverse.surface(x);
-        found.map_or(f64::INFINITY, |found| found.distance)
+        let found = self.inverse.surface_within(x, most)?;
+        Some(self.face(&found))
     }
 
     fn facing(&self, x: Vec3) -> Option<Facing> {
-        let found = self.inverse.surface(x)?;
-        Some(Facing {
+        Some(self.face(&self.inverse.surface(x)?))
+    }
+}
+
+impl CoupledSolid<'_> {
+    fn face(&self, found: &SeenSurface) -> Facing {
+        Facing {
             distance: found.distance,
             normal: found.normal,
             velocity: along(found.velocity(&self.inverse), self.dt, self.gravity),
-        })
+        }
     }
 }
 
@@ -127,11 +129,15 @@ pub(crate) fn couple_solids_to_grid(
     if contacts.is_empty() {
         return coupled;
     }
-    // Velocity changes of solids' nodes [m/s].
-    let mut changes: Vec<Vec<Vec3>> = solids
-        .iter()
-        .map(|solid| vec![[0.0; 3]; solid.inverse.model.mass.len()])
-        .collect();
+    // Velocity changes of nodes of the solids that are met [m/s].
+    let mut changes: Vec<Vec<Vec3>> = vec![vec![]; solids.len()];
+    for contact in &contacts {
+        let (model, changes) = (
+            solids[contact.solid].inverse.model,
+            &mut changes[contact.solid],
+        );
+        changes.resize(model.mass.len(), [0.0; 3]);
+    }
     for _ in 0..SWEEPS {
         let (mut changed, mut largest) = (0.0_f64, 0.0_f64);
         for contact in &mut contacts {
@@ -183,7 +189,8 @@ fn find_contacts(
     contacts: &mut Vec<NodeContact>,
 ) {
     let told = near(input, grid, solid, solid.speed);
-    for (block, nodes) in grid.nodes.iter().enumerate() {
+    for block in told.blocks() {
+        let nodes = &grid.nodes[block];
         let faced = FacedBlock {
             grid,
             input,
@@ -191,9 +198,6 @@ fn find_contacts(
             nodes,
             nearest: told.get(block),
         };
-        if faced.nearest.is_none() {
-            continue;
-        }
         for at in 0..NODES {
             let Some((mass, velocity)) = input.node(grid, block, at) else {
                 continue;

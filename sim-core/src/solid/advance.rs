@@ -73,7 +73,7 @@ impl Scratch {
         let mut scratch = Self {
             conditions: Conditions {
                 w: vec![[F32x16::ZERO; 4]; blocks],
-                force: vec![[[F32x16::ZERO; 4]; 3]; blocks],
+                force: vec![[0.0; 4]; NODES * blocks],
                 forced: vec![false; blocks],
                 follows: vec![true; model.extension.outer.len()],
             },
@@ -190,6 +190,11 @@ impl Solid<'_> {
             self.substep(outside, 0.0, 0.0, 0);
         }
         self.measure(outside.isa);
+        self.place_frame(begins_frame, given);
+        self.scratch.tiles.look_at(&self.state.nodes);
+    }
+
+    fn place_frame(&mut self, begins_frame: bool, given: impl Fn(usize) -> [f64; 3]) {
         if begins_frame {
             self.scratch.search.restart();
         }

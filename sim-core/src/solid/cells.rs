@@ -1,33 +1,77 @@
-//! Which cells of a solid have matter: asked for every place that contact looks at.
+//! Which cells of a solid have matter, and which beside them: asked for every place that contact looks at.
+
+use std::collections::BTreeMap;
 
 /// Cells along one edge of a block.
 pub(crate) const CELLS: i32 = 4;
 
-/// Entries of the table per block of points at most; a solid that is sparser in its box is searched.
+/// Entries of the table per block at most; a solid that is sparser in its box is searched.
 const DENSE: usize = 512;
+
+/// Place of a cell.
+type Cell = [i32; 3];
+
+/// The cells of a block: one bit per cell that has matter, `16 x + 4 y + z`, and per cell one bit for each of the 27 in and beside it
+/// that has, `9 x + 3 y + z`.
+type Filled = (u64, [u32; 64]);
 
 /// The cells with matter, found by their places.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FilledCells {
-    /// Places of the blocks of points, in lexicographic order.
-    blocks: Vec<[i32; 3]>,
-    /// One bit per cell of each, `16 x + 4 y + z`.
-    filled: Vec<u64>,
-    /// Smallest place, and how many there are along each axis.
-    first: [i32; 3],
+    /// Blocks of points, then those beside them.
+    blocks: Vec<Filled>,
+    /// Smallest place of all, and how many there are along each axis.
+    first: Cell,
     size: [usize; 3],
     /// Number of the block at every place of the box plus one, z fastest; empty for a sparse solid.
     table: Vec<u32>,
+    /// The same of a sparse solid.
+    sparse: BTreeMap<Cell, u32>,
+}
+
+/// Block of a cell, and which cell of it.
+#[inline(always)]
+fn split(cell: Cell) -> (Cell, usize) {
+    let [x, y, z] = cell.map(|c| c.rem_euclid(CELLS) as usize);
+    (cell.map(|c| c.div_euclid(CELLS)), 16 * x + 4 * y + z)
+}
+
+/// The 27 places in and beside one, z fastest.
+fn beside(at: Cell) -> impl Iterator<Item = Cell> {
+    (0..27).map(move |n| {
+        let o = [n / 9, n / 3 % 3, n % 3];
+        std::array::from_fn(|a| at[a].saturating_add(o[a] - 1))
+    })
 }
 
 impl FilledCells {
-    /// Of blocks in lexicographic order with the cells that they have.
-    pub fn new(blocks: Vec<[i32; 3]>, filled: Vec<u64>) -> Self {
+    /// Of blocks of points in lexicographic order with the cells that they have.
+    pub fn new(points: &[Cell], filled: &[u64]) -> Self {
+        let mut numbers: BTreeMap<Cell, u32> = (0..).zip(points).map(|(n, &at)| (at, n)).collect();
+        for at in points.iter().flat_map(|&at| beside(at)) {
+            let next = numbers.len() as u32;
+            numbers.entry(at).or_insert(next);
+        }
+        let mut blocks: Vec<Filled> = vec![(0, [0; 64]); numbers.len()];
+        for (n, (at, &bits)) in points.iter().zip(filled).enumerate() {
+            blocks[n].0 = bits;
+            for number in (0..64).filter(|number| bits >> number & 1 == 1) {
+                let o = [number / 16, number / 4 % 4, number % 4];
+                let cell = std::array::from_fn(|a| CELLS * at[a] + o[a]);
+                // What is beside it has it on the opposite side.
+                for (n, next) in beside(cell).enumerate() {
+                    let (block, number) = split(next);
+                    if let Some(&block) = numbers.get(&block) {
+                        blocks[block as usize].1[number] |= 1 << (26 - n);
+                    }
+                }
+            }
+        }
         let bound = |a: usize, pick: fn(i32, i32) -> i32, none: i32| {
-            blocks.iter().map(|block| block[a]).fold(none, pick)
+            numbers.keys().map(|block| block[a]).fold(none, pick)
         };
-        let first: [i32; 3] = std::array::from_fn(|a| bound(a, i32::min, i32::MAX));
-        let last: [i32; 3] = std::array::from_fn(|a| bound(a, i32::max, i32::MIN));
+        let first: Cell = std::array::from_fn(|a| bound(a, i32::min, i32::MAX));
+        let last: Cell = std::array::from_fn(|a| bound(a, i32::max, i32::MIN));
         let size: [usize; 3] = std::array::from_fn(|a| {
             usize::try_from(last[a].saturating_sub(first[a])).unwrap_or(0) + 1
         });
@@ -38,15 +82,17 @@ impl FilledCells {
                 _ => vec![],
             },
             blocks,
-            filled,
             first,
             size,
+            sparse: BTreeMap::new(),
         };
-        if !new.table.is_empty() {
-            for n in 0..new.blocks.len() {
-                if let Some(at) = new.place(new.blocks[n]) {
-                    new.table[at] = n as u32 + 1;
-                }
+        if new.table.is_empty() {
+            new.sparse = numbers;
+            return new;
+        }
+        for (at, number) in numbers {
+            if let Some(place) = new.place(at) {
+                new.table[place] = number + 1;
             }
         }
         new
@@ -54,68 +100,67 @@ impl FilledCells {
 
     /// Place of a block in the table.
     #[inline(always)]
-    fn place(&self, block: [i32; 3]) -> Option<usize> {
+    fn place(&self, block: Cell) -> Option<usize> {
         let at: [usize; 3] =
             std::array::from_fn(|a| block[a].wrapping_sub(self.first[a]) as u32 as usize);
         let inside = (0..3).all(|a| at[a] < self.size[a]);
         inside.then(|| (at[0] * self.size[1] + at[1]) * self.size[2] + at[2])
     }
 
-    /// The cell with matter nearest to a place [cells] of those in and beside a cell: its block, which cell of it, and its place.
-    #[inline(always)]
-    pub fn nearest(&self, at: [f64; 3], cell: [i32; 3]) -> Option<(u32, u8, [i32; 3])> {
-        // Along every axis: block, place in it, and squared distance of the place from the centre.
-        let mut axes = [[(0, 0_u8, 0.0); 3]; 3];
-        for a in 0..3 {
-            for n in 0..3 {
-                let c = cell[a].saturating_add(n as i32 - 1);
-                let off = at[a] - f64::from(c) - 0.5;
-                axes[a][n] = (c.div_euclid(CELLS), c.rem_euclid(CELLS) as u8, off * off);
-            }
-        }
-        let (mut best, mut least) = (None, f64::INFINITY);
-        for x in 0..3 {
-            for y in 0..3 {
-                let (mut block, mut bits) = (0, None);
-                for z in 0..3 {
-                    let place = [axes[0][x], axes[1][y], axes[2][z]];
-                    if z == 0 || place[2].0 != axes[2][z - 1].0 {
-                        bits = self.block(place.map(|p| p.0)).map(|found| {
-                            block = found;
-                            self.filled[found as usize]
-                        });
-                    }
-                    let number = 16 * place[0].1 + 4 * place[1].1 + place[2].1;
-                    let off = place[0].2 + place[1].2 + place[2].2;
-                    if off < least && bits.is_some_and(|bits| bits >> number & 1 == 1) {
-                        let mut found = cell;
-                        for (a, n) in [x, y, z].into_iter().enumerate() {
-                            found[a] = cell[a].saturating_add(n as i32 - 1);
-                        }
-                        (best, least) = (Some((block, number, found)), off);
-                    }
-                }
-            }
-        }
-        best
-    }
-
     /// Number of the block at a place.
     #[inline(always)]
-    fn block(&self, block: [i32; 3]) -> Option<u32> {
+    fn block(&self, block: Cell) -> Option<u32> {
         match self.table.is_empty() {
-            true => Some(self.blocks.binary_search(&block).ok()? as u32),
+            true => self.sparse.get(&block).copied(),
             false => self.table[self.place(block)?].checked_sub(1),
         }
     }
 
+    /// The cell with matter that a place [cells] is in, or else the nearest to it of those beside its cell: its block, which cell of
+    /// it, and its place.
+    #[inline(always)]
+    pub fn nearest(&self, at: [f64; 3], cell: Cell) -> Option<(u32, u8, Cell)> {
+        let (block, number) = split(cell);
+        let block = self.block(block)?;
+        let (filled, beside) = &self.blocks[block as usize];
+        if filled >> number & 1 == 1 {
+            return Some((block, number as u8, cell));
+        }
+        let mut squared = [[0.0; 3]; 3];
+        for a in 0..3 {
+            let off = at[a] - f64::from(cell[a]) - 0.5;
+            squared[a] = [
+                (off + 1.0) * (off + 1.0),
+                off * off,
+                (off - 1.0) * (off - 1.0),
+            ];
+        }
+        let mut bits = beside[number];
+        let (mut best, mut least) = (None, f64::INFINITY);
+        while bits != 0 {
+            let n = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            let off = squared[0][n / 9] + squared[1][n / 3 % 3] + squared[2][n % 3];
+            if off < least {
+                (best, least) = (Some(n as i32), off);
+            }
+        }
+        let n = best?;
+        let o = [n / 9, n / 3 % 3, n % 3];
+        let mut found = cell;
+        for a in 0..3 {
+            found[a] = cell[a].saturating_add(o[a] - 1);
+        }
+        let (block, number) = self.find(found)?;
+        Some((block, number, found))
+    }
+
     /// The block of a cell with matter, and which cell of it.
     #[inline(always)]
-    pub fn find(&self, cell: [i32; 3]) -> Option<(u32, u8)> {
-        let found = self.block(cell.map(|c| c.div_euclid(CELLS)))?;
-        let [x, y, z] = cell.map(|c| c.rem_euclid(CELLS) as u8);
-        let number = 16 * x + 4 * y + z;
-        (self.filled[found as usize] >> number & 1 == 1).then_some((found, number))
+    pub fn find(&self, cell: Cell) -> Option<(u32, u8)> {
+        let (block, number) = split(cell);
+        let block = self.block(block)?;
+        (self.blocks[block as usize].0 >> number & 1 == 1).then_some((block, number as u8))
     }
 }
 
@@ -129,7 +174,7 @@ mod tests {
         for far in [1, 40_000] {
             let blocks = vec![[-1, 0, 2], [0, 0, 2], [far, far, far]];
             let filled = vec![bit([3, 0, 1]), bit([0, 2, 3]), bit([1, 1, 1])];
-            let cells = FilledCells::new(blocks, filled);
+            let cells = FilledCells::new(&blocks, &filled);
             assert_eq!(cells.table.is_empty(), far > 1);
             assert_eq!(cells.find([-1, 0, 9]), Some((0, 49)));
             assert_eq!(cells.find([0, 2, 11]), Some((1, 11)));

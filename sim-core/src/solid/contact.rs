@@ -8,14 +8,14 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{
-    advance::Solid,
+    advance::{Scratch, Solid},
     frequency::CONTACT,
     grip::{Grip, NOTHING, OBJECTS},
     model::SolidModel,
-    nodes::NODES,
+    nodes::{NODES, NodeRow},
     search::{
-        Bounds, CLUSTER, CandidateList, ClusterBox, FoundInCluster, LOOSE, MARGIN, Search, Stand,
-        TASK, find_near,
+        Bounds, CLUSTER, CandidateList, ClusterBox, FoundInCluster, LOOSE, MARGIN, NOWHERE, PART,
+        PARTS, Search, Stand, TASK, Ways, find_near, joined,
     },
     state::SolidState,
     surface::SurfacePoint,
@@ -26,6 +26,7 @@ use crate::{
     mat3::{dot, length},
     report::ContactPartner,
     scene::Surface,
+    simd::LANES,
 };
 
 /// Pressure over the tangent at rest, per depth in cells.
@@ -46,6 +47,8 @@ pub(crate) struct ContactSurface {
 #[derive(Clone, Debug)]
 pub(crate) struct Cluster {
     pub points: Range<usize>,
+    /// Middle of every part of them at rest [m].
+    pub middles: [[f64; 3]; PARTS],
     /// Blocks of the nodes that move them.
     blocks: Vec<u32>,
     /// Largest sum of magnitudes of a point's weights: how much farther than nodes it may move.
@@ -65,6 +68,7 @@ impl Cluster {
         };
         Self {
             spread: here.iter().map(spread).fold(1.0, f64::max),
+            middles: parts_of(here, |point| point.x).map(middle),
             points,
             blocks,
         }
@@ -107,17 +111,18 @@ impl ContactSurface {
         }
     }
 
-    /// Box around the points of a cluster, from the solid's frame [m].
-    fn cluster_bounds(&self, model: &SolidModel, state: &SolidState, cluster: usize) -> Bounds {
-        let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for point in &self.points[self.clusters[cluster].points.clone()] {
-            let x = place(model, state, point);
-            for a in 0..3 {
-                min[a] = min[a].min(x[a] - state.shift[a]);
-                max[a] = max[a].max(x[a] - state.shift[a]);
-            }
+    /// Boxes around the points of a cluster.
+    fn cluster_box(
+        &self,
+        model: &SolidModel,
+        rows: &[NodeRow],
+        (cluster, own): (usize, f64),
+    ) -> ClusterBox {
+        let points = &self.points[self.clusters[cluster].points.clone()];
+        ClusterBox {
+            parts: parts_of(points, |point| place(model, rows, point)),
+            own,
         }
-        [min, max]
     }
 
     /// Box around all points now, and a speed that none of them exceeds [m, m/s]: from the boxes of their clusters, where these are
@@ -126,11 +131,11 @@ impl ContactSurface {
         &self,
         model: &SolidModel,
         state: &SolidState,
-        known: Option<&mut Search>,
+        known: Option<&mut Scratch>,
     ) -> (Bounds, f64) {
         let bounds = match known {
-            Some(search) => {
-                search.look(self, model, state);
+            Some(Scratch { search, tiles, .. }) => {
+                search.look(self, model, &tiles.rows);
                 search.bounds(state)
             }
             None => self.extent(model, state),
@@ -142,16 +147,39 @@ impl ContactSurface {
 
     /// Box around all points now [m].
     pub fn extent(&self, model: &SolidModel, state: &SolidState) -> Bounds {
-        let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for point in &self.points {
-            let x = place(model, state, point);
-            for a in 0..3 {
-                min[a] = min[a].min(x[a]);
-                max[a] = max[a].max(x[a]);
-            }
-        }
-        [min, max]
+        let rows = NodeRow::of(&state.nodes);
+        let bounds = bounds_of(&self.points, |point| place(model, &rows, point));
+        bounds.map(|x| std::array::from_fn(|a| x[a] + state.shift[a]))
     }
+}
+
+/// Box around some points [m].
+#[inline(always)]
+fn bounds_of(points: &[SurfacePoint], place: impl Fn(&SurfacePoint) -> [f64; 3]) -> Bounds {
+    let [mut min, mut max] = NOWHERE;
+    for point in points {
+        let x = place(point);
+        for a in 0..3 {
+            min[a] = min[a].min(x[a]);
+            max[a] = max[a].max(x[a]);
+        }
+    }
+    [min, max]
+}
+
+/// Boxes around the parts of a cluster [m].
+#[inline(always)]
+fn parts_of(points: &[SurfacePoint], place: impl Fn(&SurfacePoint) -> [f64; 3]) -> [Bounds; PARTS] {
+    let mut parts = [NOWHERE; PARTS];
+    for (points, part) in points.chunks(PART).zip(&mut parts) {
+        *part = bounds_of(points, &place);
+    }
+    parts
+}
+
+/// Middle of a box.
+pub(super) fn middle([min, max]: Bounds) -> [f64; 3] {
+    std::array::from_fn(|a| 0.5 * (min[a] + max[a]))
 }
 
 /// Place of a cell along a curve that visits blocks of two, four and so on as wholes (Morton 1966).
@@ -164,41 +192,15 @@ fn curve(cell: [i64; 3]) -> u64 {
     })
 }
 
-/// Place of a point of the surface [m].
+/// Place of a point of the surface, from the solid's frame [m].
 #[inline(always)]
-fn place(model: &SolidModel, state: &SolidState, point: &SurfacePoint) -> [f64; 3] {
-    let mut x = gather(state, point, 0);
+fn place(model: &SolidModel, rows: &[NodeRow], point: &SurfacePoint) -> [f64; 3] {
+    let u = NodeRow::sum_displacements(rows, &point.bears);
+    let mut x = point.x;
     for a in 0..3 {
-        x[a] = point.x[a] + state.shift[a] + model.dx * x[a];
+        x[a] += model.dx * f64::from(u[a]);
     }
     x
-}
-
-/// Velocity of a point of the surface [m/s].
-#[inline(always)]
-fn velocity(model: &SolidModel, state: &SolidState, point: &SurfacePoint) -> [f64; 3] {
-    let mut v = gather(state, point, 3);
-    for a in 0..3 {
-        v[a] = state.velocity[a] + model.dx * v[a];
-    }
-    v
-}
-
-/// Three fields of nodes at a point of the surface, those from `first` on: displacements are 0 to 2, velocities 3 to 5.
-#[inline(always)]
-fn gather(state: &SolidState, point: &SurfacePoint, first: usize) -> [f64; 3] {
-    let mut sum = [0.0; 3];
-    let nodes: &[f32] = bytemuck::cast_slice(&state.nodes);
-    // Loops, not closures: those are not always inlined.
-    for &(slot, weight) in &point.bears {
-        let slot = slot as usize;
-        let at = 6 * NODES * (slot / NODES) + NODES * first + slot % NODES;
-        let node = &nodes[at..][..2 * NODES + 1];
-        for a in 0..3 {
-            sum[a] += f64::from(weight * node[NODES * a]);
-        }
-    }
-    sum
 }
 
 /// A point in contact: its spring, force [N], and what the ledger is told.
@@ -230,26 +232,25 @@ impl Solid<'_> {
                 place: at.translation,
                 turn: at.rotation,
                 radius: farthest(at.translation, min, max),
-                own: 0.0,
             };
             (placed.id as u32, stand)
         };
         let with: Vec<(u32, Stand)> = colliders.iter().map(stand).collect();
-        let mut list = self.candidates(surface, &with, |solid, due| {
+        let mut list = self.candidates((&with, &[]), |solid, due| {
             solid.near_colliders(surface, colliders, [min, max], due)
         });
-        let way = list.way;
         let (solid, state, modulus) = (&*self, &*self.state, self.modulus());
         let own = &solid.scratch.search.own;
+        let ways = list.ways(own);
         let points = list.points.par_iter_mut().with_min_len(TASK);
         let pressed: Vec<Pressed> = points
             .filter_map(|watched| {
-                let way = way + own[watched.cluster()];
+                let way = ways[watched.cluster()];
                 if watched.until > way {
                     return None;
                 }
                 let n = watched.point as usize;
-                let (x, v) = (solid.place(surface, n), solid.velocity(surface, n));
+                let [x, v] = solid.motion(surface, n);
                 let stiffness = modulus * surface.stiffness[n];
                 let at = At {
                     x,
@@ -304,20 +305,19 @@ impl Solid<'_> {
         if force == [0.0; 3] {
             return;
         }
-        for &(slot, weight) in bears {
-            let share = force.map(|f| (f64::from(weight) * f * scale) as f32);
-            self.scratch.conditions.add_force(slot as usize, share);
-        }
+        let force = force.map(|f| (scale * f) as f32);
+        self.scratch.conditions.share_force(bears, force);
     }
 }
 
 impl Search {
     /// Looks at where the clusters of a surface are, those again that may have moved far.
-    pub fn look(&mut self, surface: &ContactSurface, model: &SolidModel, state: &SolidState) {
+    pub fn look(&mut self, surface: &ContactSurface, model: &SolidModel, rows: &[NodeRow]) {
         let Self {
             ways,
             own,
             boxes,
+            groups,
             is_fresh,
             lists,
             ..
@@ -328,16 +328,16 @@ impl Search {
         ways.resize(model.node_blocks.len(), 0.0);
         own.clear();
         own.extend(surface.clusters.iter().map(|cluster| cluster.way(ways)));
+        groups.clear();
+        let fastest = |own: &[f64]| own.iter().copied().fold(0.0, f64::max);
+        groups.extend(own.chunks(LANES / PARTS).map(fastest));
         let loose = LOOSE * model.dx;
-        let bounds = |n: usize| surface.cluster_bounds(model, state, n);
+        let own = &*own;
+        let look = |n: usize| surface.cluster_box(model, rows, (n, own[n]));
         let lists = &*lists;
         if boxes.is_empty() {
             let all = (0..own.len()).into_par_iter().with_min_len(TASK / CLUSTER);
-            let all = all.map(|n| ClusterBox {
-                bounds: bounds(n),
-                own: own[n],
-            });
-            all.collect_into_vec(boxes);
+            all.map(look).collect_into_vec(boxes);
             return;
         }
         let all = boxes
@@ -352,12 +352,7 @@ impl Search {
                 .fold(f64::INFINITY, f64::min)
         };
         all.filter(|(n, one)| own[*n] - one.own > loose + 0.5 * clear(*n))
-            .for_each(|(n, one)| {
-                *one = ClusterBox {
-                    bounds: bounds(n),
-                    own: own[n],
-                };
-            });
+            .for_each(|(n, one)| *one = look(n));
     }
 }
 
@@ -369,8 +364,8 @@ impl Solid<'_> {
 
     /// Looks at where its clusters are.
     pub fn look(&mut self, surface: &ContactSurface) {
-        let search = &mut self.scratch.search;
-        search.look(surface, self.model, self.state);
+        let Scratch { search, tiles, .. } = &mut *self.scratch;
+        search.look(surface, self.model, &tiles.rows);
     }
 
     /// Where it stands, after a [`look`](Self::look).
@@ -410,31 +405,27 @@ impl Solid<'_> {
     /// A ball around a cluster: centre and radius [m].
     pub fn ball(&self, cluster: usize) -> ([f64; 3], f64) {
         let search = &self.scratch.search;
-        let ClusterBox { bounds, own } = search.boxes[cluster];
+        let ClusterBox { parts, own } = &search.boxes[cluster];
+        let bounds = parts.iter().fold(NOWHERE, |all, one| joined(&all, one));
         let half: [f64; 3] = std::array::from_fn(|a| 0.5 * (bounds[1][a] - bounds[0][a]));
         let centre = std::array::from_fn(|a| bounds[0][a] + half[a] + self.state.shift[a]);
-        (centre, length(half) + (search.own[cluster] - own))
+        (centre, length(half) + (search.own[cluster] - *own))
     }
 
-    /// Points that may touch these things where they stand, found by `find` in the clusters of which that is not known any more. They
+    /// Points that may touch these things where they stand, of which groups have moved so far as well [m], found by `find` in the clusters of which that is not known any more. They
     /// go back by [`keep`](Self::keep).
     pub fn candidates(
         &mut self,
-        surface: &ContactSurface,
-        with: &[(u32, Stand)],
+        (with, others): (&[(u32, Stand)], &[f64]),
         find: impl FnOnce(&Self, &[usize]) -> Vec<FoundInCluster>,
     ) -> CandidateList {
-        // Its clusters have ways of their own.
-        let now = Stand {
-            own: 0.0,
-            ..self.stand()
-        };
         let mut list = self.scratch.search.take(with);
-        list.go_on(now, with, surface.clusters.len());
-        let due = list.due(&self.scratch.search.own);
+        let own = &self.scratch.search.own;
+        let ways = Ways { own, others };
+        list.go_on(self.stand(), with, &ways);
+        let due = list.due(&ways);
         if !due.is_empty() {
-            let found = find(self, &due);
-            list.renew(&due, &self.scratch.search.own, found);
+            list.renew(&due, &ways, find(self, &due));
         }
         list
     }
@@ -447,13 +438,24 @@ impl Solid<'_> {
     /// Place of a point of its surface [m].
     #[inline(always)]
     pub fn place(&self, surface: &ContactSurface, n: usize) -> [f64; 3] {
-        place(self.model, self.state, &surface.points[n])
+        let mut x = place(self.model, &self.scratch.tiles.rows, &surface.points[n]);
+        for a in 0..3 {
+            x[a] += self.state.shift[a];
+        }
+        x
     }
 
-    /// Velocity of a point of its surface [m/s].
+    /// Place [m] and velocity [m/s] of a point of its surface.
     #[inline(always)]
-    pub fn velocity(&self, surface: &ContactSurface, n: usize) -> [f64; 3] {
-        velocity(self.model, self.state, &surface.points[n])
+    pub fn motion(&self, surface: &ContactSurface, n: usize) -> [[f64; 3]; 2] {
+        let point = &surface.points[n];
+        let row = NodeRow::sum(&self.scratch.tiles.rows, &point.bears);
+        let (mut x, mut v) = (point.x, self.state.velocity);
+        for a in 0..3 {
+            x[a] += self.state.shift[a] + self.model.dx * f64::from(row[a]);
+            v[a] += self.model.dx * f64::from(row[3 + a]);
+        }
+        [x, v]
     }
 }
 

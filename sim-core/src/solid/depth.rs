@@ -146,6 +146,11 @@ impl DepthField {
         }
     }
 
+    /// Distance from the surface beyond which it is not known [m].
+    pub fn far(&self) -> f64 {
+        BAND as f64 * self.lattice.edge
+    }
+
     /// Distance at a rest position [m], and its gradient; none far outside.
     pub fn at(&self, x: [f64; 3]) -> Option<(f64, [f64; 3])> {
         let (x, edge) = (self.lattice.place(x), self.lattice.edge);

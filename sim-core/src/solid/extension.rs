@@ -7,11 +7,13 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use super::nodes::{NODES, NodeBlock, Planes, read, write};
+use super::nodes::{NODES, NodeBlock, NodeRow, Planes, read, write};
 use crate::mat3::dot;
 
 /// Share of the mass of a node amid matter below which a node is outer.
 const LIGHT: f64 = 0.05;
+/// Share below which a node goes with others even where no affine field through those is known.
+const TINY: f64 = 0.01;
 /// How far from an outer node inner ones are looked for along each axis, and how far if those are too few.
 const REACHES: [i32; 2] = [2, 3];
 /// Largest sum of magnitudes of weights that is looked no further for: two layers of a plane come to 3.
@@ -74,6 +76,21 @@ impl Extension {
             }
             all
         });
+        // What no affine field tells of, and has next to no mass, goes with those nearest to it.
+        let left: Vec<usize> = (0..mass.len())
+            .filter(|&slot| {
+                mass[slot] > 0.0 && mass[slot] < TINY * full && !rows.contains_key(&(slot as u32))
+            })
+            .collect();
+        for slot in left {
+            let row = nearest(places, mass, full, slot);
+            for &(inner, e) in &row {
+                lumped[inner as usize] += e * mass[slot];
+            }
+            if !row.is_empty() {
+                rows.insert(slot as u32, row);
+            }
+        }
         for &slot in rows.keys() {
             lumped[slot as usize] = 0.0;
         }
@@ -126,7 +143,11 @@ impl Extension {
 
     /// Displacement and velocity of the outer node `n` of the list.
     #[inline(always)]
-    pub fn follow(&self, n: usize, nodes: &[NodeBlock]) -> [[f32; 3]; 2] {
+    pub fn follow(&self, n: usize, rows: &[NodeRow]) -> NodeRow {
+        NodeRow(NodeRow::sum(rows, self.row(n)))
+    }
+
+    fn follow_in(&self, n: usize, nodes: &[NodeBlock]) -> [[f32; 3]; 2] {
         let mut sums = [[0.0; 3]; 2];
         for &(inner, e) in self.row(n) {
             let slot = inner as usize;
@@ -143,7 +164,7 @@ impl Extension {
     /// Puts outer nodes where they belong.
     pub fn follow_displacements(&self, nodes: &mut [NodeBlock]) {
         for (n, &slot) in self.outer.iter().enumerate() {
-            let u = self.follow(n, nodes)[0];
+            let u = self.follow_in(n, nodes)[0];
             write(&mut nodes[slot as usize / NODES].u, slot as usize, u);
         }
     }
@@ -151,29 +172,37 @@ impl Extension {
     /// Gives outer nodes the velocities that they follow with.
     pub fn follow_velocities(&self, nodes: &mut [NodeBlock]) {
         for (n, &slot) in self.outer.iter().enumerate() {
-            let v = self.follow(n, nodes)[1];
+            let v = self.follow_in(n, nodes)[1];
             write(&mut nodes[slot as usize / NODES].v, slot as usize, v);
         }
     }
 
-    /// Whether inner nodes of a block bear others.
-    pub fn bears(&self, block: usize) -> bool {
-        !self.inner_of[block].is_empty()
-    }
-
-    /// What inner nodes of a block bear of forces on outer ones, by their place in the list.
-    pub fn gather(&self, block: usize, forces: &[[f32; 3]], out: &mut Planes) {
+    /// Adds what inner nodes of a block bear of forces on outer ones, by their place in the list.
+    pub fn gather(&self, block: usize, forces: &[[f32; 4]], out: &mut Planes) {
         let Range { start, end } = self.inner_of[block];
         for (slot, followers) in &self.inner[start as usize..end as usize] {
-            let mut sum = [0.0; 3];
+            let mut sum = [0.0; 4];
             for &(n, e) in &self.followers[followers.start as usize..followers.end as usize] {
-                for a in 0..3 {
-                    sum[a] += e * forces[n as usize][a];
+                let force = &forces[n as usize];
+                for a in 0..4 {
+                    sum[a] += e * force[a];
                 }
             }
-            write(out, *slot as usize, sum);
+            let slot = *slot as usize;
+            let own = read(out, slot);
+            write(out, slot, std::array::from_fn(|a| own[a] + sum[a]));
         }
     }
+}
+
+/// The inner nodes nearest to an outer one, all with the same weight; none where there are none.
+fn nearest(places: &[[i32; 3]], mass: &[f64], full: f64, slot: usize) -> Row {
+    let [_, reach] = REACHES;
+    let near = inner_near(places, mass, full, (slot, reach));
+    let least = near.first().map_or(0, |one| one.0);
+    let count = near.iter().take_while(|one| one.0 == least).count();
+    let weight = 1.0 / count as f64;
+    near[..count].iter().map(|one| (one.1, weight)).collect()
 }
 
 /// The inner nodes that an outer one follows: as few as determine an affine field well. None where there are none.

@@ -168,7 +168,7 @@ fn find_forces(
             .meet_colliders(surface, &near, times, (mover.id, ledger));
     }
     if group.len() > 1 {
-        meet_each_other(group, around.scene, times, ledger);
+        meet_each_other(group, around, times, ledger);
     }
     match peers {
         Some(peers) => meet_bodies(group, peers, around.scene, times, ledger),
@@ -192,7 +192,7 @@ fn meet_bodies(
             let solid = &mut mover.solid;
             solid.look(surface);
             let with = [(number, stand_of(actor))];
-            let mut list = solid.candidates(surface, &with, |solid, due| {
+            let mut list = solid.candidates((&with, &[]), |solid, due| {
                 near_body(solid, surface, actor, number, due)
             });
             let pressed = PressedByBodies {
@@ -229,7 +229,7 @@ struct Pressed {
 /// Forces between the solids of a group.
 fn meet_each_other(
     group: &mut [Mover<'_>],
-    scene: &Scene,
+    around: &Around<'_>,
     [moved, kick]: [f64; 2],
     ledger: &mut Ledger,
 ) {
@@ -246,7 +246,7 @@ fn meet_each_other(
             let margin = group[i].solid.margin();
             let ([a, b], [c, d]) = (seen[i].0, seen[j].0);
             if (0..3).all(|n| a[n] <= d[n] + margin && c[n] <= b[n] + margin) {
-                press_each_other(group, [i, j], &seen, scene, moved, &mut found);
+                press_each_other(group, [i, j], &seen, around, moved, &mut found);
             }
         }
     }
@@ -273,12 +273,16 @@ fn press_each_other(
     group: &mut [Mover<'_>],
     both: [usize; 2],
     seen: &[(Bounds, Start)],
-    scene: &Scene,
+    around: &Around<'_>,
     moved: f64,
     found: &mut Vec<Pressed>,
 ) {
     let [i, j] = both;
-    let friction = scene.surface_between(group[i].id, group[j].id).friction;
+    let [a, b] = [i, j].map(|n| group[n].id);
+    let (isa, friction) = (
+        around.outside.isa,
+        around.scene.surface_between(a, b).friction,
+    );
     for pair in [[i, j], [j, i]] {
         let Ok([one, other]) = group.get_disjoint_mut(pair) else {
             continue;
@@ -290,8 +294,9 @@ fn press_each_other(
         let (surface, others) = (&objects[0].surface, &objects[1].surface);
         let stand = (number, other.solid.stand());
         let there = Presence::new(&other.solid, others, depth, seen[pair[1]].1);
-        let find = |solid: &Solid<'_>, due: &[usize]| there.near(solid, surface, number, due);
-        let mut list = one.solid.candidates(surface, &[stand], find);
+        let find = |solid: &Solid<'_>, due: &[usize]| there.near(isa, solid, surface, number, due);
+        let others = &other.solid.scratch.search.groups;
+        let mut list = one.solid.candidates((&[stand], others), find);
         if !list.points.is_empty() {
             let here = Presence::new(&one.solid, surface, own_depth, seen[pair[0]].1);
             let met = here.pressed_by(&there, &mut list, [friction, moved], number);

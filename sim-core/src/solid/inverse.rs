@@ -1,16 +1,18 @@
 //! The local inverse of a solid's deformation: which material point is at a place, and where the surface is from there.
 
 use super::{
+    basis::weights_f64,
     depth::DepthField,
-    model::{Bears, CellPoint, SolidModel},
+    model::{Bears, CellPoint, SolidModel, cell_of_number},
+    nodes::{NodeRow, place, slot},
     state::SolidState,
 };
 use crate::mat3::{Mat3, length};
 
 /// Steps of Newton's method at most.
 const STEPS: usize = 12;
-/// Distance from the place at which it ends [cells].
-const CLOSE: f64 = 1e-6;
+/// Distance from the place at which it ends [cells]: what single precision tells of displacements by tens of cells.
+const CLOSE: f64 = 4e-6;
 /// Distance from the place at which a place may be told to be outside [cells].
 const ROUGH: f64 = 0.1;
 /// How many times as far from the surface as it is off it must be for that.
@@ -27,8 +29,20 @@ const FITTED: usize = 512;
 pub(crate) struct LocalInverse<'a> {
     pub model: &'a SolidModel,
     pub state: &'a SolidState,
+    /// Its nodes, by their numbers.
+    rows: &'a [NodeRow],
     depth: &'a DepthField,
     start: Start,
+}
+
+/// A material point that a place was near when it was looked at.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct KnownPlace {
+    /// At rest [m], and where that is on the grid.
+    rest: [f64; 3],
+    site: CellPoint,
+    /// Distance from the surface then [m].
+    distance: f64,
 }
 
 /// Where a search for material points begins.
@@ -43,8 +57,8 @@ pub(crate) struct Start {
 /// Why there is no material point at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Missing {
-    /// There is no matter near.
-    NoMatter,
+    /// There is no matter near: its surface is so far away at rest at least [m].
+    NoMatter(f64),
     /// An inverse is not to be trusted, or was not found.
     Lost,
 }
@@ -64,10 +78,26 @@ pub(crate) struct SeenSurface {
     site: CellPoint,
 }
 
+impl KnownPlace {
+    /// The material point at rest [m].
+    pub fn rest(&self) -> [f64; 3] {
+        self.rest
+    }
+}
+
 impl SeenSurface {
     /// Velocity of the material point at the place, or of where matter would go on [m/s].
     pub fn velocity(&self, of: &LocalInverse<'_>) -> [f64; 3] {
-        of.state.velocity_at(of.model, &self.site).0
+        of.velocity_of(&self.bears(of.model))
+    }
+
+    /// What is to be known of it later.
+    pub fn known(&self) -> KnownPlace {
+        KnownPlace {
+            rest: self.rest,
+            site: self.site,
+            distance: self.distance,
+        }
     }
 
     /// Nodes of the solid that bear a force at the place.
@@ -77,19 +107,94 @@ impl SeenSurface {
 }
 
 impl<'a> LocalInverse<'a> {
-    /// Of a solid at present.
+    /// Of a solid at present, whose nodes `rows` are.
     pub fn new(
-        model: &'a SolidModel,
-        state: &'a SolidState,
+        (model, state): (&'a SolidModel, &'a SolidState),
+        rows: &'a [NodeRow],
         depth: &'a DepthField,
         start: Start,
     ) -> Self {
         Self {
             model,
             state,
+            rows,
             depth,
             start,
         }
+    }
+
+    /// Velocity of where nodes with these weights are [m/s].
+    #[inline(always)]
+    pub fn velocity_of(&self, bears: &Bears) -> [f64; 3] {
+        let row = NodeRow::sum(self.rows, bears);
+        let mut v = self.state.velocity;
+        for a in 0..3 {
+            v[a] += self.model.dx * f64::from(row[3 + a]);
+        }
+        v
+    }
+
+    /// How far a place [m] is from the surface at least, if what was known of it tells that it is outside [m]: it and that material
+    /// point have moved apart by little.
+    #[inline(always)]
+    pub fn clear(&self, x: [f64; 3], known: &KnownPlace) -> Option<f64> {
+        let bears = self.model.bears(&known.site);
+        let u = NodeRow::sum_displacements(self.rows, &bears);
+        let mut off = x;
+        for a in 0..3 {
+            off[a] -= known.rest[a] + self.state.shift[a] + self.model.dx * f64::from(u[a]);
+        }
+        let off = length(off);
+        (known.distance > OUTSIDE * off).then_some(SURE * (known.distance - off))
+    }
+
+    /// About where a place [m] is at rest [m], from a point of which it is known where it is now and at rest [m].
+    pub fn back(&self, x: [f64; 3], known: [[f64; 3]; 2]) -> [f64; 3] {
+        self.start.back_about(x, known)
+    }
+
+    /// Displacement at a site and its slopes along each axis, summed along z, then y, then x.
+    #[inline(always)]
+    fn displacement(&self, site: &CellPoint) -> [[f64; 3]; 4] {
+        let blocks = &self.model.point_blocks[site.block as usize].nodes;
+        let cell = cell_of_number(site.number);
+        let axes = site.d.map(|d| {
+            let (w, g) = weights_f64(d);
+            (w.map(|w| w as f32), g.map(|g| g as f32))
+        });
+        let mut sums = [[0.0_f32; 4]; 4];
+        for x in 0..3 {
+            let i = cell[0] + x;
+            let mut planes = [[0.0_f32; 4]; 3];
+            for y in 0..3 {
+                let j = cell[1] + y;
+                let (mut value, mut slope) = ([0.0_f32; 4], [0.0_f32; 4]);
+                for z in 0..3 {
+                    let k = cell[2] + z;
+                    let block = blocks[4 * (i / 4) + 2 * (j / 4) + k / 4] as usize;
+                    let row = &self.rows[slot(block, place(i % 4, j % 4, k % 4))].0;
+                    let (w, g) = (axes[2].0[z], axes[2].1[z]);
+                    for a in 0..4 {
+                        value[a] += w * row[a];
+                        slope[a] += g * row[a];
+                    }
+                }
+                let (w, g) = (axes[1].0[y], axes[1].1[y]);
+                for a in 0..4 {
+                    planes[0][a] += w * value[a];
+                    planes[1][a] += g * value[a];
+                    planes[2][a] += w * slope[a];
+                }
+            }
+            let (w, g) = (axes[0].0[x], axes[0].1[x]);
+            for a in 0..4 {
+                sums[0][a] += w * planes[0][a];
+                sums[1][a] += g * planes[0][a];
+                sums[2][a] += w * planes[1][a];
+                sums[3][a] += w * planes[2][a];
+            }
+        }
+        sums.map(|[x, y, z, _]| [x, y, z].map(f64::from))
     }
 
     /// The surface as seen from a place [m]; none where it is far, or where the inverse is not to be trusted.
@@ -97,15 +202,23 @@ impl<'a> LocalInverse<'a> {
         self.search(x, self.start.back(x), |_, _| false).ok()
     }
 
-    /// The same, searched from near a material point [m] if one is known. Of a place that is outside for sure there is a distance that
+    /// The same of a place that is nearer to it than `most` [m]; none of others, but for some that are.
+    pub fn surface_within(&self, x: [f64; 3], most: f64) -> Option<SeenSurface> {
+        let beyond = |seen: &SeenSurface, off: f64| SURE * (seen.distance - off) > most;
+        let found = self.search(x, self.start.back(x), |seen, off| {
+            let is_beyond = seen.distance > OUTSIDE * off && beyond(seen, off);
+            if is_beyond {
+                seen.distance = f64::INFINITY;
+            }
+            is_beyond
+        });
+        found.ok().filter(|seen| seen.distance <= most)
+    }
+
+    /// The same, searched from a material point [m] on. Of a place that is outside for sure there is a distance that
     /// it has at least.
     #[inline(always)]
-    pub fn surface_from(
-        &self,
-        x: [f64; 3],
-        near: Option<[f64; 3]>,
-    ) -> Result<SeenSurface, Missing> {
-        let near = near.unwrap_or_else(|| self.start.back(x));
+    pub fn surface_from(&self, x: [f64; 3], near: [f64; 3]) -> Result<SeenSurface, Missing> {
         self.search(x, near, |seen, off| {
             let is_outside = seen.distance > OUTSIDE * off;
             if is_outside {
@@ -126,9 +239,11 @@ impl<'a> LocalInverse<'a> {
     ) -> Result<SeenSurface, Missing> {
         for _ in 0..STEPS {
             let Some(site) = self.model.site_near(rest) else {
-                return Err(Missing::NoMatter);
+                let far = self.depth.at(rest).map(|(distance, _)| distance);
+                return Err(Missing::NoMatter(far.unwrap_or(self.depth.far())));
             };
-            let sample = self.state.sample(self.model, &site);
+            let displacement = self.displacement(&site);
+            let sample = self.state.sample_of(self.model, &site, &displacement);
             let mut off = x;
             for a in 0..3 {
                 off[a] -= sample.x[a];
@@ -168,7 +283,8 @@ impl<'a> LocalInverse<'a> {
         site: CellPoint,
         (cofactor, j): (&Mat3<f64>, f64),
     ) -> Result<SeenSurface, Missing> {
-        let (distance, slope) = self.depth.at(rest).ok_or(Missing::NoMatter)?;
+        let depth = self.depth.at(rest);
+        let (distance, slope) = depth.ok_or(Missing::NoMatter(self.depth.far()))?;
         let steepness = length(slope);
         let mut normal = cofactor.mul_vec(slope);
         for n in &mut normal {
@@ -196,9 +312,15 @@ impl Start {
     /// About where a place [m] is at rest [m].
     #[inline(always)]
     fn back(&self, x: [f64; 3]) -> [f64; 3] {
-        let (mut rest, mut arm) = (self.centre[1], x);
+        self.back_about(x, self.centre)
+    }
+
+    /// The same from a point of which it is known where it is now and at rest [m].
+    #[inline(always)]
+    fn back_about(&self, x: [f64; 3], [now, mut rest]: [[f64; 3]; 2]) -> [f64; 3] {
+        let mut arm = x;
         for a in 0..3 {
-            arm[a] -= self.centre[0][a];
+            arm[a] -= now[a];
         }
         let turned = self.back.mul_vec(arm);
         for a in 0..3 {

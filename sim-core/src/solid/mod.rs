@@ -16,6 +16,7 @@
 
 pub(crate) mod advance;
 mod basis;
+mod boxes;
 mod cells;
 pub(crate) mod contact;
 pub(crate) mod depth;

@@ -272,13 +272,6 @@ impl SolidModel {
     #[inline(always)]
     pub fn site_near(&self, x: [f64; 3]) -> Option<CellPoint> {
         let (at, cell) = self.cell_of(x);
-        if let Some(site) = self.site_in(at, cell) {
-            return Some(site);
-        }
-        self.site_beside(at, cell)
-    }
-
-    fn site_beside(&self, at: [f64; 3], cell: [i32; 3]) -> Option<CellPoint> {
         let (block, number, cell) = self.filled.nearest(at, cell)?;
         let mut d = at;
         for a in 0..3 {
@@ -326,7 +319,8 @@ fn filled_cells(blocks: &Blocks) -> FilledCells {
         let bits = cells.iter().map(|(cell, _)| 1_u64 << cell.number);
         bits.fold(0, |all, bit| all | bit)
     });
-    FilledCells::new(blocks.keys().copied().collect(), filled.collect())
+    let places: Vec<[i32; 3]> = blocks.keys().copied().collect();
+    FilledCells::new(&places, &filled.collect::<Vec<u64>>())
 }
 
 /// Number of each of the 27 nodes of a cell of a block, and its weight at a place from the centre of the cell [cells].

@@ -29,13 +29,70 @@ impl NodeBlock {
     };
 }
 
+/// Displacement and velocity of a node side by side [cells, cells/s], for whoever reads single nodes: three components of each, and
+/// two floats without a meaning.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(32))]
+pub(crate) struct NodeRow(pub [f32; 8]);
+
+impl NodeRow {
+    /// Sum of some nodes by weights.
+    #[inline(always)]
+    pub fn sum(rows: &[Self], weights: &[(u32, f32)]) -> [f32; 8] {
+        let mut sum = [0.0; 8];
+        for &(slot, weight) in weights {
+            let row = &rows[slot as usize].0;
+            for n in 0..8 {
+                sum[n] += weight * row[n];
+            }
+        }
+        sum
+    }
+
+    /// All nodes of some blocks.
+    pub fn of(nodes: &[NodeBlock]) -> Vec<Self> {
+        let mut rows = vec![Self::default(); NODES * nodes.len()];
+        let blocks = rows.chunks_exact_mut(NODES).zip(nodes);
+        blocks.for_each(|(rows, block)| block.write_rows(rows));
+        rows
+    }
+
+    /// The same of displacements alone.
+    #[inline(always)]
+    pub fn sum_displacements(rows: &[Self], weights: &[(u32, f32)]) -> [f32; 3] {
+        let mut sum = [0.0; 4];
+        for &(slot, weight) in weights {
+            let row = &rows[slot as usize].0;
+            for n in 0..4 {
+                sum[n] += weight * row[n];
+            }
+        }
+        [sum[0], sum[1], sum[2]]
+    }
+}
+
+impl NodeBlock {
+    /// Writes all nodes side by side.
+    #[inline(always)]
+    pub fn write_rows(&self, rows: &mut [NodeRow]) {
+        for (x, rows) in rows.chunks_exact_mut(16).enumerate() {
+            let [u, v] = [&self.u, &self.v].map(|of| [&of[0][x].0, &of[1][x].0, &of[2][x].0]);
+            for (n, row) in rows.iter_mut().enumerate() {
+                row.0 = [
+                    u[0][n], u[1][n], u[2][n], v[0][n], v[1][n], v[2][n], 0.0, 0.0,
+                ];
+            }
+        }
+    }
+}
+
 /// What holds and pushes nodes, per block.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Conditions {
     /// Cell size over mass [m/kg]; 0 where a node has none, or has its velocity given.
     pub w: Vec<[F32x16; 4]>,
-    /// External force over the squared cell size [Pa].
-    pub force: Vec<Planes>,
+    /// External force over the squared cell size per node, and a float without a meaning [Pa].
+    pub force: Vec<[f32; 4]>,
     /// Whether there is any in a block.
     pub forced: Vec<bool>,
     /// Per outer node whether it follows inner ones, and has not its own velocity given.
@@ -45,23 +102,34 @@ pub(crate) struct Conditions {
 impl Conditions {
     /// Takes all forces away.
     pub fn clear_forces(&mut self) {
-        for (force, forced) in self.force.iter_mut().zip(&mut self.forced) {
+        for (force, forced) in self.force.chunks_exact_mut(NODES).zip(&mut self.forced) {
             if std::mem::take(forced) {
-                *force = [[F32x16::ZERO; 4]; 3];
+                force.fill([0.0; 4]);
             }
         }
     }
 
     /// Adds a force over the squared cell size [Pa] on a node.
     pub fn add_force(&mut self, slot: usize, force: [f32; 3]) {
-        let block = slot / NODES;
-        let sum = read(&self.force[block], slot);
-        write(
-            &mut self.force[block],
-            slot,
-            std::array::from_fn(|a| sum[a] + force[a]),
-        );
-        self.forced[block] = true;
+        let sum = &mut self.force[slot];
+        for a in 0..3 {
+            sum[a] += force[a];
+        }
+        self.forced[slot / NODES] = true;
+    }
+
+    /// Adds a force over the squared cell size [Pa] on nodes that share it by weights.
+    #[inline(always)]
+    pub fn share_force(&mut self, bears: &[(u32, f32)], [x, y, z]: [f32; 3]) {
+        let force = [x, y, z, 0.0];
+        for &(slot, weight) in bears {
+            let slot = slot as usize;
+            let sum = &mut self.force[slot];
+            for a in 0..4 {
+                sum[a] += weight * force[a];
+            }
+            self.forced[slot / NODES] = true;
+        }
     }
 }
 

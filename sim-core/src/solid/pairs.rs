@@ -4,19 +4,24 @@ use rayon::prelude::*;
 
 use super::{
     advance::Solid,
-    contact::{ContactSurface, Spring},
+    boxes::{Boxes, NearBoxes},
+    contact::{ContactSurface, Spring, middle},
     depth::DepthField,
     grip::Grip,
-    inverse::{LocalInverse, Missing, SURE, SeenSurface, Start},
+    inverse::{KnownPlace, LocalInverse, Missing, SURE, SeenSurface, Start},
     model::Bears,
-    search::{Bounds, Candidate, CandidateList, FoundInCluster, TASK, find_near, squared_distance},
+    search::{CLUSTER, Candidate, CandidateList, FoundInCluster, PARTS, TASK, find_near},
 };
-use crate::contact::ledger::Received;
+use crate::{contact::ledger::Received, simd::Isa};
 
 /// Largest depth at which a point may begin to touch [cells]: what is deeper came by way of a false root.
 const ENTRY: f64 = 1.0;
 /// How far a place of a surface may be from the boxes around its points [cells]: they are half a cell apart at rest.
 const COVER: f64 = 0.5;
+/// How much farther than points are listed what moves by itself is known one by one [cells].
+const FAR: f64 = 4.0;
+/// Share of a distance at rest that is sure of a place where no matter tells of the deformation.
+const HALF_SURE: f64 = 0.5;
 /// Share of a surface's springs that each side of a pair has: both press.
 const HALF: f64 = 0.5;
 
@@ -76,7 +81,12 @@ impl<'a> Presence<'a> {
         start: Start,
     ) -> Self {
         Self {
-            inverse: LocalInverse::new(solid.model, solid.state, depth, start),
+            inverse: LocalInverse::new(
+                (solid.model, solid.state),
+                &solid.scratch.tiles.rows,
+                depth,
+                start,
+            ),
             solid,
             surface,
             modulus: solid.modulus(),
@@ -86,63 +96,66 @@ impl<'a> Presence<'a> {
     /// Points of the clusters of a surface that are due which may soon touch this one, or do by a grip that `number` tells.
     pub fn near(
         &self,
+        isa: Isa,
         solid: &Solid<'_>,
         surface: &ContactSurface,
         number: u32,
         due: &[usize],
     ) -> Vec<FoundInCluster> {
-        let boxes: Vec<Bounds> = self.solid.scratch.search.grown().collect();
+        let boxes = Boxes::of(self.solid.scratch.search.grown());
         find_near(due, |cluster| {
-            self.find(solid, surface, number, &boxes, cluster)
+            self.find(isa, solid, surface, number, &boxes, cluster)
         })
     }
 
     /// Points of a cluster that may soon touch this one, or do; boxes are around this one's clusters, in its frame.
     fn find(
         &self,
+        isa: Isa,
         solid: &Solid<'_>,
         surface: &ContactSurface,
         number: u32,
-        boxes: &[Bounds],
+        boxes: &[Boxes],
         cluster: usize,
     ) -> FoundInCluster {
-        let (cover, shift) = (COVER * self.inverse.model.dx, self.solid.state.shift);
-        let (centre, radius) = solid.ball(cluster);
-        let mut off = centre;
-        for a in 0..3 {
-            off[a] -= shift[a];
-        }
-        let reach = radius + solid.margin() + cover;
-        let (mut near, mut least) = (vec![], f64::INFINITY);
-        for bounds in boxes {
-            let beyond = squared_distance(bounds, off);
-            least = least.min(beyond);
-            if beyond < reach * reach {
-                near.push(bounds);
+        let cover = COVER * self.inverse.model.dx;
+        let off = |mut x: [f64; 3]| {
+            for (x, shift) in x.iter_mut().zip(self.solid.state.shift) {
+                *x -= shift;
             }
-        }
-        let least = least.sqrt();
+            x
+        };
+        let (centre, radius) = solid.ball(cluster);
+        let most = solid.margin() + cover;
+        let beyond = FAR * self.inverse.model.dx;
+        let near = NearBoxes::new(isa, boxes, off(centre), radius + most + beyond);
         let holds = |grip: &Grip| grip.with == number;
         let points = &surface.clusters[cluster].points;
-        let is_far = least - cover - radius >= solid.margin();
-        if is_far && !solid.state.springs[points.clone()].iter().any(holds) {
-            return FoundInCluster::none(least - cover - radius);
+        let clear = near.clear - cover - radius;
+        let far = clear.max(solid.margin() + beyond);
+        if clear >= solid.margin() && !solid.state.springs[points.clone()].iter().any(holds) {
+            let mut none = FoundInCluster::none(clear);
+            (none.near, none.far) = (near.groups, far);
+            return none;
         }
-        FoundInCluster::of(points.clone(), solid.margin(), |n| {
-            if holds(&solid.state.springs[n]) {
-                return 0.0;
+        let (mut places, mut distances) = ([[0.0; 3]; CLUSTER], [(0.0, 0); CLUSTER]);
+        let count = points.len();
+        for (place, n) in places.iter_mut().zip(points.clone()) {
+            *place = off(solid.place(surface, n)).map(|x| x as f32);
+        }
+        // What is not near is farther than the margin from all points.
+        near.distances(&places[..count], most, &mut distances[..count]);
+        let mut found = FoundInCluster::of(points.clone(), solid.margin(), |n| {
+            match holds(&solid.state.springs[n]) {
+                true => 0.0,
+                false => f64::from(distances[n - points.start].0) - cover,
             }
-            let mut off = solid.place(surface, n);
-            for a in 0..3 {
-                off[a] -= shift[a];
-            }
-            // What is not near is farther than the margin from all points.
-            let mut least = (solid.margin() + cover).powi(2);
-            for bounds in &near {
-                least = least.min(squared_distance(bounds, off));
-            }
-            least.sqrt() - cover
-        })
+        });
+        for point in &mut found.points {
+            point.part = distances[point.point as usize - points.start].1;
+        }
+        (found.near, found.far) = (near.groups, far);
+        found
     }
 
     /// What the other presses on points of this one with, `moved` [s] since they were looked at, by Coulomb's law; `number`
@@ -154,10 +167,10 @@ impl<'a> Presence<'a> {
         [friction, moved]: [f64; 2],
         number: u32,
     ) -> Vec<PointContact> {
-        let (way, own) = (list.way, &self.solid.scratch.search.own);
+        let ways = list.ways(&self.solid.scratch.search.own);
         let points = list.points.par_iter_mut().with_min_len(TASK);
         let met = points.filter_map(|watched| {
-            let way = way + own[watched.cluster()];
+            let way = ways[watched.cluster()];
             if watched.until > way {
                 return None;
             }
@@ -177,21 +190,28 @@ impl<'a> Presence<'a> {
         number: u32,
     ) -> (f64, Option<PointContact>) {
         let n = watched.point as usize;
-        let x = self.solid.place(self.surface, n);
         let before = self.inverse.state.springs[n];
         let before = (before.with == number).then_some(before);
+        let x = self.solid.place(self.surface, n);
+        if before.is_none()
+            && let Some(known) = &watched.known
+            && let Some(clear) = other.inverse.clear(x, known)
+        {
+            return (clear, None);
+        }
         let mut seen = Err(Missing::Lost);
-        for near in [watched.rest, None] {
+        for known in [watched.known.as_ref(), None] {
+            let near = known.map_or_else(|| other.guess(x, watched.part), KnownPlace::rest);
             seen = other.inverse.surface_from(x, near);
-            if seen.is_ok() || near.is_none() {
+            if seen.is_ok() || known.is_none() {
                 break;
             }
         }
-        watched.rest = seen.ok().map(|seen| seen.rest);
+        watched.known = seen.ok().map(|seen| seen.known());
         let clear = match &seen {
             Ok(seen) => SURE * seen.distance.max(0.0),
             // It is farther than cells beside matter.
-            Err(Missing::NoMatter) => self.solid.margin(),
+            Err(Missing::NoMatter(distance)) => self.solid.margin().max(HALF_SURE * distance),
             Err(Missing::Lost) => 0.0,
         };
         let met = seen
@@ -208,6 +228,17 @@ impl<'a> Presence<'a> {
             None => before.map(|_| PointContact::none(n, x)),
         };
         (clear, met)
+    }
+
+    /// About where a place [m] is at rest, from the part of its surface that it is nearest to [m].
+    fn guess(&self, x: [f64; 3], part: u32) -> [f64; 3] {
+        let (cluster, part) = (part as usize / PARTS, part as usize % PARTS);
+        let mut now = middle(self.solid.scratch.search.boxes[cluster].parts[part]);
+        for a in 0..3 {
+            now[a] += self.solid.state.shift[a];
+        }
+        let rest = self.surface.clusters[cluster].middles[part];
+        self.inverse.back(x, [now, rest])
     }
 
     fn press(
@@ -235,10 +266,9 @@ impl<'a> Presence<'a> {
             normal,
             most: friction * effective_depth,
         };
-        let (v, u) = (
-            self.solid.velocity(self.surface, n),
-            found.velocity(&other.inverse),
-        );
+        let bears = found.bears(other.inverse.model);
+        let u = other.inverse.velocity_of(&bears);
+        let [_, v] = self.solid.motion(self.surface, n);
         let relative = std::array::from_fn(|a| v[a] - u[a]);
         let (force, stretch) = spring.pull(before.map(|grip| grip.stretch), relative, moved);
         Some(PointContact {
@@ -251,7 +281,7 @@ impl<'a> Presence<'a> {
             force,
             at: [x, normal],
             pressure: spring.pressure,
-            bears: Some(found.bears(other.inverse.model)),
+            bears: Some(bears),
         })
     }
 }

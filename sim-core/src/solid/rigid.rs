@@ -128,7 +128,7 @@ impl Pressed<'_> {
         number: u32,
         list: &mut CandidateList,
     ) -> Vec<PointContact> {
-        let (way, own) = (list.way, &self.solid.scratch.search.own);
+        let ways = list.ways(&self.solid.scratch.search.own);
         let (shape, body) = (actor.shape, &actor.body);
         let spin = body.spin(&shape.inertia);
         let area = std::f64::consts::PI * shape.radius * shape.radius;
@@ -136,12 +136,12 @@ impl Pressed<'_> {
         let scale = self.modulus * bearable.min(1.0);
         let points = list.points.par_iter_mut().with_min_len(TASK);
         let met = points.filter_map(|watched| {
-            let way = way + own[watched.cluster()];
+            let way = ways[watched.cluster()];
             if watched.until > way {
                 return None;
             }
             let n = watched.point as usize;
-            let x = self.solid.place(self.surface, n);
+            let [x, v] = self.solid.motion(self.surface, n);
             let before = self.springs[n];
             let known = before.with == number;
             let arm: [f64; 3] = std::array::from_fn(|a| x[a] - body.com[a]);
@@ -165,7 +165,7 @@ impl Pressed<'_> {
                 normal,
                 most: friction * depth,
             };
-            let (turn, v) = (cross(spin, arm), self.solid.velocity(self.surface, n));
+            let turn = cross(spin, arm);
             let relative = std::array::from_fn(|a| v[a] - body.velocity[a] - turn[a]);
             let (force, stretch) = spring.pull(known.then_some(before.stretch), relative, moved);
             Some(PointContact {
@@ -213,7 +213,6 @@ pub(crate) fn stand_of(actor: &Actor<'_>) -> Stand {
         place: actor.body.com,
         turn: actor.body.rotation,
         radius: actor.shape.radius,
-        own: 0.0,
     }
 }
 

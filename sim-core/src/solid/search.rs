@@ -5,7 +5,11 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{inverse::Start, model::SolidModel, state::SolidState};
+use super::{
+    inverse::{KnownPlace, Start},
+    model::SolidModel,
+    state::SolidState,
+};
 use crate::mat3::length;
 
 /// How near to what they may touch points are listed [cells].
@@ -14,13 +18,17 @@ pub(super) const MARGIN: f64 = 0.5;
 pub(super) const LOOSE: f64 = 0.25;
 /// Points of a cluster: neighbours on the surface, which are looked for together.
 pub(super) const CLUSTER: usize = 32;
+/// Points of a part of a cluster, which has a box of its own.
+pub(super) const PART: usize = 8;
+/// Parts of a cluster.
+pub(super) const PARTS: usize = CLUSTER / PART;
 /// Points per task at least.
 pub(super) const TASK: usize = 64;
 
 /// Smallest and largest coordinates [m].
 pub(crate) type Bounds = [[f64; 3]; 2];
 
-/// Where something that moves is, and how far anything of it may have moved besides.
+/// Where something that moves is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stand {
     /// [m]
@@ -29,8 +37,6 @@ pub(crate) struct Stand {
     pub turn: [f64; 4],
     /// How far from the place anything counts that turns [m].
     pub radius: f64,
-    /// Way of what moves fastest in that frame [m].
-    pub own: f64,
 }
 
 impl Stand {
@@ -51,7 +57,7 @@ impl Stand {
         };
         // A chord of a turn is at most twice as long as the difference of the quaternions times the radius.
         let turn = norm(1.0).min(norm(-1.0)).sqrt();
-        2.0 * turn * self.radius + (self.own - then.own)
+        2.0 * turn * self.radius
     }
 }
 
@@ -62,8 +68,10 @@ pub(crate) struct Candidate {
     pub point: u32,
     /// The [way](CandidateList::way) of its cluster at which it is looked at again [m].
     pub until: f64,
-    /// Where it was in another solid last, at rest there [m]: a search begins there.
-    pub rest: Option<[f64; 3]>,
+    /// Which part of another solid's clusters it is nearest to, counted through: a search begins there.
+    pub part: u32,
+    /// Where it was in that solid last, and how far from its surface: a search begins there if that is known.
+    pub known: Option<KnownPlace>,
 }
 
 impl Candidate {
@@ -72,7 +80,8 @@ impl Candidate {
         Self {
             point: point as u32,
             until: clear.max(0.0),
-            rest: None,
+            part: 0,
+            known: None,
         }
     }
 
@@ -89,21 +98,57 @@ pub(crate) struct CandidateList {
     stand: Option<Stand>,
     with: Vec<(u32, Stand)>,
     /// By how much they have come nearer at most since the list was made, but for the ways of clusters [m].
-    pub way: f64,
-    /// The way at which points of a cluster that are not listed are looked for again, per cluster [m].
-    until: Vec<f64>,
+    way: f64,
+    of_clusters: Vec<ClusterWay>,
     /// In ascending order.
     pub points: Vec<Candidate>,
 }
 
+/// How far a cluster and what is near it have moved towards each other, and when its points are looked for again.
+#[derive(Clone, Debug, Default)]
+struct ClusterWay {
+    /// What is near it, of what has ways of its own: by the numbers of these.
+    near: Vec<u32>,
+    /// Way of the fastest of those [m].
+    other: f64,
+    /// Way of it and all near it at which its points are looked for again [m].
+    until: f64,
+    /// The same with what is far from it, the fastest of all.
+    until_far: f64,
+}
+
+impl ClusterWay {
+    fn follow(&mut self, others: &[f64]) {
+        let ways = self.near.iter().map(|&n| others[n as usize]);
+        self.other = ways.fold(0.0, f64::max);
+    }
+}
+
+/// Ways since the frame began: of a solid's clusters, and of groups of what it may touch [m].
+#[derive(Clone, Copy)]
+pub(crate) struct Ways<'a> {
+    pub own: &'a [f64],
+    pub others: &'a [f64],
+}
+
+impl Ways<'_> {
+    fn farthest(&self) -> f64 {
+        self.others.iter().copied().fold(0.0, f64::max)
+    }
+}
+
 impl CandidateList {
     /// Goes on to where all stand now; a new list of so many clusters knows nothing yet.
-    pub fn go_on(&mut self, now: Stand, with: &[(u32, Stand)], clusters: usize) {
+    pub fn go_on(&mut self, now: Stand, with: &[(u32, Stand)], ways: &Ways<'_>) {
         let Some(then) = self.stand.replace(now) else {
             self.way = 0.0;
             self.points.clear();
-            self.until.clear();
-            self.until.resize(clusters, 0.0);
+            self.of_clusters
+                .resize_with(ways.own.len(), Default::default);
+            for cluster in &mut self.of_clusters {
+                cluster.near.clear();
+                (cluster.other, cluster.until, cluster.until_far) = (0.0, 0.0, 0.0);
+            }
             self.with.clear();
             self.with.extend_from_slice(with);
             return;
@@ -114,14 +159,30 @@ impl CandidateList {
             *before = *other;
         }
         self.way += nearer;
+        for cluster in &mut self.of_clusters {
+            cluster.follow(ways.others);
+        }
     }
 
-    /// Clusters whose points have to be looked for, ascending; `own` are the ways of all [m].
-    pub fn due(&self, own: &[f64]) -> Vec<usize> {
-        let clusters = 0..self.until.len();
-        clusters
-            .filter(|&n| self.until[n] <= self.way + own[n])
-            .collect()
+    /// By how much points of a cluster and what is near them have come nearer to each other at most [m].
+    pub fn way(&self, cluster: usize, own: &[f64]) -> f64 {
+        self.way + own[cluster] + self.of_clusters[cluster].other
+    }
+
+    /// The same of all clusters.
+    pub fn ways(&self, own: &[f64]) -> Vec<f64> {
+        (0..own.len()).map(|n| self.way(n, own)).collect()
+    }
+
+    /// Clusters whose points have to be looked for, ascending.
+    pub fn due(&self, ways: &Ways<'_>) -> Vec<usize> {
+        let farthest = ways.farthest();
+        let is_due = |&n: &usize| {
+            let cluster = &self.of_clusters[n];
+            cluster.until <= self.way(n, ways.own)
+                || cluster.until_far <= self.way + ways.own[n] + farthest
+        };
+        (0..self.of_clusters.len()).filter(is_due).collect()
     }
 
     /// How far points of a cluster are from what they may touch at least [m]; 0 where some are listed.
@@ -133,16 +194,21 @@ impl CandidateList {
             .is_some_and(|p| p.cluster() == cluster)
         {
             true => 0.0,
-            false => (self.until[cluster] - self.way - own[cluster]).max(0.0),
+            false => (self.of_clusters[cluster].until - self.way(cluster, own)).max(0.0),
         }
     }
 
     /// Lists anew what was found in clusters that were due.
-    pub fn renew(&mut self, due: &[usize], own: &[f64], found: Vec<FoundInCluster>) {
+    pub fn renew(&mut self, due: &[usize], ways: &Ways<'_>, found: Vec<FoundInCluster>) {
+        let farthest = ways.farthest();
         let before = std::mem::take(&mut self.points);
         let mut before = before.into_iter().peekable();
         for (&cluster, found) in due.iter().zip(found) {
-            let way = self.way + own[cluster];
+            let of_cluster = &mut self.of_clusters[cluster];
+            of_cluster.near = found.near;
+            of_cluster.follow(ways.others);
+            of_cluster.until_far = self.way + ways.own[cluster] + farthest + found.far;
+            let way = self.way(cluster, ways.own);
             while let Some(point) = before.next_if(|p| p.cluster() < cluster) {
                 self.points.push(point);
             }
@@ -150,12 +216,12 @@ impl CandidateList {
                 while before.next_if(|p| p.point < point.point).is_some() {}
                 // One that is listed still goes on from where it was.
                 let listed = before.next_if(|p| p.point == point.point);
-                point.rest = listed.and_then(|p| p.rest);
+                point.known = listed.and_then(|p| p.known);
                 point.until += way;
                 self.points.push(point);
             }
             while before.next_if(|p| p.cluster() == cluster).is_some() {}
-            self.until[cluster] = way + found.clear;
+            self.of_clusters[cluster].until = way + found.clear;
         }
         self.points.extend(before);
     }
@@ -163,8 +229,11 @@ impl CandidateList {
 
 /// Points of a cluster near something, and how far all others of it are at least [m].
 pub(crate) struct FoundInCluster {
-    points: Vec<Candidate>,
+    pub points: Vec<Candidate>,
     clear: f64,
+    /// Groups of what may touch them that are near, and how far all others are at least [m].
+    pub near: Vec<u32>,
+    pub far: f64,
 }
 
 impl FoundInCluster {
@@ -173,6 +242,8 @@ impl FoundInCluster {
         Self {
             points: vec![],
             clear,
+            near: vec![],
+            far: f64::INFINITY,
         }
     }
 
@@ -201,17 +272,17 @@ pub(super) fn find_near(
     clusters.map(|&cluster| find(cluster)).collect()
 }
 
-/// A box around the points of a cluster.
+/// Boxes around the points of a cluster.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClusterBox {
-    /// From the solid's frame [m].
-    pub bounds: Bounds,
+    /// Of every part, from the solid's frame [m]; nowhere where there is none.
+    pub parts: [Bounds; PARTS],
     /// Way of the cluster when it was looked at [m].
     pub own: f64,
 }
 
 /// Squared distance of a place from a box; 0 inside [m^2].
-#[inline(always)]
+#[cfg(test)]
 pub(super) fn squared_distance([min, max]: &Bounds, x: [f64; 3]) -> f64 {
     let mut sum = 0.0;
     for a in 0..3 {
@@ -219,6 +290,16 @@ pub(super) fn squared_distance([min, max]: &Bounds, x: [f64; 3]) -> f64 {
         sum += beyond * beyond;
     }
     sum
+}
+
+/// A box that nothing is in.
+pub(super) const NOWHERE: Bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+
+pub(super) fn joined([a, b]: &Bounds, [c, d]: &Bounds) -> Bounds {
+    [
+        std::array::from_fn(|n| a[n].min(c[n])),
+        std::array::from_fn(|n| b[n].max(d[n])),
+    ]
 }
 
 /// What a solid knows of itself and its surroundings; begun anew in every frame, so that no frame depends on those before, and where
@@ -229,12 +310,14 @@ pub(crate) struct Search {
     pub ways: Vec<f64>,
     /// The same of the fastest point of each cluster, as of the latest look.
     pub own: Vec<f64>,
+    /// The same of the fastest cluster of every group of boxes.
+    pub groups: Vec<f64>,
     /// Per cluster.
     pub boxes: Vec<ClusterBox>,
     /// Whether that is of the substep at hand.
     pub is_fresh: bool,
-    /// Where the search for material points begins, and when.
-    pub start: Option<(Start, Stand)>,
+    /// Where the search for material points begins, and where it stood then, with the way of its fastest cluster.
+    pub start: Option<(Start, (Stand, f64))>,
     pub lists: Vec<CandidateList>,
     /// Whether something touches it.
     pub touched: bool,
@@ -265,12 +348,12 @@ impl Search {
         self.own.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Boxes that clusters are in, from the solid's frame, after a look [m].
+    /// Boxes that parts of clusters are in, from the solid's frame, after a look [m].
     pub fn grown(&self) -> impl Iterator<Item = Bounds> {
-        self.boxes.iter().zip(&self.own).map(|(one, own)| {
+        self.boxes.iter().zip(&self.own).flat_map(|(one, own)| {
             let by = own - one.own;
-            let [min, max] = one.bounds;
-            [min.map(|x| x - by), max.map(|x| x + by)]
+            one.parts
+                .map(|[min, max]| [min.map(|x| x - by), max.map(|x| x + by)])
         })
     }
 
@@ -280,31 +363,25 @@ impl Search {
             place: state.shift,
             turn: [0.0, 0.0, 0.0, 1.0],
             radius: 0.0,
-            own: self.farthest(),
         }
     }
 
     /// A box that all points are in, after a look [m].
     pub fn bounds(&self, state: &SolidState) -> Bounds {
-        let mut all = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        for [min, max] in self.grown() {
-            for a in 0..3 {
-                all[0][a] = all[0][a].min(min[a]);
-                all[1][a] = all[1][a].max(max[a]);
-            }
-        }
+        let boxes = self.grown();
+        let all = boxes.fold(NOWHERE, |all, one| joined(&all, &one));
         all.map(|x| std::array::from_fn(|a| x[a] + state.shift[a]))
     }
 
     /// Where a search for material points begins, after a look.
     pub fn start(&mut self, model: &SolidModel, state: &SolidState) -> Start {
-        let now = self.stand(state);
+        let now = (self.stand(state), self.farthest());
         if let Some((start, then)) = &self.start
-            && now.own - then.own < MARGIN * model.dx
+            && now.1 - then.1 < MARGIN * model.dx
         {
             let mut start = *start;
             for a in 0..3 {
-                start.centre[0][a] += now.place[a] - then.place[a];
+                start.centre[0][a] += now.0.place[a] - then.0.place[a];
             }
             return start;
         }
@@ -336,7 +413,6 @@ mod tests {
             place: [0.0, -way, 0.0],
             turn: [0.0, 0.0, 0.0, 1.0],
             radius: 0.0,
-            own: 0.0,
         };
         let mut list = CandidateList::default();
         let (margin, mut looked) = (0.1, 0);
@@ -351,21 +427,25 @@ mod tests {
         for step in 0..200 {
             let way = 0.01 * f64::from(step);
             let own = [0.0, 0.02 * 50.0 * way, 0.0];
-            list.go_on(stand(way), &[(0, stand(0.0))], 3);
-            let due = list.due(&own);
+            let ways = Ways {
+                own: &own,
+                others: &[],
+            };
+            list.go_on(stand(way), &[(0, stand(0.0))], &ways);
+            let due = list.due(&ways);
             looked += due.len();
             let found = find_near(&due, |cluster| {
                 let first = cluster * CLUSTER;
                 let points = first..count.min(first + CLUSTER);
                 FoundInCluster::of(points, margin, |n| height(n) - way + shakes(n, way))
             });
-            list.renew(&due, &own, found);
+            list.renew(&due, &ways, found);
             assert!(list.points.is_sorted_by_key(|p| p.point));
             for n in 0..count {
                 // None that touches is left out, and none is looked at too late.
                 if height(n) + shakes(n, way) < way {
                     let known = list.points.iter().find(|p| p.point as usize == n);
-                    let is_due = |p: &Candidate| p.until <= list.way + own[p.cluster()];
+                    let is_due = |p: &Candidate| p.until <= list.way(p.cluster(), &own);
                     assert!(known.is_some_and(is_due), "{step}: {n}");
                 }
             }
@@ -380,7 +460,6 @@ mod tests {
             place: [0.0; 3],
             turn: [0.0, 0.0, 0.0, 1.0],
             radius: 2.0,
-            own: 0.0,
         };
         let moved = Stand {
             place: [0.3, 0.0, 0.0],
@@ -392,12 +471,11 @@ mod tests {
         for sign in [1.0, -1.0] {
             let turned = Stand {
                 turn: [0.0, 0.0, sign * s, sign * c],
-                own: 0.1,
                 ..rest
             };
             let nearer = Stand::nearer([&turned, &rest], [&rest, &rest]);
-            // No less than the chord of a tenth of a radian at a radius of 2, and its own way.
-            let least = 4.0 * s + 0.1;
+            // No less than the chord of a tenth of a radian at a radius of 2.
+            let least = 4.0 * s;
             assert!((least..1.01 * least).contains(&nearer), "{nearer}");
         }
     }

@@ -249,7 +249,12 @@ impl SolidState {
     /// Where the material point at a site is, and how it is deformed.
     #[inline(always)]
     pub fn sample(&self, model: &SolidModel, site: &CellPoint) -> Sample {
-        let sums = self.sums_at(model, site, |node| &node.u);
+        self.sample_of(model, site, &self.sums_at(model, site, |node| &node.u))
+    }
+
+    /// The same where displacement there and its slopes along each axis are known.
+    #[inline(always)]
+    pub fn sample_of(&self, model: &SolidModel, site: &CellPoint, sums: &[[f64; 3]; 4]) -> Sample {
         let blocks = &model.point_blocks[site.block as usize].nodes;
         let place = &model.node_blocks[blocks[0] as usize];
         let cell = cell_of_number(site.number);
@@ -262,7 +267,7 @@ impl SolidState {
             out.x[a] = first + 1.0 + site.d[a];
         }
         out.x = model.world_of(out.x);
-        let slopes = over_rest(model, &sums);
+        let slopes = over_rest(model, sums);
         for a in 0..3 {
             out.x[a] += self.shift[a] + model.dx * sums[0][a];
             for b in 0..3 {

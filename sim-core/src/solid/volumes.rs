@@ -18,6 +18,28 @@ pub(crate) type BlockParts = BTreeMap<u16, Cells>;
 struct Part {
     law: u16,
     volumes: u32,
+    filled: Filled,
+}
+
+/// Which rows of sixteen cells have matter: one bit per `4 (2 y + z) + x cell`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Filled(u16);
+
+impl Filled {
+    fn of(volumes: &Volumes) -> Self {
+        let mut bits = 0;
+        for (n, row) in volumes.as_flattened().iter().enumerate() {
+            let any = row.iter().any(|points| points.0.iter().any(|&v| v > 0.0));
+            bits |= u16::from(any) << n;
+        }
+        Self(bits)
+    }
+
+    /// Whether a row has any.
+    #[inline(always)]
+    pub fn has(self, q: usize, x: usize) -> bool {
+        self.0 >> (4 * q + x) & 1 == 1
+    }
 }
 
 /// Volumes of all points of a solid.
@@ -50,6 +72,7 @@ impl Parts {
                         volumes[n % 4][x][n / 4].0[4 * z + y] = volume;
                     }
                 }
+                let filled = Filled::of(&volumes);
                 let number = if volumes == full {
                     0
                 } else {
@@ -59,6 +82,7 @@ impl Parts {
                 new.parts.push(Part {
                     law,
                     volumes: number,
+                    filled,
                 });
             }
             new.of_block.push(start..new.parts.len() as u32);
@@ -66,12 +90,12 @@ impl Parts {
         new
     }
 
-    /// Laws and volumes of a block of points.
+    /// Laws and volumes of a block of points, and which of them are none.
     #[inline(always)]
-    pub fn of(&self, block: usize) -> impl Iterator<Item = (u16, &Volumes)> {
+    pub fn of(&self, block: usize) -> impl Iterator<Item = (u16, &Volumes, Filled)> {
         let range = &self.of_block[block];
         let parts = &self.parts[range.start as usize..range.end as usize];
-        let of = |part: &Part| (part.law, &self.volumes[part.volumes as usize]);
+        let of = |part: &Part| (part.law, &self.volumes[part.volumes as usize], part.filled);
         parts.iter().map(of)
     }
 }

@@ -113,7 +113,7 @@ fn solids_at_nodes<'a>(
     given: &Given<'a>,
     now: &Substep,
     states: &'a [Option<SolidState>],
-    scratch: &mut [Option<Scratch>],
+    scratch: &'a mut [Option<Scratch>],
 ) -> Vec<CoupledSolid<'a>> {
     let all = states.iter().zip(scratch).enumerate();
     let all = all.filter(|(id, _)| given.is_moving_solid(*id));
@@ -122,13 +122,20 @@ fn solids_at_nodes<'a>(
         let mut known = known_in_frame(now, scratch);
         let (bounds, speed) = (solid.surface).reach(&solid.grid, state, known.as_deref_mut());
         let start = match known {
-            Some(search) => search.start(&solid.grid, state),
+            Some(known) => known.search.start(&solid.grid, state),
             None => Start::of(&solid.grid, state),
         };
+        let scratch = scratch.get_or_insert_with(|| Scratch::new(&solid.grid));
+        scratch.tiles.look_at(&state.nodes);
         let (held, _) = held_nodes(given, id, (solid, state), now);
         Some(CoupledSolid {
             object: id,
-            inverse: LocalInverse::new(&solid.grid, state, solid.depth.as_ref()?, start),
+            inverse: LocalInverse::new(
+                (&solid.grid, state),
+                &scratch.tiles.rows,
+                solid.depth.as_ref()?,
+                start,
+            ),
             bounds,
             speed,
             gravity: given.commanded.gravity,

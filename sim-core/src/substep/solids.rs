@@ -12,7 +12,6 @@ use crate::{
         kernel::SolidLaw,
         object::{SolidObject, law_of},
         rigid::RigidPeers,
-        search::Search,
         state::{NodeLoad, SolidState},
     },
     state::Given,
@@ -82,12 +81,9 @@ pub(crate) fn move_solids(
 pub(super) fn known_in_frame<'a>(
     span: &Substep,
     scratch: &'a mut Option<Scratch>,
-) -> Option<&'a mut Search> {
+) -> Option<&'a mut Scratch> {
     let begins = span.time == span.frame_start;
-    scratch
-        .as_mut()
-        .filter(|_| !begins)
-        .map(|known| &mut known.search)
+    scratch.as_mut().filter(|_| !begins)
 }
 
 /// Groups of solids that may touch each other within a span. All bodies are one, as far as that goes.

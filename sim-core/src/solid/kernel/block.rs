@@ -13,7 +13,7 @@ use crate::{
     simd::{F32x16, Lanes},
     solid::{
         nodes::{NodeBlock, Planes},
-        volumes::Volumes,
+        volumes::{Filled, Volumes},
     },
 };
 
@@ -189,15 +189,23 @@ impl Stress for FixedCorotated {
 fn respond<V: Lanes, S: Stress, const LOOKS: bool>(
     rule: &Rule<V>,
     summed: &[Summed; 3],
-    volumes: &Volumes,
-    law: &SolidLaw,
+    matter: &Matter<'_>,
     stress: &mut Stresses,
     tangents: &mut Tangents,
 ) {
+    let &Matter {
+        law,
+        volumes,
+        filled,
+    } = matter;
     let zero = V::splat(0.0);
     let [lambda, mu] = moduli::<V>(law);
     for q in 0..4 {
         for x in 0..4 {
+            if !filled.has(q, x) {
+                stress[q][x] = [[[O; 2]; 3]; 3];
+                continue;
+            }
             let h = gradients(rule, summed, x, q);
             for n in 0..2 {
                 let volume = V::load(&volumes[q][x][n]);
@@ -229,16 +237,24 @@ fn respond<V: Lanes, S: Stress, const LOOKS: bool>(
 fn add_viscous<V: Lanes>(
     rule: &Rule<V>,
     [u, v]: [&[Summed; 3]; 2],
-    Matter { law, volumes }: &Matter<'_>,
+    matter: &Matter<'_>,
     time: f32,
     stress: &mut Stresses,
 ) -> f32 {
+    let &Matter {
+        law,
+        volumes,
+        filled,
+    } = matter;
     let (zero, half, one) = (V::splat(0.0), V::splat(0.5), V::splat(1.0));
     let [lambda, mu] = moduli::<V>(law);
     let at_rest = lambda.mul_add(V::splat(3.0), mu + mu);
     let mut largest = zero;
     for q in 0..4 {
         for x in 0..4 {
+            if !filled.has(q, x) {
+                continue;
+            }
             let (h, rate) = (gradients(rule, u, x, q), gradients(rule, v, x, q));
             for n in 0..2 {
                 let volume = V::load(&volumes[q][x][n]);
@@ -329,6 +345,7 @@ fn scatter_yz<V: Lanes>(rule: &Rule<V>, summed: &Summed, tile: &mut [[F32x16; 4]
 pub(super) struct Matter<'a> {
     pub law: &'a SolidLaw,
     pub volumes: &'a Volumes,
+    pub filled: Filled,
 }
 
 /// Stress of one law, and its tangents added to `tangents` if asked for.
@@ -341,19 +358,18 @@ fn respond_to<V: Lanes>(
     stress: &mut Stresses,
     tangents: &mut Tangents,
 ) {
-    let Matter { law, volumes } = matter;
-    match (law.law, looks) {
+    match (matter.law.law, looks) {
         (Law::NeoHookean, false) => {
-            respond::<V, NeoHookean, false>(rule, summed, volumes, law, stress, tangents);
+            respond::<V, NeoHookean, false>(rule, summed, matter, stress, tangents);
         }
         (Law::NeoHookean, true) => {
-            respond::<V, NeoHookean, true>(rule, summed, volumes, law, stress, tangents);
+            respond::<V, NeoHookean, true>(rule, summed, matter, stress, tangents);
         }
         (_, false) => {
-            respond::<V, FixedCorotated, false>(rule, summed, volumes, law, stress, tangents);
+            respond::<V, FixedCorotated, false>(rule, summed, matter, stress, tangents);
         }
         (_, true) => {
-            respond::<V, FixedCorotated, true>(rule, summed, volumes, law, stress, tangents);
+            respond::<V, FixedCorotated, true>(rule, summed, matter, stress, tangents);
         }
     }
 }
@@ -445,7 +461,7 @@ pub(super) fn energy<'a, V: Lanes>(
     let summed = &mut scratch.summed;
     gather(rule, fields(nodes, |node| &node.u), summed);
     let mut sum = 0.0;
-    for Matter { law, volumes } in matter {
+    for Matter { law, volumes, .. } in matter {
         sum += match law.law {
             Law::NeoHookean => stored::<V, NeoHookean>(rule, summed, volumes, law),
             _ => stored::<V, FixedCorotated>(rule, summed, volumes, law),

@@ -19,7 +19,7 @@ use self::{
 };
 use super::{
     model::{NO_BLOCK, SolidModel},
-    nodes::{Conditions, NODES, NodeBlock, Planes, read, write},
+    nodes::{Conditions, NODES, NodeBlock, NodeRow, Planes, read, write},
 };
 use crate::{
     materials::Law,
@@ -30,6 +30,8 @@ use crate::{
 const TASK: usize = 8;
 /// Outer nodes of a task at least.
 const OUTER: usize = 512;
+/// Displacements [cells] and velocities [cells/s] below which there are none: cubes of them are normal numbers.
+const NOTHING: f64 = 1e-12;
 
 /// A law with its numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,11 +78,13 @@ pub(crate) struct Extremes {
 pub(crate) struct Tiles {
     forces: Vec<Tile>,
     tangents: Vec<TangentTile>,
-    /// On outer nodes [Pa], and what inner ones bear of it.
-    outer: Vec<[f32; 3]>,
-    borne: Vec<Planes>,
+    /// Forces on nodes per block, and on outer ones [Pa].
+    total: Vec<Planes>,
+    outer: Vec<[f32; 4]>,
     /// Displacements and velocities of outer nodes.
-    followed: Vec<[[f32; 3]; 2]>,
+    followed: Vec<NodeRow>,
+    /// Of all nodes by their numbers, as they are after a substep or a [look](Self::look_at).
+    pub rows: Vec<NodeRow>,
     /// Largest speed of a node per block of nodes in the object's frame [cells/s].
     pub speeds: Vec<f32>,
 }
@@ -92,11 +96,19 @@ impl Tiles {
         Self {
             forces: vec![[[[F32x16::ZERO; 4]; 6]; 3]; count],
             tangents: vec![[[F32x16::ZERO; 4]; 6]; count],
-            outer: vec![[0.0; 3]; model.extension.outer.len()],
-            borne: vec![[[F32x16::ZERO; 4]; 3]; model.node_blocks.len()],
-            followed: vec![[[0.0; 3]; 2]; model.extension.outer.len()],
+            outer: vec![[0.0; 4]; model.extension.outer.len()],
+            total: vec![[[F32x16::ZERO; 4]; 3]; model.node_blocks.len()],
+            followed: vec![NodeRow::default(); model.extension.outer.len()],
+            rows: vec![NodeRow::default(); NODES * model.node_blocks.len()],
             speeds: vec![0.0; model.node_blocks.len()],
         }
+    }
+
+    /// Takes note of nodes that were changed otherwise than by a substep.
+    pub fn look_at(&mut self, nodes: &[NodeBlock]) {
+        let rows = self.rows.par_chunks_exact_mut(NODES).zip(nodes);
+        let rows = rows.with_min_len(TASK);
+        rows.for_each(|(rows, block)| block.write_rows(rows));
     }
 }
 
@@ -133,26 +145,28 @@ pub(crate) fn substep(
     let Tiles {
         forces,
         outer,
-        borne,
+        total,
         followed,
+        rows,
         speeds,
         ..
     } = tiles;
-    bear_outer(model, conditions, forces, outer, borne);
-    let (forces, borne) = (&*forces, &*borne);
+    let sums = total.par_chunks_mut(TASK).enumerate();
+    sums.for_each(|(n, total)| sum_with_isa(isa, model, conditions, forces, n * TASK, total));
+    bear_outer(model, conditions, outer, total);
+    let total = &*total;
     let chunks = nodes.par_chunks_mut(TASK);
-    let tasks = chunks.zip(speeds.par_chunks_mut(TASK)).enumerate();
-    tasks.for_each(|(n, (nodes, speeds))| {
+    let tasks = chunks.zip(speeds.par_chunks_mut(TASK));
+    let tasks = tasks.zip(rows.par_chunks_mut(TASK * NODES)).enumerate();
+    tasks.for_each(|(n, ((nodes, speeds), rows))| {
         let forces = NodeForces {
-            model,
             conditions,
-            tiles: forces,
-            borne,
+            total,
             first: n * TASK,
         };
-        advance_with_isa(isa, &forces, nodes, speeds, step);
+        advance_with_isa(isa, &forces, nodes, rows, speeds, step);
     });
-    follow_inner(model, conditions, nodes, followed, speeds);
+    follow_inner(model, conditions, nodes, rows, followed, speeds);
     let largest = speeds.iter().map(|speed| speed.to_bits()).max();
     Extremes {
         tangent: f32::from_bits(tangent) * (model.dx * model.dx) as f32,
@@ -165,43 +179,26 @@ pub(crate) fn substep(
 fn bear_outer(
     model: &SolidModel,
     conditions: &Conditions,
-    tiles: &[Tile],
-    outer: &mut [[f32; 3]],
-    borne: &mut [Planes],
+    outer: &mut [[f32; 4]],
+    total: &mut [Planes],
 ) {
     let extension = &model.extension;
     let slots = extension.outer.par_iter().with_min_len(OUTER);
     let slots = slots.zip(&conditions.follows);
+    let of_nodes = &*total;
     slots
         .zip(outer.par_iter_mut())
-        .for_each(|((&slot, follows), force)| {
-            if !follows {
-                *force = [0.0; 3];
-                return;
-            }
-            let (block, x, lane) = (
-                slot as usize / NODES,
-                slot as usize / 16 % 4,
-                slot as usize % 16,
-            );
-            let mut sum = [0.0; 3];
-            if conditions.forced[block] {
-                sum = read(&conditions.force[block], slot as usize);
-            }
-            for (o, &at) in model.point_blocks_of[block].iter().enumerate() {
-                let plane = if o < 4 { x + 4 } else { x };
-                if at == NO_BLOCK || plane >= 6 {
-                    continue;
-                }
-                for a in 0..3 {
-                    sum[a] -= tiles[at as usize][a][plane][3 - o % 4].0[lane];
-                }
-            }
-            *force = sum;
+        .for_each(|((&slot, &follows), force)| {
+            let slot = slot as usize;
+            let [x, y, z] = match follows {
+                true => read(&of_nodes[slot / NODES], slot),
+                false => [0.0; 3],
+            };
+            *force = [x, y, z, 0.0];
         });
     let outer = &*outer;
-    let blocks = borne.par_iter_mut().enumerate().with_min_len(TASK);
-    blocks.for_each(|(block, borne)| extension.gather(block, outer, borne));
+    let blocks = total.par_iter_mut().enumerate().with_min_len(TASK);
+    blocks.for_each(|(block, total)| extension.gather(block, outer, total));
 }
 
 /// Puts outer nodes where they belong.
@@ -209,25 +206,30 @@ fn follow_inner(
     model: &SolidModel,
     conditions: &Conditions,
     nodes: &mut [NodeBlock],
-    followed: &mut [[[f32; 3]; 2]],
+    rows: &mut [NodeRow],
+    followed: &mut [NodeRow],
     speeds: &mut [f32],
 ) {
     let extension = &model.extension;
-    let (before, rows) = (&*nodes, followed.par_iter_mut().enumerate());
-    rows.with_min_len(OUTER)
+    let (before, all) = (&*rows, followed.par_iter_mut().enumerate());
+    all.with_min_len(OUTER)
         .for_each(|(n, out)| *out = extension.follow(n, before));
     let followed = &*followed;
-    let blocks = nodes.par_iter_mut().zip(speeds).enumerate();
+    let blocks = nodes.par_iter_mut().zip(rows.par_chunks_exact_mut(NODES));
+    let blocks = blocks.zip(speeds).enumerate();
     blocks
         .with_min_len(TASK)
-        .for_each(|(block, (node, speed))| {
+        .for_each(|(block, ((node, rows), speed))| {
             for n in extension.outer_of[block].clone() {
                 if !conditions.follows[n as usize] {
                     continue;
                 }
                 let slot = extension.outer[n as usize] as usize;
-                let [u, v] = followed[n as usize];
-                write(&mut node.u, slot, u);
+                let row = followed[n as usize];
+                rows[slot % NODES] = row;
+                let [ux, uy, uz, vx, vy, vz, ..] = row.0;
+                let v = [vx, vy, vz];
+                write(&mut node.u, slot, [ux, uy, uz]);
                 write(&mut node.v, slot, v);
                 let squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
                 let is_more = squared.sqrt() > *speed || squared.is_nan();
@@ -293,9 +295,10 @@ impl Task<'_> {
             node(7),
         ];
         let parts = self.model.parts.of(self.first + n);
-        let matter = parts.map(|(law, volumes)| Matter {
+        let matter = parts.map(|(law, volumes, filled)| Matter {
             law: &self.laws[usize::from(law)],
             volumes,
+            filled,
         });
         (nodes, matter)
     }
@@ -388,61 +391,33 @@ fn energy<V: Lanes>(task: &Task<'_>, count: usize) -> f64 {
     sum
 }
 
-/// What moves blocks of nodes.
-struct NodeForces<'a> {
-    model: &'a SolidModel,
-    conditions: &'a Conditions,
-    tiles: &'a [Tile],
-    /// What inner nodes bear of outer ones, per block.
-    borne: &'a [Planes],
-    /// The first block.
-    first: usize,
-}
-
 on_isa! {
-    fn advance_with_isa = advance(
-        forces: &NodeForces<'_>,
-        nodes: &mut [NodeBlock],
-        speeds: &mut [f32],
-        step: &Step,
+    /// Sums the forces on some blocks of nodes [Pa], from `first` on.
+    fn sum_with_isa = sum_forces(
+        model: &SolidModel,
+        conditions: &Conditions,
+        tiles: &[Tile],
+        first: usize,
+        total: &mut [Planes],
     )
 }
 
-/// Velocities and displacements of some blocks of nodes, and the largest speed of each.
 #[inline(always)]
-fn advance<V: Lanes>(
-    forces: &NodeForces<'_>,
-    nodes: &mut [NodeBlock],
-    speeds: &mut [f32],
-    step: &Step,
+fn sum_forces<V: Lanes>(
+    model: &SolidModel,
+    conditions: &Conditions,
+    tiles: &[Tile],
+    first: usize,
+    total: &mut [Planes],
 ) {
-    let &NodeForces {
-        model,
-        conditions,
-        tiles,
-        borne,
-        first,
-    } = forces;
-    let zero = V::splat(0.0);
-    let (kick, drift, keep) = (
-        V::broadcast(step.kick),
-        V::broadcast(step.drift),
-        V::broadcast(step.keep),
-    );
-    for ((n, block), speed) in (first..).zip(nodes).zip(speeds) {
-        let mut largest = zero;
-        let mut f = [[zero; 4]; 3];
+    for (n, total) in (first..).zip(total) {
+        let mut f = [[V::splat(0.0); 4]; 3];
         if conditions.forced[n] {
+            let given = &conditions.force[NODES * n..][..NODES];
             for a in 0..3 {
                 for x in 0..4 {
-                    f[a][x] = V::load(&conditions.force[n][a][x]);
-                }
-            }
-        }
-        if model.extension.bears(n) {
-            for a in 0..3 {
-                for x in 0..4 {
-                    f[a][x] = f[a][x] + V::load(&borne[n][a][x]);
+                    let component = F32x16(std::array::from_fn(|lane| given[16 * x + lane][a]));
+                    f[a][x] = V::load(&component);
                 }
             }
         }
@@ -468,22 +443,79 @@ fn advance<V: Lanes>(
                 }
             }
         }
+        for a in 0..3 {
+            for x in 0..4 {
+                f[a][x].store(&mut total[a][x]);
+            }
+        }
+    }
+}
+
+/// What moves blocks of nodes.
+struct NodeForces<'a> {
+    conditions: &'a Conditions,
+    /// Forces on nodes, per block [Pa].
+    total: &'a [Planes],
+    /// The first block.
+    first: usize,
+}
+
+on_isa! {
+    fn advance_with_isa = advance(
+        forces: &NodeForces<'_>,
+        nodes: &mut [NodeBlock],
+        rows: &mut [NodeRow],
+        speeds: &mut [f32],
+        step: &Step,
+    )
+}
+
+/// The same, or nothing where it is next to nothing: products of such numbers would be subnormal, which takes a hundred times as long.
+#[inline(always)]
+fn flushed<V: Lanes>(value: V) -> V {
+    V::select(value.abs().lt(V::splat(NOTHING)), V::splat(0.0), value)
+}
+
+/// Velocities and displacements of some blocks of nodes, and the largest speed of each.
+#[inline(always)]
+fn advance<V: Lanes>(
+    forces: &NodeForces<'_>,
+    nodes: &mut [NodeBlock],
+    rows: &mut [NodeRow],
+    speeds: &mut [f32],
+    step: &Step,
+) {
+    let &NodeForces {
+        conditions,
+        total,
+        first,
+    } = forces;
+    let zero = V::splat(0.0);
+    let (kick, drift, keep) = (
+        V::broadcast(step.kick),
+        V::broadcast(step.drift),
+        V::broadcast(step.keep),
+    );
+    let blocks = nodes.iter_mut().zip(rows.chunks_exact_mut(NODES));
+    for ((n, (block, rows)), speed) in (first..).zip(blocks).zip(speeds) {
+        let mut largest = zero;
         for x in 0..4 {
             let w = V::load(&conditions.w[n][x]);
             let free = zero.lt(w);
             let mut squared = zero;
             for a in 0..3 {
-                let rate = w.mul_add(f[a][x], V::broadcast(step.gravity[a]));
+                let rate = w.mul_add(V::load(&total[n][a][x]), V::broadcast(step.gravity[a]));
                 let before = V::load(&block.v[a][x]);
-                let v = V::select(free, kick.mul_add(rate, before) * keep, before);
+                let v = flushed(kick.mul_add(rate, before) * keep);
+                let v = V::select(free, v, before);
                 v.store(&mut block.v[a][x]);
-                drift
-                    .mul_add(v, V::load(&block.u[a][x]))
-                    .store(&mut block.u[a][x]);
+                let u = drift.mul_add(v, V::load(&block.u[a][x]));
+                flushed(u).store(&mut block.u[a][x]);
                 squared = v.mul_add(v, squared);
             }
             largest = largest.larger_magnitude(squared);
         }
+        block.write_rows(rows);
         *speed = f32::from_bits(largest.largest_magnitude_bits()).sqrt();
     }
 }

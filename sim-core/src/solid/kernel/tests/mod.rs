@@ -71,7 +71,7 @@ impl Solid {
         let blocks = model.node_blocks.len();
         let mut conditions = Conditions {
             w: vec![[F32x16::ZERO; 4]; blocks],
-            force: vec![[[F32x16::ZERO; 4]; 3]; blocks],
+            force: vec![[0.0; 4]; NODES * blocks],
             forced: vec![false; blocks],
             follows: vec![true; model.extension.outer.len()],
         };
