@@ -2,6 +2,7 @@
 
 use super::{
     frequency::{CONTACT, largest_squared_frequency},
+    grip::NOTHING,
     kernel::{Extremes, SolidLaw, Step, Tiles, substep},
     model::SolidModel,
     nodes::{Conditions, NODES, slot, write},
@@ -198,6 +199,9 @@ impl Solid<'_> {
         if begins_frame {
             self.scratch.search.restart();
         }
+        // The first substep is chosen before anything is looked for: what was in contact last is taken for being so.
+        let mut springs = self.state.springs.iter();
+        self.scratch.search.touched |= springs.any(|grip| grip.with != NOTHING);
         if self.is_free() {
             if begins_frame {
                 self.state.recentre(self.model);
