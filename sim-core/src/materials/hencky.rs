@@ -23,14 +23,21 @@ use crate::{
     num::Real,
 };
 
-/// The law's rule; laws that do not belong here stay elastic.
+/// The law's rule; laws without one stay elastic.
 #[inline(always)]
 fn flow<R: Real>(law: Law, strain: &Strain<R>, k: &Coefficients<R>) -> Flow<R> {
     match law {
         Law::DruckerPrager { .. } => drucker_prager::flow(strain, k),
         Law::Foam { exponent, .. } => foam::flow(strain, k, exponent),
         Law::Plasticine { .. } => plasticine::flow(strain, k),
-        _ => von_mises::flow(strain, k),
+        Law::VonMises { .. } => von_mises::flow(strain, k),
+        _ => Flow {
+            trace: strain.trace,
+            deviator: strain.deviator,
+            memory: strain.memory,
+            mean: bulk_modulus(k) * strain.trace,
+            flows: strain.trace.lt(strain.trace),
+        },
     }
 }
 
