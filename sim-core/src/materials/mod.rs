@@ -5,6 +5,7 @@ pub mod fixed_corotated;
 pub mod fluid;
 pub mod foam;
 pub mod hencky;
+pub mod hencky_piola;
 pub mod laws;
 pub mod limits;
 pub mod neo_hookean;

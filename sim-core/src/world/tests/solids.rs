@@ -433,13 +433,13 @@ fn what_solids_do_not_do_is_refused() {
             other => panic!("expected a refusal, got {:?}", other.map(|_| ())),
         }
     };
-    let plastic = Law::VonMises {
-        yield_stress: 1e3,
-        hardening: 0.0,
+    let sand = Law::DruckerPrager {
+        friction_angle: 30.0,
+        cohesion: 0.0,
     };
-    let text = refused(&|scene| scene.objects[0].material.law = plastic);
+    let text = refused(&|scene| scene.objects[0].material.law = sand);
     assert!(
-        text.contains("the law von_mises; expected fixed_corotated"),
+        text.contains("the law drucker_prager; expected fixed_corotated"),
         "{text}"
     );
     let mut rigid = base();
