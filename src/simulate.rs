@@ -17,7 +17,7 @@ use cosplat_sim_core::{
     moments::{Matter, matter},
     notices::Notices,
     probe::{Measured, Probes},
-    report::{Timings, Torn},
+    report::{GoneOver, Timings, Torn},
     scene::{Object, Part, Solver},
 };
 use serde::Serialize;
@@ -90,6 +90,7 @@ struct Line<'a> {
     state_hash: Option<String>,
     contacts: Vec<ContactLine<'a>>,
     torn: Vec<TornLine<'a>>,
+    gone_over: Vec<GoneOverLine<'a>>,
     objects: Vec<ObjectLine<'a>>,
     probes: BTreeMap<&'a str, Option<Measured>>,
 }
@@ -115,6 +116,13 @@ struct TornLine<'a> {
     name: &'a str,
     #[serde(flatten)]
     torn: Torn,
+}
+
+#[derive(Serialize)]
+struct GoneOverLine<'a> {
+    name: &'a str,
+    #[serde(flatten)]
+    gone_over: GoneOver,
 }
 
 /// What a finished run comes to.
@@ -322,6 +330,12 @@ fn line<'a>(
             .map(|torn| TornLine {
                 name: name(torn.object),
                 torn: *torn,
+            })
+            .collect(),
+        gone_over: (report.gone_over.iter())
+            .map(|gone_over| GoneOverLine {
+                name: name(gone_over.object),
+                gone_over: *gone_over,
             })
             .collect(),
         objects: objects

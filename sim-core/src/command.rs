@@ -306,7 +306,7 @@ pub enum CommandError {
     },
     /// The object is a solid on a grid of its own, which keeps its shape.
     #[error(
-        "object {object} has solver = \"lagrangian\" and cannot become {law}; expected fixed_corotated or neo_hookean"
+        "object {object} has solver = \"lagrangian\" and cannot become {law}; expected fixed_corotated, neo_hookean, hencky, von_mises, foam or plasticine"
     )]
     NotElastic {
         /// The id sent.

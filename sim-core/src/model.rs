@@ -52,6 +52,8 @@ pub(crate) struct Model {
     pub solids: Boundaries,
     /// Per object its grid, where it is a solid on one of its own.
     pub lagrangian: Vec<Option<SolidObject>>,
+    /// Those that have gone over to the spatial grid.
+    former: Vec<Option<SolidObject>>,
     /// Prescribed motion, impulses, releases.
     pub rules: Rules,
     /// Radius of every particle of the scene, as colliders see it [cells].
@@ -102,6 +104,7 @@ impl Model {
             lagrangian: (0..scene.objects.len())
                 .map(|id| SolidObject::new(&scene, id))
                 .collect(),
+            former: scene.objects.iter().map(|_| None).collect(),
             rules: Rules::new(&scene, scene.dx),
             half_spacings: half_spacings(&scene),
             tearing_stretch: tearing_stretch(&scene, &parts),
@@ -122,6 +125,17 @@ impl Model {
         let wanted = vec![None; model.scene.objects.len()];
         model.set_materials(&at_rest, &wanted);
         model
+    }
+
+    /// Says per object whether it has gone over to the spatial grid; those that are not named have not.
+    pub fn set_gone_over(&mut self, gone: &[bool]) {
+        let solids = self.lagrangian.iter_mut().zip(&mut self.former);
+        for (id, (present, former)) in solids.enumerate() {
+            let is_gone = gone.get(id).copied().unwrap_or(false);
+            if is_gone == present.is_some() {
+                std::mem::swap(present, former);
+            }
+        }
     }
 
     /// Makes the constants of what commands may change.

@@ -54,6 +54,14 @@ impl Notices {
             }
             said.is_gone = is_gone;
         }
+        for gone in &report.gone_over {
+            if let Some(object) = scene.objects.get(gone.object) {
+                sentences.push(format!(
+                    "object `{}` goes over to the spatial grid at {time:.3} s: its largest plastic strain is {:.2}",
+                    object.name, gone.plastic_strain
+                ));
+            }
+        }
         for torn in &report.torn {
             let (Some(said), Some(object)) = (
                 self.objects.get_mut(torn.object),

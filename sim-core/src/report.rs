@@ -51,6 +51,8 @@ pub struct StepReport {
     pub objects: Vec<ObjectState>,
     /// Contacts between deformable objects that ended in this frame, or turned out to last, in the order it happened.
     pub contacts: Vec<ContactEpisode>,
+    /// Solids on grids of their own that went over to the spatial grid at the start of this frame, in the order of their numbers.
+    pub gone_over: Vec<GoneOver>,
     /// Elastic objects that are in more pieces than at rest, in the order of their numbers.
     pub torn: Vec<Torn>,
     /// Searches for impacts of rigid bodies that ended before they were done, because they took as much as a frame may: such
@@ -169,6 +171,19 @@ pub enum Level {
     Gone = 6,
     /// A command removed it, or has yet to bring it in.
     Removed = 7,
+}
+
+/// A solid that flowed so far that it went over to the spatial grid, with its momentum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct GoneOver {
+    /// Object id.
+    pub object: usize,
+    /// Largest equivalent plastic strain of any of its points.
+    pub plastic_strain: f64,
+    /// Angular momentum about the world origin that it has more than before [kg m^2/s].
+    pub angular_momentum: [f64; 3],
+    /// Kinetic and elastic energy that it has more than before [J].
+    pub energy: f64,
 }
 
 /// An object that fell apart although its law is elastic: stretched by more than its particles bridge.

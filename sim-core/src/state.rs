@@ -42,6 +42,8 @@ pub(crate) struct State {
     pub bodies: RigidBodies,
     /// Per object, where it is a solid on a grid of its own. Written by their substeps.
     pub solids: Vec<Option<SolidState>>,
+    /// Per object, whether it was a solid that has gone over to the spatial grid. Written before the substeps of a frame.
+    pub gone_over: Vec<bool>,
 }
 
 /// What frames leave behind.

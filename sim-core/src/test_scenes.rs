@@ -65,6 +65,7 @@ pub fn one_of_each() -> Vec<Material> {
             viscosity: 2.0,
         },
         Law::Rigid,
+        Law::Hencky,
     ];
     let of = |law: Law| match law {
         Law::Fluid { .. } | Law::Rigid => elastic(law, 0.0, 0.0),

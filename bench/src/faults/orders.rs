@@ -47,7 +47,7 @@ fn malformed(rng: &mut impl Rng) -> Command {
         },
         8 => Command {
             material: wire::MaterialSpec {
-                law: 10 + rng.next_u32() % 1000,
+                law: 11 + rng.next_u32() % 1000,
                 youngs_modulus: bad,
                 ..Default::default()
             },

@@ -265,6 +265,8 @@ pub fn yardstick_of(scene: &Scene) -> Option<Box<dyn Yardstick>> {
             };
             yardstick(law, &setup, body, gradient)
         }
-        Law::Foam { .. } | Law::Plasticine { .. } | Law::Rigid => return None,
+        Law::Hencky | Law::Foam { .. } | Law::Plasticine { .. } | Law::Rigid => {
+            return None;
+        }
     })
 }

@@ -23,14 +23,90 @@ use crate::{
     num::Real,
 };
 
-/// The law's rule; laws that do not belong here stay elastic.
+/// The law's rule; laws without one stay elastic.
 #[inline(always)]
-fn flow<R: Real>(law: Law, strain: &Strain<R>, k: &Coefficients<R>) -> Flow<R> {
+pub(super) fn flow<R: Real>(law: Law, strain: &Strain<R>, k: &Coefficients<R>) -> Flow<R> {
     match law {
         Law::DruckerPrager { .. } => drucker_prager::flow(strain, k),
         Law::Foam { exponent, .. } => foam::flow(strain, k, exponent),
         Law::Plasticine { .. } => plasticine::flow(strain, k),
-        _ => von_mises::flow(strain, k),
+        Law::VonMises { .. } => von_mises::flow(strain, k),
+        _ => Flow {
+            trace: strain.trace,
+            deviator: strain.deviator,
+            memory: strain.memory,
+            mean: bulk_modulus(k) * strain.trace,
+            flows: strain.trace.lt(strain.trace),
+        },
+    }
+}
+
+/// What a law makes of a strain that the series of [`logarithm`] reach.
+pub(super) struct Mapped<R: Real> {
+    /// Strain after the flow.
+    eps: Sym3<R>,
+    /// Strain before the flow, as flow rules see it.
+    pub strain: Strain<R>,
+    /// Its flow.
+    pub flow: Flow<R>,
+    /// Change of strain in lanes that flow; of no meaning where none does.
+    pub change: Sym3<R>,
+    /// Lanes in which all of this is right.
+    pub near: R::Mask,
+}
+
+/// Return mapping of `trial`, with `x = F F^T - I`.
+#[inline(always)]
+pub(super) fn return_mapping<R: Real>(
+    law: Law,
+    x: &Sym3<R>,
+    trial: &Trial<R>,
+    k: &Coefficients<R>,
+) -> Mapped<R> {
+    let (eps, near) = logarithm(x, &trial.f);
+    let strain = measure(&eps, trial);
+    let flow = flow(law, &strain, k);
+    let leap = (flow.trace - strain.trace).abs();
+    let near = near & leap.lt(R::splat(TRACE_BOUND));
+    let (mut new, mut change) = (eps, eps);
+    if R::any(near & flow.flows) {
+        new = moved(&eps, &strain, &flow);
+        for n in 0..6 {
+            change[n] = new[n] - eps[n];
+            new[n] = R::select(flow.flows, new[n], eps[n]);
+        }
+    }
+    Mapped {
+        eps: new,
+        strain,
+        flow,
+        change,
+        near,
+    }
+}
+
+impl<R: Real> Mapped<R> {
+    /// Kirchhoff stress [Pa].
+    #[inline(always)]
+    pub fn kirchhoff_stress(&self, k: &Coefficients<R>) -> Sym3<R> {
+        let (new, flow) = (&self.eps, &self.flow);
+        let mean_strain = flow.trace * R::splat(1.0 / 3.0);
+        let two_mu = k.mu + k.mu;
+        [
+            (new[0] - mean_strain).mul_add(two_mu, flow.mean),
+            new[1] * two_mu,
+            new[2] * two_mu,
+            (new[3] - mean_strain).mul_add(two_mu, flow.mean),
+            new[4] * two_mu,
+            (new[5] - mean_strain).mul_add(two_mu, flow.mean),
+        ]
+    }
+
+    /// What the flow adds to the elastic deformation gradient `f`, in lanes that flow.
+    #[inline(always)]
+    pub fn change_of(&self, f: &Mat3<R>) -> Mat3<R> {
+        let e = exp_minus_identity(&self.change);
+        Mat3([[e[0], e[1], e[2]], [e[1], e[3], e[4]], [e[2], e[4], e[5]]]).mul(f)
     }
 }
 
@@ -38,43 +114,18 @@ fn flow<R: Real>(law: Law, strain: &Strain<R>, k: &Coefficients<R>) -> Flow<R> {
 #[inline(always)]
 pub fn respond<R: Real>(law: Law, trial: &Trial<R>, k: &Coefficients<R>) -> Response<R> {
     let x = stretch_minus_identity(&trial.f);
-    let (eps, near) = logarithm(&x, &trial.f);
-    let strain = measure(&eps, trial);
-    let flow = flow(law, &strain, k);
-    let leap = (flow.trace - strain.trace).abs();
-    let near = near & leap.lt(R::splat(TRACE_BOUND));
-
+    let mapped = return_mapping(law, &x, trial, k);
+    let (flow, near) = (&mapped.flow, mapped.near);
     let mut f = trial.f;
-    let mut new = eps;
     if R::any(near & flow.flows) {
-        new = moved(&eps, &strain, &flow);
-        let mut d = new;
-        for n in 0..6 {
-            d[n] = new[n] - eps[n];
-        }
-        let e = exp_minus_identity(&d);
-        let e = Mat3([[e[0], e[1], e[2]], [e[1], e[3], e[4]], [e[2], e[4], e[5]]]);
-        let change = e.mul(&trial.f);
+        let change = mapped.change_of(&trial.f);
         let changed = trial.f.blend(R::splat(1.0), &change, R::splat(1.0));
         f = Mat3::select(flow.flows, &changed, &trial.f);
-        for n in 0..6 {
-            new[n] = R::select(flow.flows, new[n], eps[n]);
-        }
     }
-    let mean_strain = flow.trace * R::splat(1.0 / 3.0);
-    let two_mu = k.mu + k.mu;
-    let tau = [
-        (new[0] - mean_strain).mul_add(two_mu, flow.mean),
-        new[1] * two_mu,
-        new[2] * two_mu,
-        (new[3] - mean_strain).mul_add(two_mu, flow.mean),
-        new[4] * two_mu,
-        (new[5] - mean_strain).mul_add(two_mu, flow.mean),
-    ];
     let mut response = Response {
         f,
         memory: flow.memory,
-        tau,
+        tau: mapped.kirchhoff_stress(k),
         stretch_squared: max_stretch_squared_of(&x) + R::splat(1.0),
         j: f.det(),
         stiffness: R::splat(1.0),
@@ -152,6 +203,17 @@ pub fn energy_density<R: Real>(law: Law, f: &Mat3<R>, memory: R, k: &Coefficient
         trace = R::select(near, trace, far_trace);
         squared = R::select(near, squared, far_squared);
     }
+    energy_of_strain(law, [trace, squared], memory, k)
+}
+
+/// The same at a strain, of which `tr eps` and `|dev eps|^2` are given.
+#[inline(always)]
+pub(super) fn energy_of_strain<R: Real>(
+    law: Law,
+    [trace, squared]: [R; 2],
+    memory: R,
+    k: &Coefficients<R>,
+) -> R {
     let mean = match law {
         Law::Plasticine { .. } => plasticine::mean_stress(trace, memory, k),
         _ => bulk_modulus(k) * trace,
@@ -181,7 +243,7 @@ const SWOLLEN: f64 = 0.1;
 /// `ln(I + X) / 2` for `X = F F^T - I`, and the lanes where the series is exact to round-off: any volume, moderate
 /// change of shape, and not inverted, which `X` does not show.
 #[inline(always)]
-fn logarithm<R: Real>(x: &Sym3<R>, f: &Mat3<R>) -> (Sym3<R>, R::Mask) {
+pub(super) fn logarithm<R: Real>(x: &Sym3<R>, f: &Mat3<R>) -> (Sym3<R>, R::Mask) {
     let zero = R::splat(0.0);
     let mean = (x[0] + (x[3] + x[5])) * R::splat(1.0 / 3.0);
     let swollen = R::splat(SWOLLEN).lt(mean.abs());
@@ -206,7 +268,7 @@ fn logarithm<R: Real>(x: &Sym3<R>, f: &Mat3<R>) -> (Sym3<R>, R::Mask) {
 }
 
 #[inline(always)]
-fn deviator_squared<R: Real>(eps: &Sym3<R>, trace: R) -> R {
+pub(super) fn deviator_squared<R: Real>(eps: &Sym3<R>, trace: R) -> R {
     let mean = trace * R::splat(1.0 / 3.0);
     let d = [eps[0] - mean, eps[3] - mean, eps[5] - mean];
     let off = [eps[1], eps[2], eps[4]];
@@ -226,7 +288,7 @@ fn measure<R: Real>(eps: &Sym3<R>, trial: &Trial<R>) -> Strain<R> {
 
 /// `|dev eps|` after the flow as a share of that before.
 #[inline(always)]
-fn share<R: Real>(before: &Strain<R>, after: &Flow<R>) -> R {
+pub(super) fn share<R: Real>(before: &Strain<R>, after: &Flow<R>) -> R {
     let zero = R::splat(0.0);
     let defined = zero.lt(before.deviator);
     let divisor = R::select(defined, before.deviator, R::splat(1.0));

@@ -127,6 +127,12 @@ pub const LAWS: &[Entry] = &[
         elastic: false,
         parameters: &[],
     },
+    Entry {
+        name: "hencky",
+        id: 10,
+        elastic: true,
+        parameters: &[],
+    },
 ];
 
 /// The entry of that number.
@@ -188,6 +194,7 @@ impl Law {
             Self::Plasticine { .. } => 7,
             Self::Fluid { .. } => 8,
             Self::Rigid => 9,
+            Self::Hencky => 10,
         }
     }
 
@@ -204,7 +211,7 @@ impl Law {
     /// The law's numbers in the order of the table; the rest 0.
     pub fn parameters(self) -> [f64; 4] {
         match self {
-            Self::FixedCorotated | Self::NeoHookean | Self::Rigid => [0.0; 4],
+            Self::FixedCorotated | Self::NeoHookean | Self::Hencky | Self::Rigid => [0.0; 4],
             Self::VonMises {
                 yield_stress,
                 hardening,
@@ -267,6 +274,7 @@ impl Law {
                 viscosity: b,
             },
             9 => Self::Rigid,
+            10 => Self::Hencky,
             _ => return None,
         })
     }
@@ -292,7 +300,7 @@ mod tests {
             assert_eq!(by_id(entry.id), Some(entry));
         }
         assert_eq!(Law::from_parameters(0, [0.0; 4]), None);
-        assert_eq!(Law::from_parameters(10, [0.0; 4]), None);
+        assert_eq!(Law::from_parameters(11, [0.0; 4]), None);
     }
 
     #[test]

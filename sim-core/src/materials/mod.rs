@@ -5,6 +5,7 @@ pub mod fixed_corotated;
 pub mod fluid;
 pub mod foam;
 pub mod hencky;
+pub mod hencky_piola;
 pub mod laws;
 pub mod limits;
 pub mod neo_hookean;
@@ -46,6 +47,8 @@ pub enum Law {
     FixedCorotated,
     /// Compressible neo-Hookean elasticity with a logarithmic barrier (Bonet & Wood 2008).
     NeoHookean,
+    /// Hencky elasticity: quadratic in the logarithms of the stretches, alike in tension and compression.
+    Hencky,
     /// Metal: Hencky elasticity with von Mises yield.
     VonMises {
         /// Yield stress in a tension test [Pa], > 0.
@@ -157,10 +160,15 @@ impl Material {
 impl Coefficients<f64> {
     /// Of a material.
     pub fn new(material: &Material) -> Self {
+        Self::of_law(material.law, material.lambda(), material.mu())
+    }
+
+    /// Of a law with Lamé's parameters [Pa].
+    pub fn of_law(law: Law, lambda: f64, mu: f64) -> Self {
         Self {
-            lambda: material.lambda(),
-            mu: material.mu(),
-            parameters: material.law.prepared(material.lambda(), material.mu()),
+            lambda,
+            mu,
+            parameters: law.prepared(lambda, mu),
         }
     }
 
@@ -208,7 +216,11 @@ impl Law {
             | Self::Snow { .. }
             | Self::Foam { .. }
             | Self::Plasticine { .. } => true,
-            Self::FixedCorotated | Self::NeoHookean | Self::Fluid { .. } | Self::Rigid => false,
+            Self::FixedCorotated
+            | Self::NeoHookean
+            | Self::Hencky
+            | Self::Fluid { .. }
+            | Self::Rigid => false,
         }
     }
 
@@ -237,7 +249,7 @@ impl Law {
     /// The law's numbers as its kernel wants them; see its file.
     fn prepared(self, lambda: f64, mu: f64) -> [f64; 4] {
         match self {
-            Self::FixedCorotated | Self::NeoHookean | Self::Rigid => [0.0; 4],
+            Self::FixedCorotated | Self::NeoHookean | Self::Hencky | Self::Rigid => [0.0; 4],
             Self::VonMises {
                 yield_stress,
                 hardening,
@@ -299,7 +311,8 @@ impl Law {
                 trial,
                 neo_hookean::kirchhoff_stress(&trial.f, k.lambda, k.mu),
             ),
-            Self::VonMises { .. }
+            Self::Hencky
+            | Self::VonMises { .. }
             | Self::DruckerPrager { .. }
             | Self::Foam { .. }
             | Self::Plasticine { .. } => hencky::respond(self, trial, k),
@@ -315,7 +328,8 @@ impl Law {
         match self {
             Self::FixedCorotated => fixed_corotated::energy_density(f, k.lambda, k.mu),
             Self::NeoHookean => neo_hookean::energy_density(f, k.lambda, k.mu),
-            Self::VonMises { .. }
+            Self::Hencky
+            | Self::VonMises { .. }
             | Self::DruckerPrager { .. }
             | Self::Foam { .. }
             | Self::Plasticine { .. } => hencky::energy_density(self, f, memory, k),

@@ -26,6 +26,19 @@ impl Law {
     pub fn has_piola(self) -> bool {
         matches!(self, Self::FixedCorotated | Self::NeoHookean)
     }
+
+    /// Whether matter of it may have a grid of its own: it keeps its shape, or flows from there.
+    pub fn may_be_solid(self) -> bool {
+        self.has_piola() || self.is_on_hencky()
+    }
+
+    /// Whether [`hencky_piola`] knows it beside those that have a Piola stress.
+    pub fn is_on_hencky(self) -> bool {
+        matches!(
+            self,
+            Self::Hencky | Self::VonMises { .. } | Self::Foam { .. } | Self::Plasticine { .. }
+        )
+    }
 }
 
 /// Stress and tangent of a law at `f`, with Lamé's parameters [Pa]; no stress for laws that
@@ -182,11 +195,29 @@ pub fn piola_energy(law: Law, f: &Mat3<f64>, lambda: f64, mu: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::materials::{Coefficients, Material, Trial, testing::Random};
+    use crate::materials::{Coefficients, Material, Trial, hencky_piola, testing::Random};
 
-    const LAWS: [Law; 2] = [Law::NeoHookean, Law::FixedCorotated];
+    const LAWS: [Law; 3] = [Law::NeoHookean, Law::FixedCorotated, Law::Hencky];
     const LAMBDA: f64 = 2.0;
     const MU: f64 = 1.0;
+
+    fn energy_of(law: Law, f: &Mat3<f64>) -> f64 {
+        match law {
+            Law::Hencky => energy_at(law, &f.sub(&Mat3::identity()), LAMBDA, MU),
+            _ => piola_energy(law, f, LAMBDA, MU),
+        }
+    }
+
+    fn energy_at<R: Real>(law: Law, h: &Mat3<R>, lambda: R, mu: R) -> R {
+        match law {
+            Law::Hencky => hencky_piola::elastic_energy(h, lambda, mu),
+            _ => energy_of_gradient(law, h, lambda, mu),
+        }
+    }
+
+    fn stress_of(law: Law, f: &Mat3<f64>) -> Piola<f64> {
+        hencky_piola::elastic_piola(law, f, LAMBDA, MU)
+    }
 
     fn random_matrix(random: &mut Random, size: f64) -> Mat3<f64> {
         Mat3(std::array::from_fn(|_| {
@@ -201,10 +232,10 @@ mod tests {
             for n in 0..40 {
                 let size = if n % 2 == 0 { 0.3 } else { 1.5 };
                 let f = Mat3::identity().blend(1.0, &random_matrix(&mut random, size), 1.0);
-                let p = first_piola(law, &f, LAMBDA, MU).stress;
+                let p = stress_of(law, &f).stress;
                 let d = random_matrix(&mut random, 1.0);
                 let h = 1e-6;
-                let energy = |s: f64| piola_energy(law, &f.blend(1.0, &d, s), LAMBDA, MU);
+                let energy = |s: f64| energy_of(law, &f.blend(1.0, &d, s));
                 let slope = (energy(h) - energy(-h)) / (2.0 * h);
                 let along: f64 = (0..9).map(|n| p.0[n / 3][n % 3] * d.0[n / 3][n % 3]).sum();
                 // Central differences of second order; the trace that the energy takes is right to 1e-9.
@@ -224,15 +255,15 @@ mod tests {
                 let size = [1e-4, 1e-2, 0.3][n % 3];
                 let h = random_matrix(&mut random, size);
                 let f = Mat3::identity().blend(1.0, &h, 1.0);
-                let exact = piola_energy(law, &f, LAMBDA, MU);
-                let double = energy_of_gradient(law, &h, LAMBDA, MU);
+                let exact = energy_of(law, &f);
+                let double = energy_at(law, &h, LAMBDA, MU);
                 // The oracle's own differences leave 1e-15 of the moduli.
                 assert!(
                     (double - exact).abs() < 1e-7 * exact + 1e-14,
                     "{law:?}: {double} {exact}"
                 );
                 let single = Mat3(h.0.map(|row| row.map(|x| x as f32)));
-                let single = energy_of_gradient(law, &single, LAMBDA as f32, MU as f32);
+                let single = energy_at(law, &single, LAMBDA as f32, MU as f32);
                 // F - R is right to a few 1e-7: twice that over the strain.
                 let most = (8e-7 / size + 1e-5) * exact;
                 assert!(
@@ -264,7 +295,7 @@ mod tests {
                     dt: 0.0,
                 };
                 let expected = law.respond(&trial, &k).tau;
-                let p = first_piola(law, &f, k.lambda, k.mu).stress;
+                let p = hencky_piola::elastic_piola(law, &f, k.lambda, k.mu).stress;
                 let tau = p.mul_transposed_sym(&f);
                 for n in 0..6 {
                     // Of the size of E, by round-off.
@@ -278,7 +309,7 @@ mod tests {
     fn tangent_bound_holds_in_every_direction() {
         let mut random = Random::new(7);
         for law in LAWS {
-            let rest = first_piola(law, &Mat3::identity(), LAMBDA, MU).tangent;
+            let rest = stress_of(law, &Mat3::identity()).tangent;
             assert!((rest - (3.0 * LAMBDA + 2.0 * MU)).abs() < 1e-12);
             for _ in 0..200 {
                 let f = Mat3::identity().blend(1.0, &random_matrix(&mut random, 0.8), 1.0);
@@ -286,11 +317,11 @@ mod tests {
                 if f.det().abs() < 0.2 {
                     continue;
                 }
-                let bound = first_piola(law, &f, LAMBDA, MU).tangent;
+                let bound = stress_of(law, &f).tangent;
                 for _ in 0..20 {
                     let d = random_matrix(&mut random, 1.0);
                     let h = 1e-5;
-                    let stress = |s| first_piola(law, &f.blend(1.0, &d, s), LAMBDA, MU).stress;
+                    let stress = |s| stress_of(law, &f.blend(1.0, &d, s)).stress;
                     let change = stress(h).sub(&stress(-h));
                     let along: f64 = (0..9)
                         .map(|n| change.0[n / 3][n % 3] * d.0[n / 3][n % 3])

@@ -12,13 +12,7 @@ use crate::{
     num::Real,
 };
 
-/// Hencky elasticity, by way of a metal that does not yield.
-const HENCKY: Law = Law::VonMises {
-    yield_stress: 1e13,
-    hardening: 0.0,
-};
-
-const LAWS: [Law; 3] = [Law::FixedCorotated, Law::NeoHookean, HENCKY];
+const LAWS: [Law; 3] = [Law::FixedCorotated, Law::NeoHookean, Law::Hencky];
 
 /// Young's modulus [Pa] and Poisson's ratio of the tested materials, and Lamé's parameters that follow.
 const E: f64 = 1e6;

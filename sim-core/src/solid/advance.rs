@@ -4,6 +4,7 @@ use super::{
     frequency::{CONTACT, largest_squared_frequency},
     grip::NOTHING,
     kernel::{Extremes, SolidLaw, Step, Tiles, substep},
+    memory::remember,
     model::SolidModel,
     nodes::{Conditions, NODES, slot, write},
     search::Search,
@@ -30,6 +31,9 @@ const CHANGE: f64 = 0.2;
 const LOOK: u64 = 4;
 /// Tangent over that at rest from which on every substep looks.
 const WATCHED: f64 = 1.1;
+/// Part of the largest tangent known that the next look keeps, of matter that flows: it stays flat, and substeps that follow every swing
+/// of its tangent would feed the swing.
+const KEPT: f32 = 0.999;
 /// Smallest substep over that at rest: beyond it a solid fails.
 const SMALLEST: f64 = 1.0 / 1024.0;
 
@@ -135,6 +139,11 @@ impl Solid<'_> {
         (f64::from(self.state.tangent) / self.tangent_at_rest()).max(1.0)
     }
 
+    /// Whether points of it remember flow.
+    fn flows(&self) -> bool {
+        self.state.memory.iter().any(|block| !block.is_empty())
+    }
+
     /// Share of the largest viscosity that it has at present.
     fn viscous_share(&self) -> f64 {
         let beyond = (self.stiffening() - VISCOUS[0]) / (VISCOUS[1] - VISCOUS[0]);
@@ -186,6 +195,7 @@ impl Solid<'_> {
         begins_frame: bool,
         given: impl Fn(usize) -> [f64; 3],
     ) {
+        remember(self.model, self.laws, &mut self.state.memory);
         if self.state.tangent == 0.0 {
             // Nothing is known of it yet: a substep of no length looks.
             self.substep(outside, 0.0, 0.0, 0);
@@ -262,13 +272,12 @@ impl Solid<'_> {
             search,
             ..
         } = &mut *self.scratch;
-        let nodes = &mut self.state.nodes;
         let found = substep(
             outside.isa,
             self.model,
             self.laws,
             conditions,
-            nodes,
+            self.state.moving(),
             tiles,
             &step,
         );
@@ -276,7 +285,12 @@ impl Solid<'_> {
         let ways = tiles.speeds.iter().map(|&speed| scale * f64::from(speed));
         search.move_on(ways);
         if step.wants_extremes {
-            (self.state.tangent, self.state.rate) = (found.tangent, found.rate);
+            let kept = if self.flows() {
+                KEPT * self.state.tangent
+            } else {
+                0.0
+            };
+            (self.state.tangent, self.state.rate) = (found.tangent.max(kept), found.rate);
         }
         found
     }

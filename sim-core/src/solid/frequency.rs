@@ -5,7 +5,7 @@
 //! the kernel's own forces at small displacements.
 
 use super::{
-    kernel::{SolidLaw, Step, Tiles, substep},
+    kernel::{Moving, SolidLaw, Step, Tiles, substep},
     model::SolidModel,
     nodes::{Conditions, NODES, NodeBlock, read, write},
 };
@@ -100,7 +100,12 @@ fn accelerations(
         viscosity: 0.0,
         wants_extremes: false,
     };
-    substep(isa, model, laws, conditions, &mut nodes, tiles, &step);
+    // Without memory matter is elastic, whatever it does beyond that.
+    let moving = Moving {
+        nodes: &mut nodes,
+        memory: &mut vec![vec![]; model.point_blocks.len()],
+    };
+    substep(isa, model, laws, conditions, moving, tiles, &step);
     let of = |&n: &usize| read(&nodes[n / NODES].v, n).map(|v| -f64::from(v) / scale);
     inner.iter().map(of).collect()
 }

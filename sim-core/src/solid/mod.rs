@@ -7,6 +7,8 @@
 //! - `f_i = -sum_p V_p P(F_p) grad N_i(X_p)`, `v += dt f / m`, `u += dt v` ([`kernel`]),
 //! - substeps by the largest tangent `dP/dF` of the moment ([`advance`]).
 //!
+//! Points of matter that flows remember it ([`memory`]); those of elastic matter remember nothing.
+//!
 //! Mass and stiffness are sums over the same points with weights that are not negative, so that the stable substep never depends
 //! on where the boundary cuts. Points of the surface ([`surface`]) meet colliders ([`contact`]), and other solids ([`pairs`]) by the
 //! depth in them ([`depth`]), and rigid bodies ([`rigid`]). Those that may meet share their substeps
@@ -27,6 +29,7 @@ pub(crate) mod group;
 pub(crate) mod inverse;
 pub(crate) mod kernel;
 mod lattice;
+pub(crate) mod memory;
 pub(crate) mod model;
 pub(crate) mod nodes;
 pub(crate) mod object;

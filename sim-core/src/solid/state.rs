@@ -6,7 +6,8 @@ use super::{
     basis::weights_f64,
     cells::CELLS,
     grip::Grip,
-    kernel::{SolidLaw, elastic_energy},
+    kernel::{Moving, SolidLaw, elastic_energy},
+    memory::BlockMemory,
     model::{CellPoint, SolidModel, cell_of_number},
     nodes::{NODES, NodeBlock, Planes, place, read, write},
 };
@@ -20,6 +21,8 @@ use crate::{
 pub(crate) struct SolidState {
     /// Per block.
     pub nodes: Vec<NodeBlock>,
+    /// What points remember of plastic flow, per block of them.
+    pub memory: Vec<BlockMemory>,
     /// Place of the frame [m]: a node at rest is at its rest position plus this.
     pub shift: [f64; 3],
     /// Velocity of the frame [m/s].
@@ -76,6 +79,7 @@ impl SolidState {
     pub fn new(model: &SolidModel, points: usize, velocity: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
         let mut state = Self {
             nodes: vec![NodeBlock::REST; model.node_blocks.len()],
+            memory: vec![vec![]; model.point_blocks.len()],
             shift: [0.0; 3],
             velocity: [0.0; 3],
             tangent: 0.0,
@@ -87,6 +91,14 @@ impl SolidState {
         state.change_velocities(model, |slot, _| velocity(model.node_in_world(slot)));
         state.recentre(model);
         state
+    }
+
+    /// What a substep changes.
+    pub fn moving(&mut self) -> Moving<'_> {
+        Moving {
+            nodes: &mut self.nodes,
+            memory: &mut self.memory,
+        }
     }
 
     /// Largest speed of a node relative to the frame [m/s].
@@ -241,7 +253,7 @@ impl SolidState {
     pub fn sums(&self, isa: Isa, model: &SolidModel, laws: &[SolidLaw]) -> Sums {
         let in_contact: f64 = self.springs.iter().map(|grip| grip.energy).sum();
         Sums {
-            elastic: elastic_energy(isa, model, laws, &self.nodes) + in_contact,
+            elastic: elastic_energy(isa, model, laws, &self.nodes, &self.memory) + in_contact,
             ..self.momenta(model)
         }
     }

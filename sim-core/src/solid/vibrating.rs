@@ -2,8 +2,9 @@
 
 use super::{
     advance::Scratch,
-    kernel::{SolidLaw, Step, substep},
+    kernel::{Moving, SolidLaw, Step, substep},
     lattice::Seed,
+    memory::{BlockMemory, remember},
     model::SolidModel,
     nodes::{NODES, NodeBlock, write},
 };
@@ -16,18 +17,19 @@ const CFL: f64 = 0.5;
 /// Volume of the points that a boundary cuts, over that of full ones.
 const CUT: f64 = 0.7;
 
-/// A cube of elastic matter on a grid of its own, touched by nothing.
+/// A cube of matter on a grid of its own, touched by nothing.
 pub struct VibratingBlock {
     isa: Isa,
     model: SolidModel,
     laws: [SolidLaw; 1],
     nodes: Vec<NodeBlock>,
+    memory: Vec<BlockMemory>,
     scratch: Scratch,
     step: Step,
 }
 
 impl VibratingBlock {
-    /// A cube of an elastic material, fixed corotated or neo-Hookean, with `edge` cells along each axis, at least 1. `cut` is the share of
+    /// A cube of a material that solids on grids of their own may have, with `edge` cells along each axis, at least 1. `cut` is the share of
     /// its cells, 0 to 1, that count as cut: one of their eight points has less volume.
     pub fn new(isa: Isa, material: &Material, edge: u32, cut: f64) -> Self {
         let edge = edge as usize;
@@ -68,12 +70,15 @@ impl VibratingBlock {
             });
             write(&mut nodes[n / NODES].u, n, u);
         }
+        let mut memory = vec![vec![]; model.point_blocks.len()];
+        remember(&model, &[law], &mut memory);
         let dt = CFL * (law.density / (3.0 * law.lambda + 2.0 * law.mu)).sqrt();
         Self {
             isa,
             laws: [law],
             scratch: Scratch::new(&model),
             nodes,
+            memory,
             model,
             step: Step {
                 kick: dt as f32,
@@ -100,7 +105,10 @@ impl VibratingBlock {
                 &self.model,
                 &self.laws,
                 &self.scratch.conditions,
-                &mut self.nodes,
+                Moving {
+                    nodes: &mut self.nodes,
+                    memory: &mut self.memory,
+                },
                 &mut self.scratch.tiles,
                 &self.step,
             );
@@ -117,7 +125,11 @@ mod tests {
 
     #[test]
     fn a_block_goes_on_vibrating() {
-        for law in [Law::NeoHookean, Law::FixedCorotated] {
+        let metal = Law::VonMises {
+            yield_stress: 1e4,
+            hardening: 1e4,
+        };
+        for law in [Law::NeoHookean, Law::FixedCorotated, Law::Hencky, metal] {
             let material = Material {
                 name: "tested".into(),
                 law,

@@ -18,7 +18,7 @@ use crate::{
 /// First bytes of a checkpoint.
 const MAGIC: &[u8; 18] = b"cosplat checkpoint";
 /// Version of the layout; another one is refused.
-const VERSION: u32 = 14;
+const VERSION: u32 = 15;
 /// Magic, version, digest of the scene, length of what follows.
 const HEADER: usize = MAGIC.len() + 4 + 8 + 8;
 
@@ -141,11 +141,10 @@ impl World {
             apart,
         } = postcard::from_bytes(payload).map_err(|error| inconsistent(error.to_string()))?;
         let state = state.into_owned();
-        self.check_painted(&state.commanded.painted)?;
-        // Parts are those of the checkpoint from here on, or again those of now.
-        self.model.paint(&state.commanded.painted);
-        if let Err(error) = self.check_snapshot(&state, &frozen) {
+        // Parts and solids are those of the checkpoint from here on, or again those of now.
+        if let Err(error) = self.fit_model(&state, &frozen) {
             self.model.paint(&self.state.commanded.painted);
+            self.model.set_gone_over(&self.state.gone_over);
             return Err(error);
         }
         let mut published = Published::new(&self.model.scene);
@@ -191,6 +190,14 @@ impl World {
         self.sight.forget();
         self.update_sight();
         Ok(())
+    }
+
+    /// Makes the model that of a state, which is checked.
+    fn fit_model(&mut self, state: &State, frozen: &[Frozen]) -> Result<(), CheckpointError> {
+        self.model.set_gone_over(&state.gone_over);
+        self.check_painted(&state.commanded.painted)?;
+        self.model.paint(&state.commanded.painted);
+        self.check_snapshot(state, frozen)
     }
 
     /// The bytes behind the header, once header and checksum are right.

@@ -178,7 +178,7 @@ enum CoherentPart {
 
 fn held(law: Law) -> CoherentPart {
     match law {
-        Law::FixedCorotated | Law::NeoHookean => CoherentPart::All,
+        Law::FixedCorotated | Law::NeoHookean | Law::Hencky => CoherentPart::All,
         Law::VonMises { .. } | Law::Snow { .. } | Law::Plasticine { .. } => CoherentPart::Unyielded,
         // A rigid object is coherent by itself.
         Law::DruckerPrager { .. } | Law::Foam { .. } | Law::Fluid { .. } | Law::Rigid => {

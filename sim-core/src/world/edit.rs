@@ -13,6 +13,7 @@ use crate::{
     particles::{Extremes, NO_PARTICLE, Particles, Run, position_in_cells},
     scene::ContactMethod,
     simd::LANES,
+    solid::memory::forget,
     state::away::Loose,
     step::sort::{Newcomer, place},
 };
@@ -32,7 +33,7 @@ impl World {
             min: found.min,
             max: found.max,
         })?;
-        if self.model.lagrangian[object].is_some() && !material.law.has_piola() {
+        if self.model.lagrangian[object].is_some() && !material.law.may_be_solid() {
             let law = material.law.name();
             return Err(CommandError::NotElastic { object, law });
         }
@@ -152,12 +153,26 @@ impl World {
             let old =
                 std::mem::replace(&mut self.state.commanded.materials[part], material.clone());
             if old.law.id() != material.law.id() {
+                self.forget_flow(part);
                 let particles = &mut self.state.matter.particles;
                 let runs = particles.runs.clone();
                 for run in runs.iter().filter(|run| run.part == part) {
                     carry_over(particles, run, material.law, |_| Some(old.law));
                 }
             }
+        }
+    }
+
+    /// Lets the points of a part that is a solid's forget what a law remembered beside the shape, which stays.
+    fn forget_flow(&mut self, part: usize) {
+        let parts = &self.model.parts;
+        let object = parts[part].object;
+        let before = parts[..part].iter().filter(|p| p.object == object).count();
+        if let (Some(solid), Some(state)) = (
+            &self.model.lagrangian[object],
+            &mut self.state.solids[object],
+        ) {
+            forget(&solid.grid, before as u16, &mut state.memory);
         }
     }
 

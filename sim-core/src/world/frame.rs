@@ -1,7 +1,7 @@
 //! What happens during one frame.
 
 use crate::{
-    report::{DtLimit, StepReport, Work},
+    report::{DtLimit, GoneOver, StepReport, Work},
     state::State,
     substep::{Limit, Schedule, Tally},
 };
@@ -33,6 +33,8 @@ pub(super) struct Frame {
     pub kicked: Vec<f64>,
     /// Kinetic energy that objects lost by being modelled with less [J].
     pub fidelity_loss: f64,
+    /// Solids that went over to the spatial grid.
+    pub gone_over: Vec<GoneOver>,
     /// Particles frozen because they stayed bad.
     pub quarantined: Vec<u32>,
     /// Particles that left the domain.
@@ -90,6 +92,7 @@ impl Frame {
             asleep: 0,
             kicked: vec![],
             fidelity_loss: 0.0,
+            gone_over: vec![],
             quarantined: vec![],
             left_domain: vec![],
             stopped: false,
@@ -110,6 +113,7 @@ impl Frame {
     pub fn stop(&mut self) {
         *self = Self {
             left_domain: std::mem::take(&mut self.left_domain),
+            gone_over: std::mem::take(&mut self.gone_over),
             tally: self.tally,
             rollbacks: self.rollbacks,
             stopped: true,
@@ -141,6 +145,7 @@ impl Frame {
             rollbacks: self.rollbacks,
             particle_updates: self.tally.work.grid_to_particle,
             fidelity_loss: self.fidelity_loss,
+            gone_over: self.gone_over.clone(),
             left_domain: self.left_domain.clone(),
             stopped: self.stopped,
             quarantined: self.quarantined.clone(),

@@ -128,10 +128,21 @@ fn hash_edits(hash: &mut Xxh3, state: &State) {
     }
 }
 
-/// Adds the nodes of solids.
+/// Adds the nodes of solids, and who was one.
 fn hash_solids(hash: &mut Xxh3, state: &State) {
+    for (object, _) in state
+        .gone_over
+        .iter()
+        .enumerate()
+        .filter(|(_, gone)| **gone)
+    {
+        hash.update(bytes_of(&(object as u64)));
+    }
     for solid in state.solids.iter().flatten() {
         hash.update(bytemuck::cast_slice(&solid.nodes));
+        for memory in &solid.memory {
+            hash.update(bytemuck::cast_slice(memory));
+        }
         hash.update(bytes_of(&[solid.shift, solid.velocity]));
         hash.update(bytes_of(&[solid.tangent, solid.rate]));
         for grip in &solid.springs {

@@ -18,6 +18,7 @@ impl World {
     pub(super) fn reset(&mut self) {
         self.sight.forget();
         self.model.paint(&[]);
+        self.model.set_gone_over(&[]);
         let (model, newcomers) = (&self.model, self.newcomers());
         let (scene, parts) = (&model.scene, &model.parts);
         let objects = scene.objects.len();
@@ -55,6 +56,7 @@ impl World {
             },
             episodes: Default::default(),
             bodies: RigidBodies::default(),
+            gone_over: vec![false; objects],
             solids: vec![],
         };
         self.workspace = Workspace::default();

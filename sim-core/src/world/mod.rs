@@ -12,6 +12,7 @@ mod error;
 mod extremes;
 mod fidelity;
 mod frame;
+mod going_over;
 mod grab;
 mod hash;
 mod holding;
@@ -156,7 +157,8 @@ impl World {
         self.apply(commands);
         frame.tally.timings.commands = start.elapsed().as_secs_f64();
 
-        // Model no more than the scene needs.
+        // Model no more than the scene needs, and no solid that has flowed too far for its grid.
+        self.let_solids_go_over(&mut frame);
         self.update_model_levels(&mut frame);
 
         // Segments of substeps: bound dt, sort if due, then P2G, grid, contact, bodies, G2P and guard.

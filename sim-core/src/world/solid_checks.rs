@@ -10,6 +10,10 @@ use crate::{
 /// Nodes along one axis of a solid's box at most: numbers of nodes have 32 bits.
 const LARGEST: f64 = 65_536.0;
 
+/// Laws that solids may have.
+pub(super) const SOLID_LAWS: &str =
+    "fixed_corotated, neo_hookean, hencky, von_mises, foam or plasticine";
+
 /// What is asked for in vain, and what could be.
 type Refused = (String, &'static str);
 
@@ -44,9 +48,9 @@ pub(super) fn check_all(scene: &Scene) -> Vec<Result<(), WorldError>> {
 fn of_object(scene: &Scene, object: &Object) -> Option<Refused> {
     let regions = object.regions.iter().map(|region| &region.material);
     let mut materials = std::iter::once(&object.material).chain(regions);
-    if let Some(material) = materials.find(|m| !m.law.has_piola()) {
+    if let Some(material) = materials.find(|m| !m.law.may_be_solid()) {
         let law = material.law.name();
-        return Some((format!("the law {law}"), "fixed_corotated or neo_hookean"));
+        return Some((format!("the law {law}"), SOLID_LAWS));
     }
     if object.surface.restitution.is_some() {
         let what = "restitution to other objects".into();

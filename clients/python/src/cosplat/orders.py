@@ -33,6 +33,7 @@ LAWS: dict[str, tuple[int, tuple[str, ...]]] = {
     "plasticine": (7, ("yield_stress_pa", "softening")),
     "fluid": (8, ("bulk_modulus_pa", "viscosity_pa_s")),
     "rigid": (9, ()),
+    "hencky": (10, ()),
 }
 """Constitutive laws: number on the wire, and names of their parameters."""
 

@@ -7,6 +7,9 @@
 //! `sum_p w_p C_p / sum_p w_p rho`, of their tangents `C_p` (Cauchy and Schwarz in every point): so tangents go to nodes as mass does.
 
 mod block;
+mod flow;
+mod gradients;
+mod respond;
 mod rule;
 #[cfg(test)]
 mod tests;
@@ -14,15 +17,18 @@ mod tests;
 use rayon::prelude::*;
 
 use self::{
-    block::{Matter, Scratch, TangentTile, Tile},
+    block::{Answers, Scratch, TangentTile, Tile},
+    flow::Flowing,
+    gradients::Matter,
     rule::Rule,
 };
 use super::{
+    memory::BlockMemory,
     model::{NO_BLOCK, SolidModel},
     nodes::{Conditions, NODES, NodeBlock, NodeRow, Planes, read, write},
 };
 use crate::{
-    materials::Law,
+    materials::{Coefficients, Law},
     simd::{F32x16, Isa, Lanes, on_isa},
 };
 
@@ -45,10 +51,26 @@ pub(crate) struct SolidLaw {
     pub density: f64,
 }
 
+impl SolidLaw {
+    /// Its numbers as laws read them.
+    pub fn coefficients(&self) -> Coefficients<f64> {
+        Coefficients::of_law(self.law, self.lambda, self.mu)
+    }
+}
+
+/// What a substep changes.
+#[derive(Debug)]
+pub(crate) struct Moving<'a> {
+    /// Per block of nodes.
+    pub nodes: &'a mut [NodeBlock],
+    /// Per block of points; without it all laws are elastic.
+    pub memory: &'a mut [BlockMemory],
+}
+
 /// What a substep does besides.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
-    /// How long forces act [s].
+    /// How long forces act, and matter flows [s]; what it remembers stays as it is at 0.
     pub kick: f32,
     /// How long nodes move after that [s].
     pub drift: f32,
@@ -118,21 +140,22 @@ pub(crate) fn substep(
     model: &SolidModel,
     laws: &[SolidLaw],
     conditions: &Conditions,
-    nodes: &mut [NodeBlock],
+    Moving { nodes, memory }: Moving<'_>,
     tiles: &mut Tiles,
     step: &Step,
 ) -> Extremes {
     let before = &*nodes;
-    let forces = tiles.forces.par_chunks_mut(TASK);
-    let tasks = forces.zip(tiles.tangents.par_chunks_mut(TASK)).enumerate();
-    let of_points = tasks.map(|(n, (forces, tangents))| {
+    let answers = tiles.forces.par_chunks_mut(TASK);
+    let answers = answers.zip(tiles.tangents.par_chunks_mut(TASK));
+    let tasks = answers.zip(memory.par_chunks_mut(TASK)).enumerate();
+    let of_points = tasks.map(|(n, ((forces, tangents), memory))| {
         let task = Task {
             model,
             first: n * TASK,
             laws,
             nodes: before,
         };
-        forces_with_isa(isa, &task, step, forces, tangents)
+        forces_with_isa(isa, &task, step, (forces, tangents), memory)
     });
     let rate = of_points.reduce(|| 0.0, f32::max);
     let mut tangent = 0;
@@ -246,6 +269,7 @@ pub(crate) fn elastic_energy(
     model: &SolidModel,
     laws: &[SolidLaw],
     nodes: &[NodeBlock],
+    memory: &[BlockMemory],
 ) -> f64 {
     let tasks = (0..model.point_blocks.len().div_ceil(TASK)).into_par_iter();
     let of_tasks: Vec<f64> = tasks
@@ -258,7 +282,7 @@ pub(crate) fn elastic_energy(
                 nodes,
             };
             let count = TASK.min(model.point_blocks.len() - first);
-            energy_with_isa(isa, &task, count)
+            energy_with_isa(isa, &task, &memory[first..first + count])
         })
         .collect();
     of_tasks.iter().sum::<f64>() * model.dx.powi(3)
@@ -308,30 +332,36 @@ on_isa! {
     fn forces_with_isa = forces(
         task: &Task<'_>,
         step: &Step,
-        tiles: &mut [Tile],
-        tangents: &mut [TangentTile],
+        tiles: (&mut [Tile], &mut [TangentTile]),
+        memory: &mut [BlockMemory],
     ) -> f32
 }
 
 /// Fills the tiles of some blocks; the largest gradient of the velocity where there is viscosity [1/s].
 #[inline(always)]
-fn forces<V: Lanes>(
+fn forces<V: Flowing>(
     task: &Task<'_>,
     step: &Step,
-    tiles: &mut [Tile],
-    tangents: &mut [TangentTile],
+    (tiles, tangents): (&mut [Tile], &mut [TangentTile]),
+    memory: &mut [BlockMemory],
 ) -> f32 {
     let (mut scratch, rule) = (Scratch::EMPTY, task.rule::<V>());
     let mut rate = 0.0_f32;
-    for (n, tiles) in tiles.iter_mut().zip(tangents).enumerate() {
+    let answers = tiles.iter_mut().zip(tangents).zip(memory);
+    for (n, ((tile, tangents), memory)) in answers.enumerate() {
         let (nodes, matter) = task.block(n);
+        let answers = Answers {
+            tile,
+            tangents,
+            memory,
+        };
         rate = rate.max(block::forces(
             nodes,
             matter,
             &rule,
             step,
             &mut scratch,
-            tiles,
+            answers,
         ));
     }
     rate
@@ -376,17 +406,17 @@ fn largest_tangent<V: Lanes>(
 }
 
 on_isa! {
-    fn energy_with_isa = energy(task: &Task<'_>, count: usize) -> f64
+    fn energy_with_isa = energy(task: &Task<'_>, memory: &[BlockMemory]) -> f64
 }
 
 /// Elastic energy of some blocks [Pa cells^3].
 #[inline(always)]
-fn energy<V: Lanes>(task: &Task<'_>, count: usize) -> f64 {
+fn energy<V: Lanes>(task: &Task<'_>, memory: &[BlockMemory]) -> f64 {
     let (mut scratch, rule) = (Scratch::EMPTY, task.rule::<V>());
     let mut sum = 0.0;
-    for n in 0..count {
+    for (n, memory) in memory.iter().enumerate() {
         let (nodes, matter) = task.block(n);
-        sum += block::energy(nodes, matter, &rule, &mut scratch);
+        sum += block::energy(nodes, matter, memory, &rule, &mut scratch);
     }
     sum
 }

@@ -18,6 +18,8 @@ pub(super) struct Rule<V> {
     minus_two: V,
     /// Deformation gradient at rest over the axes of the grid: those axes as columns.
     pub rest: Mat3<V>,
+    /// Whether these are not those of the world.
+    is_turned: bool,
 }
 
 impl<V: Lanes> Rule<V> {
@@ -25,11 +27,18 @@ impl<V: Lanes> Rule<V> {
     pub fn new(axes: &Mat3<f32>) -> Self {
         Self {
             rest: Mat3(axes.0.map(|row| row.map(V::broadcast))),
+            is_turned: *axes != Mat3::identity(),
             a: V::splat(0.125 + 0.5 * S * S),
             e: V::splat(0.5 * S),
             g: V::splat(2.0 * S),
             minus_two: V::splat(-2.0),
         }
+    }
+
+    /// Axes of the grid, where they are not those of the world.
+    #[inline(always)]
+    pub fn axes(&self) -> Option<&Mat3<V>> {
+        self.is_turned.then_some(&self.rest)
     }
 
     /// Values at `-S` and `+S`.

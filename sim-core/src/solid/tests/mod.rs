@@ -1,6 +1,7 @@
 //! Laws of solids on a grid of their own.
 
 mod bars;
+mod flow;
 mod lattices;
 mod motion;
 
@@ -134,7 +135,7 @@ impl Owned {
 
     pub fn advance(&mut self, length: f64) {
         let outside = self.outside;
-        assert!(advance_alone(&mut self.solid(), &outside, length));
+        assert!(advance_alone(&mut self.solid(), &outside, length, &[]));
     }
 
     pub fn sums(&self) -> Sums {
@@ -142,9 +143,14 @@ impl Owned {
     }
 }
 
-/// Moves a solid that touches nothing through a span [s] > 0; whether it is still somewhere.
-pub(super) fn advance_alone(solid: &mut Solid<'_>, outside: &Outside, length: f64) -> bool {
-    solid.begin(outside, true, |_| [0.0; 3]);
+/// Moves a solid that touches nothing through a span [s] > 0, held nodes with velocities [m/s], or none; whether it is still somewhere.
+pub(super) fn advance_alone(
+    solid: &mut Solid<'_>,
+    outside: &Outside,
+    length: f64,
+    given: &[[f64; 3]],
+) -> bool {
+    solid.begin(outside, true, |n| given.get(n).copied().unwrap_or_default());
     let mut shares = Shares::first(length, solid.limit(outside.cfl));
     let mut kick = 0.5 * shares.dt;
     let mut bad = false;

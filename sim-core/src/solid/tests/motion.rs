@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{mat3::length, materials::Law, simd::Isa};
 
-const LAWS: [Law; 2] = [Law::NeoHookean, Law::FixedCorotated];
+const LAWS: [Law; 3] = [Law::NeoHookean, Law::FixedCorotated, Law::Hencky];
 
 fn cube(which: Law, cells: usize) -> Owned {
     let seeds = lattice(0.1, [0.0; 3], [cells; 3], |_| true);

@@ -98,6 +98,7 @@ impl World {
             ("momenta", state.progress.momentum.len(), objects),
             ("rigid bodies", state.bodies.of.len(), objects),
             ("solids", state.solids.len(), objects),
+            ("solids that went over", state.gone_over.len(), objects),
             ("model levels", state.levels.len(), objects),
             ("pins", state.commanded.pins.len(), objects),
             (
@@ -348,6 +349,17 @@ impl World {
         let (nodes, springs) = (state.nodes.len(), state.springs.len());
         count("blocks of nodes", nodes, model.grid.node_blocks.len())?;
         count("springs", springs, model.surface.points.len())?;
+        count(
+            "blocks of points",
+            state.memory.len(),
+            model.grid.point_blocks.len(),
+        )?;
+        for (block, memory) in state.memory.iter().enumerate() {
+            if !memory.is_empty() {
+                let parts = model.grid.parts.of(block).count();
+                count("parts of a block", memory.len(), parts)?;
+            }
+        }
         let slots = 64 * nodes as u64;
         let mut matter = state.of_matter.iter();
         if !state.is_sound() || matter.any(|load| u64::from(load.slot) >= slots) {

@@ -5,6 +5,7 @@ mod boundaries;
 mod coherence;
 mod edits;
 mod fields;
+mod flowing;
 mod grab;
 mod holding;
 mod laws;
