@@ -582,7 +582,7 @@ COSPLAT_ASSERT(offsetof(struct cosplat_scene_header, reserved) == 100, "cosplat_
 
 /** Law and parameters of a material; `docs/wire-format.md` lists the laws. */
 struct cosplat_material_spec {
-    /** Constitutive law, 1 to 9. */
+    /** Constitutive law, 1 to 10. */
     uint32_t law;
     /** 0 for the whole object, `n` for its region `n`, counted from 1. Of `COMMAND_GRAB` a number of steps, of `COMMAND_SET_POSE` and `COMMAND_BRING_IN` flags, of `COMMAND_SET_FIDELITY` a level. */
     uint32_t region;

@@ -369,7 +369,7 @@ mod tests {
         let error = order_from_wire(1, &command).expect_err("77 is no law");
         assert_eq!(
             error.to_string(),
-            "material law 77 is unknown: expected 1 to 9"
+            "material law 77 is unknown: expected 1 to 10"
         );
     }
 

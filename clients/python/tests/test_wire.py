@@ -59,5 +59,5 @@ def test_the_hash_is_that_of_the_table_and_of_a_server(session: LaunchedSession)
 
 
 def test_laws_are_those_of_the_wire_format() -> None:
-    rows = re.findall(r"^\| (\d) \| `(\w+)` \| (.*)\|$", DOCUMENT, re.MULTILINE)
+    rows = re.findall(r"^\| (\d+) \| `(\w+)` \| (.*)\|$", DOCUMENT, re.MULTILINE)
     assert {name: (int(n), tuple(re.findall(r"`(\w+)`", words))) for n, name, words in rows} == LAWS

@@ -82,7 +82,7 @@ pub const POSE_KEEP_ROTATION: u32 = 2;
 #[type_name("cosplat.v1.MaterialSpec")]
 #[repr(C)]
 pub struct MaterialSpec {
-    /// Constitutive law, 1 to 9.
+    /// Constitutive law, 1 to 10.
     pub law: u32,
     /// 0 for the whole object, `n` for its region `n`, counted from 1. Of `COMMAND_GRAB` a number of steps, of
     /// `COMMAND_SET_POSE` and `COMMAND_BRING_IN` flags, of `COMMAND_SET_FIDELITY` a level.

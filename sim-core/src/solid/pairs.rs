@@ -19,7 +19,7 @@ const ENTRY: f64 = 1.0;
 /// How far a place of a surface may be from the boxes around its points [cells]: they are half a cell apart at rest.
 const COVER: f64 = 0.5;
 /// How much farther than points are listed what moves by itself is known one by one [cells].
-const FAR: f64 = 4.0;
+const NEIGHBOURHOOD: f64 = 4.0;
 /// Share of a distance at rest that is sure of a place where no matter tells of the deformation.
 const HALF_SURE: f64 = 0.5;
 /// Share of a surface's springs that each side of a pair has: both press.
@@ -127,7 +127,7 @@ impl<'a> Presence<'a> {
         };
         let (centre, radius) = solid.ball(cluster);
         let most = solid.margin() + cover;
-        let beyond = FAR * self.inverse.model.dx;
+        let beyond = NEIGHBOURHOOD * self.inverse.model.dx;
         let near = NearBoxes::new(isa, boxes, off(centre), radius + most + beyond);
         let holds = |grip: &Grip| grip.with == number;
         let points = &surface.clusters[cluster].points;

@@ -676,7 +676,7 @@ class MaterialSpec(Record):
     )
 
     law: int
-    """Constitutive law, 1 to 9."""
+    """Constitutive law, 1 to 10."""
     region: int
     """0 for the whole object, `n` for its region `n`, counted from 1. Of `COMMAND_GRAB` a number of steps, of `COMMAND_SET_POSE` and `COMMAND_BRING_IN` flags, of `COMMAND_SET_FIDELITY` a level."""
     youngs_modulus: float
