@@ -150,15 +150,7 @@ pub fn respond_by_svd<R: Real>(law: Law, trial: &Trial<R>, k: &Coefficients<R>) 
         crushed = crushed | below;
         eps[n] = R::select(below, floor, d.sigma[n]).ln();
     }
-    let trace = eps[0] + (eps[1] + eps[2]);
-    let mean = trace * third;
-    let dev = [eps[0] - mean, eps[1] - mean, eps[2] - mean];
-    let strain = Strain {
-        trace,
-        deviator: crate::mat3::dot(dev, dev).sqrt(),
-        memory: trial.memory,
-        dt: trial.dt,
-    };
+    let (strain, dev) = Strain::of_principal(eps, trial.memory, trial.dt);
     let flow = flow(law, &strain, k);
     let ratio = share(&strain, &flow);
     let mean = flow.trace * third;

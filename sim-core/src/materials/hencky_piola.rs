@@ -266,15 +266,7 @@ fn respond_by_svd<R: Real>(
     let (one, third) = (R::splat(1.0), R::splat(1.0 / 3.0));
     let Svd { u, sigma, v } = svd(&at.elastic);
     let (eps, slopes, crushed) = principal_strains(sigma);
-    let trace = eps[0] + (eps[1] + eps[2]);
-    let mean = trace * third;
-    let dev = [eps[0] - mean, eps[1] - mean, eps[2] - mean];
-    let strain = Strain {
-        trace,
-        deviator: crate::mat3::dot(dev, dev).sqrt(),
-        memory: point.memory,
-        dt,
-    };
+    let (strain, dev) = Strain::of_principal(eps, point.memory, dt);
     let flow = flow(law, &strain, k);
     let ratio = share(&strain, &flow);
     let (mean, two_mu) = (flow.trace * third, k.mu + k.mu);

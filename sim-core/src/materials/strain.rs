@@ -20,6 +20,23 @@ pub struct Strain<R> {
     pub dt: R,
 }
 
+impl<R: Real> Strain<R> {
+    /// Of principal strains, with their deviators; the law's own number and the length of the substep [s].
+    #[inline(always)]
+    pub fn of_principal(eps: [R; 3], memory: R, dt: R) -> (Self, [R; 3]) {
+        let trace = eps[0] + (eps[1] + eps[2]);
+        let mean = trace * R::splat(1.0 / 3.0);
+        let dev = [eps[0] - mean, eps[1] - mean, eps[2] - mean];
+        let strain = Self {
+            trace,
+            deviator: crate::mat3::dot(dev, dev).sqrt(),
+            memory,
+            dt,
+        };
+        (strain, dev)
+    }
+}
+
 /// What a flow rule makes of a strain.
 #[derive(Clone, Copy, Debug)]
 pub struct Flow<R: Real> {

@@ -64,6 +64,13 @@ impl Model {
         portions[next].part
     }
 
+    /// Number of a part among those of its object.
+    pub fn number_in_object(&self, part: usize) -> u16 {
+        let object = self.parts[part].object;
+        let before = self.parts[..part].iter();
+        before.filter(|p| p.object == object).count() as u16
+    }
+
     /// The part of the scene that a part is, or is painted on.
     pub fn scene_part(&self, part: usize, painted: &[Painted]) -> usize {
         let painted = part.checked_sub(self.scene_parts).map(|n| &painted[n]);

@@ -36,8 +36,8 @@ impl Boxes {
 }
 
 on_isa! {
-    /// Squared distance of a place [m] from the nearest box, but those of groups that are farther than `reach` [m] are not written to
-    /// `near`: by their places in the list.
+    /// Squared distance of a place [m] from the nearest box [m^2]; groups with a box nearer than `reach` [m] are added to `near`, by
+    /// their places in the list.
     fn nearest_with_isa = nearest(
         boxes: &[Boxes],
         place: [f32; 3],
@@ -160,7 +160,12 @@ impl<'a> NearBoxes<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solid::search::squared_distance;
+
+    /// Squared distance of a place from a box; 0 inside [m^2].
+    fn squared_distance([min, max]: &Bounds, x: [f64; 3]) -> f64 {
+        let beyond = |a: usize| (min[a] - x[a]).max(x[a] - max[a]).max(0.0);
+        (0..3).map(|a| beyond(a).powi(2)).sum()
+    }
 
     #[test]
     fn many_boxes_are_as_far_as_one_by_one() {

@@ -412,8 +412,8 @@ impl Solid<'_> {
         (centre, length(half) + (search.own[cluster] - *own))
     }
 
-    /// Points that may touch these things where they stand, of which groups have moved so far as well [m], found by `find` in the clusters of which that is not known any more. They
-    /// go back by [`keep`](Self::keep).
+    /// Points that may touch these things where they stand, found by `find` in the clusters of which that is not known any more.
+    /// `others` are the ways of groups of what moves besides [m]. They go back by [`keep`](Self::keep).
     pub fn candidates(
         &mut self,
         (with, others): (&[(u32, Stand)], &[f64]),

@@ -147,33 +147,29 @@ impl Extension {
         NodeRow(NodeRow::sum(rows, self.row(n)))
     }
 
-    fn follow_in(&self, n: usize, nodes: &[NodeBlock]) -> [[f32; 3]; 2] {
-        let mut sums = [[0.0; 3]; 2];
-        for &(inner, e) in self.row(n) {
-            let slot = inner as usize;
-            let block = &nodes[slot / NODES];
-            let (u, v) = (read(&block.u, slot), read(&block.v, slot));
-            for a in 0..3 {
-                sums[0][a] += e * u[a];
-                sums[1][a] += e * v[a];
-            }
-        }
-        sums
-    }
-
     /// Puts outer nodes where they belong.
     pub fn follow_displacements(&self, nodes: &mut [NodeBlock]) {
+        let rows = NodeRow::of(nodes);
         for (n, &slot) in self.outer.iter().enumerate() {
-            let u = self.follow_in(n, nodes)[0];
-            write(&mut nodes[slot as usize / NODES].u, slot as usize, u);
+            let [x, y, z, ..] = self.follow(n, &rows).0;
+            write(
+                &mut nodes[slot as usize / NODES].u,
+                slot as usize,
+                [x, y, z],
+            );
         }
     }
 
     /// Gives outer nodes the velocities that they follow with.
     pub fn follow_velocities(&self, nodes: &mut [NodeBlock]) {
+        let rows = NodeRow::of(nodes);
         for (n, &slot) in self.outer.iter().enumerate() {
-            let v = self.follow_in(n, nodes)[1];
-            write(&mut nodes[slot as usize / NODES].v, slot as usize, v);
+            let [.., x, y, z, _, _] = self.follow(n, &rows).0;
+            write(
+                &mut nodes[slot as usize / NODES].v,
+                slot as usize,
+                [x, y, z],
+            );
         }
     }
 

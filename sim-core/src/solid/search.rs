@@ -281,17 +281,6 @@ pub(crate) struct ClusterBox {
     pub own: f64,
 }
 
-/// Squared distance of a place from a box; 0 inside [m^2].
-#[cfg(test)]
-pub(super) fn squared_distance([min, max]: &Bounds, x: [f64; 3]) -> f64 {
-    let mut sum = 0.0;
-    for a in 0..3 {
-        let beyond = (min[a] - x[a]).max(x[a] - max[a]).max(0.0);
-        sum += beyond * beyond;
-    }
-    sum
-}
-
 /// A box that nothing is in.
 pub(super) const NOWHERE: Bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
 

@@ -165,14 +165,13 @@ impl World {
 
     /// Lets the points of a part that is a solid's forget what a law remembered beside the shape, which stays.
     fn forget_flow(&mut self, part: usize) {
-        let parts = &self.model.parts;
-        let object = parts[part].object;
-        let before = parts[..part].iter().filter(|p| p.object == object).count();
+        let object = self.model.parts[part].object;
+        let number = self.model.number_in_object(part);
         if let (Some(solid), Some(state)) = (
             &self.model.lagrangian[object],
             &mut self.state.solids[object],
         ) {
-            forget(&solid.grid, before as u16, &mut state.memory);
+            forget(&solid.grid, number, &mut state.memory);
         }
     }
 

@@ -60,13 +60,9 @@ impl World {
         let first = self.model.scene.objects[object].particles.start;
         let mut loose: Vec<Loose> = (0..solid.particles.len())
             .map(|n| {
-                loosened(
-                    solid,
-                    state,
-                    n,
-                    self.local_part(first + n),
-                    (first + n) as u32,
-                )
+                let part = self.model.part_of(first + n);
+                let part = self.model.number_in_object(part);
+                loosened(solid, state, n, part, (first + n) as u32)
             })
             .collect();
         let after = self.balance(object, &loose);
@@ -96,14 +92,6 @@ impl World {
             angular: std::array::from_fn(|a| after.angular[a] - before.angular[a]),
             energy: after.energy - before.energy,
         }
-    }
-
-    /// Number of a particle's part among those of its object.
-    fn local_part(&self, particle: usize) -> u16 {
-        let parts = &self.model.parts;
-        let part = self.model.part_of(particle);
-        let same = |p: &&crate::scene::Part| p.object == parts[part].object;
-        parts[..part].iter().filter(same).count() as u16
     }
 
     fn mass_of_particle(&self, object: usize, particle: &Loose) -> f64 {
