@@ -63,7 +63,7 @@ pub struct Args {
     #[arg(long)]
     free: bool,
     /// Size of picture and video.
-    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = crate::viewpoint::size)]
+    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = cosplat_console::size::size)]
     size: (u32, u32),
     /// Print one JSON object as the last line.
     #[arg(long)]

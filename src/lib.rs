@@ -13,17 +13,10 @@ mod export;
 mod features;
 mod import;
 mod inspect;
-mod lift;
-mod objects;
-pub mod output;
-pub mod progress;
 pub mod record;
 mod recover;
-mod refine;
 mod replay;
-pub mod seconds;
 pub mod serve;
-pub mod signals;
 pub mod simulate;
 mod verify;
 pub mod view;
@@ -33,6 +26,8 @@ mod web;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use cosplat_console::{note, progress, say, seconds, signals};
+use cosplat_objects::{lift, pick as objects, refine};
 
 /// Physics in 3D Gaussian Splatting scenes: one process simulates, others watch, record and push over shared
 /// memory.

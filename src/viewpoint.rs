@@ -1,5 +1,6 @@
 //! Where a picture of a scene is taken from: options of whoever draws or looks.
 
+use cosplat_console::size::size;
 use cosplat_renderer::{camera::Orbit, drawing::Look};
 
 /// The camera, and the size of its picture.
@@ -44,35 +45,6 @@ impl Viewpoint {
             every: 0,
             mp4: None,
             fps: 30.0,
-        }
-    }
-}
-
-/// `640x480`.
-pub fn size(text: &str) -> Result<(u32, u32), String> {
-    let parse = |part: &str| {
-        part.parse::<u32>()
-            .ok()
-            .filter(|n| (1..=16_384).contains(n))
-    };
-    text.split_once('x')
-        .and_then(|(width, height)| Some((parse(width)?, parse(height)?)))
-        .ok_or_else(|| {
-            format!(
-                "expected WIDTHxHEIGHT in pixels from 1 to 16384, such as 640x480, not {text:?}"
-            )
-        })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_read_or_refused_in_a_sentence() {
-        assert_eq!(size("640x480"), Ok((640, 480)));
-        for bad in ["640", "0x10", "10x", "-1x5", "99999x2", "4x4x4"] {
-            assert!(size(bad).unwrap_err().contains(bad));
         }
     }
 }

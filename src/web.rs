@@ -5,13 +5,14 @@ use std::sync::{atomic::Ordering, mpsc::sync_channel};
 use std::{net::SocketAddr, time::Duration};
 
 use anyhow::anyhow;
+use cosplat_console::output::announce;
 use cosplat_ipc::Domain;
 use cosplat_replay::player::{PlayOptions, Player};
 use cosplat_scene::materials::presets::PRESETS;
-use cosplat_web::{Door, Options, Server};
+use cosplat_web::{Options, Server};
 use serde_json::{Map, Value, json};
 
-use crate::{ctl, note, progress, say, signals};
+use crate::{ctl, progress, signals};
 
 /// How long a session that this process makes itself is waited for.
 const OWN: Duration = Duration::from_secs(30);
@@ -32,7 +33,12 @@ pub fn serve(
         read_only,
         ..options
     })?;
-    announce(server.door(), address, "give orders")?;
+    announce(
+        &server.door().link(),
+        server.door().is_local(),
+        address,
+        "give orders",
+    )?;
     server.run(&stop);
     Ok(())
 }
@@ -80,7 +86,12 @@ pub fn replay(
                 read_only,
                 ..options(address, &session, OWN)?
             })?;
-            announce(server.door(), address, "give orders")?;
+            announce(
+                &server.door().link(),
+                server.door().is_local(),
+                address,
+                "give orders",
+            )?;
             server.run(&stop);
             Ok(())
         };
@@ -102,16 +113,6 @@ fn options(address: SocketAddr, session: &str, patience: Duration) -> anyhow::Re
         presets: presets(),
         materials: Box::new(ctl::material),
     })
-}
-
-/// Prints the link of a page, and what else whoever has it `may` do where other machines reach it.
-pub fn announce(door: &Door, address: SocketAddr, may: &str) -> anyhow::Result<()> {
-    if !door.is_local() {
-        note!(
-            "other machines reach {address}: whoever has the link may watch and {may}, and the link is not encrypted"
-        );
-    }
-    say!("{}", door.link())
 }
 
 /// The presets with their numbers, by the keys of a scene file.

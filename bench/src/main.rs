@@ -32,7 +32,8 @@ use std::{
 
 use anyhow::bail;
 use clap::{Parser, Subcommand};
-use cosplat::{child, progress, signals};
+use cosplat::child;
+use cosplat_console::{progress, signals};
 
 /// Measure this machine, and hold the solver against known answers.
 #[derive(Parser)]

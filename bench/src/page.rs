@@ -6,7 +6,7 @@ use std::{
 };
 
 use anyhow::Context;
-use cosplat::say;
+use cosplat_console::say;
 use serde::Serialize;
 
 use crate::machine::Run;

@@ -10,7 +10,7 @@ use std::{
 };
 
 use anyhow::{Context, ensure};
-use cosplat::say;
+use cosplat_console::say;
 use cosplat_ipc::{
     Domain, ServerPorts,
     schema::{

@@ -10,7 +10,7 @@ use std::{
 };
 
 use anyhow::{Context, ensure};
-use cosplat::{note, say, seconds};
+use cosplat_console::{note, say, seconds};
 use cosplat_scene::load::{LoadedScene, load_text};
 use cosplat_sim_core::{Scene, World, scene::Solver};
 

@@ -1,7 +1,7 @@
 //! `cosplat bench table1`: the paper's Table I, counted instead of claimed.
 
 use anyhow::Context;
-use cosplat::say;
+use cosplat_console::say;
 use cosplat_scene::load::load_text;
 use cosplat_sim_core::{Work, World, scene::ContactMethod};
 use serde::Serialize;

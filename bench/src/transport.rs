@@ -14,7 +14,7 @@ use std::{
 };
 
 use anyhow::{Context, ensure};
-use cosplat::say;
+use cosplat_console::say;
 use cosplat_ipc::{
     Client, Domain, ServerPorts,
     client::FrameReader,

@@ -117,33 +117,29 @@ impl GaussianWriter {
                 return place(&placed, &self.make(object, &form), out);
             }
         }
-        let Ranges {
-            gaussians,
-            particles,
-        } = &self.objects[object];
-        self.poses.write_part(
-            gaussians.clone(),
-            particles.start,
-            &world.positions()[particles.clone()],
-            &world.deformations()[particles.clone()],
-            gaussians_as_poses(out),
-        );
+        let particles = self.objects[object].particles.clone();
+        let deformations = &world.deformations()[particles.clone()];
+        self.write_matter(object, &world.positions()[particles], deformations, out);
     }
 
     fn make(&self, object: usize, form: &Form) -> Vec<GaussianState> {
-        let Ranges {
-            gaussians,
-            particles,
-        } = &self.objects[object];
-        let mut out = vec![GaussianState::default(); gaussians.len()];
-        self.poses.write_part(
-            gaussians.clone(),
-            particles.start,
-            &form.position,
-            &form.deformation,
-            gaussians_as_poses(&mut out),
-        );
+        let mut out = vec![GaussianState::default(); self.range(object).len()];
+        self.write_matter(object, &form.position, &form.deformation, &mut out);
         out
+    }
+
+    /// Writes the Gaussians of an object whose particles are there, and deformed like this.
+    fn write_matter(
+        &self,
+        object: usize,
+        position: &[[f32; 3]],
+        deformation: &[[f32; 9]],
+        out: &mut [GaussianState],
+    ) {
+        let first = self.objects[object].particles.start;
+        let out = gaussians_as_poses(out);
+        self.poses
+            .write_part(self.range(object), first, position, deformation, out);
     }
 }
 

@@ -11,10 +11,7 @@
 
 use std::ops::AddAssign;
 
-use crate::{
-    mat3::Mat3,
-    scene::{Coherence, CoherentMode},
-};
+use crate::{mat3::Mat3, scene::CoherentMode};
 
 /// `D_p` of quadratic splines [cells^2].
 const D_P: f64 = 0.25;
@@ -159,13 +156,6 @@ fn spin(second: &[[f64; 3]; 3], angular: [f64; 3], affine: f64) -> Mat3<f64> {
     Mat3([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 }
 
-impl Coherence {
-    /// Part of the way to the nearest motion that is gone in `dt` [s].
-    pub(crate) fn part(&self, dt: f64) -> f64 {
-        -(-self.rate * dt).exp_m1()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -267,16 +257,5 @@ mod tests {
             assert!((mode.at(r)[a] - v[a]).abs() < 1e-12);
         }
         assert!(mode.gradient.sub(&Mat3(c)).norm_squared() < 1e-20);
-    }
-
-    #[test]
-    fn strength_is_a_rate() {
-        let coherence = Coherence {
-            rate: 3.0,
-            mode: CoherentMode::Affine,
-        };
-        let (once, twice) = (coherence.part(0.2), coherence.part(0.1));
-        assert!((1.0 - once - (1.0 - twice).powi(2)).abs() < 1e-15);
-        assert_eq!(coherence.part(0.0), 0.0);
     }
 }

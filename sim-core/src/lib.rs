@@ -16,40 +16,34 @@
     reason = "vector instructions, and particles that threads share by index"
 )]
 
-mod bodies;
 mod coherence;
-pub mod colliders;
 pub mod command;
 mod contact;
 mod contact_com;
 mod coupling;
-pub mod distance;
-pub mod expression;
 mod grid;
-pub mod kinematics;
-pub mod mat3;
-pub mod materials;
 mod model;
 pub mod moments;
 pub mod notices;
-pub mod num;
 mod particles;
 pub mod pose;
 pub mod probe;
 pub mod report;
-pub mod rotation;
-pub mod scene;
-pub mod simd;
-mod solid;
 mod state;
 mod step;
 mod substep;
 pub mod test_scenes;
 mod world;
 
+pub use cosplat_matter::{
+    Scene, expression, kinematics, mat3, materials, num, rotation, scene,
+    simd::{self, Isa},
+};
+use cosplat_rigid::{bodies, ledger};
+pub use cosplat_rigid::{colliders, distance};
+use cosplat_solid as solid;
+
 pub use command::{Action, Command, CommandError, HoldChange, Patch, Place};
+pub use cosplat_solid::vibrating::VibratingBlock;
 pub use report::{Contact, ContactEpisode, ContactPartner, DtLimit, ObjectState, StepReport, Work};
-pub use scene::Scene;
-pub use simd::Isa;
-pub use solid::vibrating::VibratingBlock;
 pub use world::{CheckpointError, Form, Placed, Visible, World, WorldError};

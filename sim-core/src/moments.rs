@@ -12,6 +12,7 @@ use crate::{
     mat3::{Mat3, cross},
     materials::{Coefficients, Material, polar},
     report::ObjectState,
+    rotation::quaternion,
     scene::Part,
 };
 
@@ -317,33 +318,6 @@ impl Sums {
             ..ObjectState::default()
         }
     }
-}
-
-/// Unit quaternion xyzw of a rotation matrix, `w >= 0` (Shepperd 1978).
-pub fn quaternion(r: &Mat3<f64>) -> [f64; 4] {
-    let m = r.0;
-    let trace = m[0][0] + m[1][1] + m[2][2];
-    // Four times the square of each component; dividing by the largest loses no digits.
-    let squares = [
-        1.0 + 2.0 * m[0][0] - trace,
-        1.0 + 2.0 * m[1][1] - trace,
-        1.0 + 2.0 * m[2][2] - trace,
-        1.0 + trace,
-    ];
-    let (x, y, z) = (m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]);
-    let (xy, xz, yz) = (m[0][1] + m[1][0], m[0][2] + m[2][0], m[1][2] + m[2][1]);
-    let largest = (0..4)
-        .max_by(|&a, &b| squares[a].total_cmp(&squares[b]))
-        .unwrap_or(3);
-    let q = [
-        [squares[0], xy, xz, x],
-        [xy, squares[1], yz, y],
-        [xz, yz, squares[2], z],
-        [x, y, z, squares[3]],
-    ][largest];
-    let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
-    let sign = if q[3] < 0.0 { -1.0 } else { 1.0 };
-    q.map(|c| sign * c / norm)
 }
 
 #[cfg(test)]

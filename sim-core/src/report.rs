@@ -1,5 +1,7 @@
 //! `StepReport`: what one step did, for people and machines.
 
+pub use crate::ledger::{Contact, ContactPartner};
+
 /// Result of stepping one frame.
 #[derive(Clone, Debug, Default)]
 pub struct StepReport {
@@ -224,30 +226,6 @@ pub struct ContactEpisode {
     pub duration: f64,
     /// Simulated time of the report [s].
     pub time: f64,
-}
-
-/// A pair that touched during a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Contact {
-    /// Object id; of two objects the lower one.
-    pub object: usize,
-    /// What it touched.
-    pub other: ContactPartner,
-    /// Where [m], world frame: mean weighted by normal impulses.
-    pub point: [f64; 3],
-    /// Unit normal from the other to the object.
-    pub normal: [f64; 3],
-    /// Impulse that the object received during the frame [N s].
-    pub impulse: [f64; 3],
-}
-
-/// What an object touched.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum ContactPartner {
-    /// The object of this id.
-    Object(usize),
-    /// The collider of this number.
-    Collider(usize),
 }
 
 /// Moments of one object (paper equation 2, with inertia and spin).

@@ -11,8 +11,9 @@ use serde::{Deserialize, Serialize};
 use crate::{
     bodies::{body::Body, engine::CachedImpulse, shape::Shape},
     colliders::{Paths, rules::Pins},
-    contact::{Episodes, ledger::Ledger},
+    contact::Episodes,
     grid::Grid,
+    ledger::Ledger,
     materials::{Material, limits::DeformationBounds},
     model::{Model, Painted},
     particles::{Backup, Block, Extremes, Motion, Particles},

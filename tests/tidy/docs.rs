@@ -16,11 +16,16 @@ fn names_a_path(token: &str) -> bool {
     };
     let known = [
         "src",
+        "matter",
+        "objects",
+        "rigid",
         "sim-core",
+        "solid",
         "ipc",
         "server",
         "clients",
         "bench",
+        "console",
         "fuzz",
         "importers",
         "pacing",

@@ -1,4 +1,4 @@
-//! The dependency direction of the workspace: `sim-core <- scene <- server -> ipc <- clients`.
+//! The dependency direction of the workspace: `matter <- rigid <- solid <- sim-core <- scene <- server -> ipc <- clients`.
 
 use std::collections::BTreeSet;
 
@@ -6,7 +6,13 @@ use crate::root;
 
 /// Every allowed edge between crates of the workspace; the root package may name them all.
 const ALLOWED: &[(&str, &[&str])] = &[
-    ("sim-core", &[]),
+    ("matter", &[]),
+    ("rigid", &["cosplat-matter"]),
+    ("solid", &["cosplat-matter", "cosplat-rigid"]),
+    (
+        "sim-core",
+        &["cosplat-matter", "cosplat-rigid", "cosplat-solid"],
+    ),
     ("reference", &["cosplat-sim-core"]),
     ("scene", &["cosplat-sim-core", "cosplat-reference"]),
     ("ipc", &[]),
@@ -47,6 +53,19 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "cosplat-replay",
         ],
     ),
+    ("console", &[]),
+    (
+        "objects",
+        &[
+            "cosplat-console",
+            "cosplat-ipc",
+            "cosplat-matter",
+            "cosplat-renderer",
+            "cosplat-scene",
+            "cosplat-semantics",
+            "cosplat-web",
+        ],
+    ),
     (
         "demo",
         &[
@@ -64,6 +83,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "bench",
         &[
             "cosplat",
+            "cosplat-console",
             "cosplat-sim-core",
             "cosplat-ipc",
             "cosplat-reference",

@@ -4,11 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{assert_clean, files, root, shown};
 
-/// Modules of the solver, the lowest first: each may name those before it.
-const FLOORS: [&str; 30] = [
+/// Crates of the solver, the lowest first.
+pub(crate) const SOLVER: [&str; 4] = ["matter", "rigid", "solid", "sim-core"];
+
+/// Modules of the solver, the lowest first: each may name those before it. The crate `solid` is one of them as a whole.
+const FLOORS: [&str; 31] = [
     "expression",
     "num",
-    "report",
     "mat3",
     "simd",
     "contact_com",
@@ -19,6 +21,8 @@ const FLOORS: [&str; 30] = [
     "scene",
     "coherence",
     "colliders",
+    "ledger",
+    "report",
     "command",
     "moments",
     "notices",
@@ -41,26 +45,31 @@ const FLOORS: [&str; 30] = [
 /// Longest function of the solver, in lines.
 const MAX_LINES: usize = 80;
 
-/// Files of the modules in [`FLOORS`] with their floor and their code, up to their tests.
-fn solver() -> Vec<(String, usize, String)> {
-    let source = root().join("sim-core/src");
-    let rust = files(&source, &|path| path.extension().is_some_and(|e| e == "rs"));
+/// Files of the solver with the floors of their modules in [`FLOORS`] and their code, up to their tests.
+fn solver() -> Vec<(String, Option<usize>, String)> {
     let mut found = Vec::new();
-    for path in rust {
-        let inner = path.strip_prefix(&source).expect("a file below its folder");
-        let inner = inner.to_string_lossy().into_owned();
-        let module = inner.split('/').next().unwrap_or_default();
-        let module = module.trim_end_matches(".rs");
-        let Some(floor) = FLOORS.iter().position(|name| *name == module) else {
-            continue;
-        };
-        if inner.contains("/tests/") || inner.ends_with("tests.rs") {
-            continue;
+    for of_solver in SOLVER {
+        let source = root().join(of_solver).join("src");
+        let rust = files(&source, &|path| path.extension().is_some_and(|e| e == "rs"));
+        for path in rust {
+            let inner = path.strip_prefix(&source).expect("a file below its folder");
+            let inner = inner.to_string_lossy().into_owned();
+            let module = inner.split('/').next().unwrap_or_default();
+            let module = module.trim_end_matches(".rs");
+            let floor = FLOORS.iter().position(|name| *name == module);
+            let is_solid = of_solver == "solid";
+            if inner.contains("tests/")
+                || inner.ends_with("tests.rs")
+                || floor.is_none() && !is_solid
+            {
+                continue;
+            }
+            let floor = floor.filter(|_| !is_solid);
+            let text = std::fs::read_to_string(&path).expect("source is readable");
+            let code = text.split("#[cfg(test)]\nmod tests {").next();
+            let code = code.unwrap_or_default().to_owned();
+            found.push((shown(&path), floor, code));
         }
-        let text = std::fs::read_to_string(&path).expect("source is readable");
-        let code = text.split("#[cfg(test)]\nmod tests {").next();
-        let code = code.unwrap_or_default().to_owned();
-        found.push((shown(&path), floor, code));
     }
     found
 }
@@ -106,6 +115,9 @@ fn named(code: &str, start: &str) -> Vec<String> {
 fn solver_modules_name_only_those_below() {
     let mut findings = Vec::new();
     for (name, floor, code) in solver() {
+        let Some(floor) = floor else {
+            continue;
+        };
         for other in named(&code, "crate::") {
             if FLOORS[floor + 1..].contains(&other.as_str()) {
                 findings.push(format!("{name}: {} names {other}", FLOORS[floor]));
@@ -124,14 +136,19 @@ fn names_are_found_in_nested_lists() {
 
 /// Per file of a folder the files beside it that it names, by their names, those among them whose items the folder's own
 /// file hands on; without the folder's own file, which may name all of them as they may name it.
-fn beside(folder: &str, sources: &[(String, usize, String)]) -> BTreeMap<String, BTreeSet<String>> {
+fn beside(
+    folder: &str,
+    sources: &[(String, Option<usize>, String)],
+) -> BTreeMap<String, BTreeSet<String>> {
     let inside = |name: &str| {
         let stem = name.strip_prefix(folder)?.strip_suffix(".rs")?;
-        (!stem.contains('/') && stem != "mod").then(|| stem.to_owned())
+        let is_own = ["mod", "lib"].contains(&stem);
+        (!stem.contains('/') && !is_own).then(|| stem.to_owned())
     };
     let stems: Vec<_> = sources.iter().filter_map(|s| inside(&s.0)).collect();
     let own = [
         format!("{folder}mod.rs"),
+        format!("{folder}lib.rs"),
         format!("{}.rs", folder.trim_end_matches('/')),
     ];
     let own = sources.iter().find(|s| own.contains(&s.0));
@@ -188,7 +205,7 @@ fn solver_files_side_by_side_name_each_other_in_no_circle() {
 
 #[test]
 fn circles_are_found_through_what_is_handed_on() {
-    let source = |name: &str, code: &str| (name.to_owned(), 0, code.to_owned());
+    let source = |name: &str, code: &str| (name.to_owned(), Some(0), code.to_owned());
     let straight = [
         source("m/mod.rs", "pub use b::{B, C};"),
         source("m/a.rs", "use super::{B, Own};"),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::{assert_clean, files, root, shown};
+use crate::{assert_clean, files, layers::SOLVER, root, shown};
 
 /// Names that stood for terms of the field, or for several things at once. Whole identifiers, outside comments.
 const BANNED: &[&str] = &[
@@ -63,7 +63,8 @@ fn identifiers(line: &str) -> impl Iterator<Item = &str> {
 fn the_solver_speaks_the_words_of_the_field() {
     let mut findings = Vec::new();
     let is_source = |path: &Path| path.extension().is_some_and(|e| e == "rs");
-    for file in files(&root().join("sim-core/src"), &is_source) {
+    let sources = SOLVER.map(|of_solver| files(&root().join(of_solver).join("src"), &is_source));
+    for file in sources.into_iter().flatten() {
         let text = std::fs::read_to_string(&file).expect("source is readable");
         for (number, line) in (1..).zip(text.lines()) {
             for word in identifiers(line).filter(|word| BANNED.contains(word)) {

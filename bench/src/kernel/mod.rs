@@ -15,7 +15,7 @@ mod tests;
 use std::path::PathBuf;
 
 use anyhow::ensure;
-use cosplat::{note, say};
+use cosplat_console::{note, say};
 use cosplat_sim_core::Isa;
 
 use crate::{machine::Run, page, progress};

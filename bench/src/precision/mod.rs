@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 
 use crate::{machine::Run, progress, signals};
-use cosplat::{note, say};
+use cosplat_console::{note, say};
 
 /// Runs of each setting, unless one says otherwise.
 const ROUNDS: u64 = 7;

@@ -3,7 +3,7 @@
 use std::{fmt::Write as _, fs, path::Path};
 
 use anyhow::Context;
-use cosplat::say;
+use cosplat_console::say;
 use serde_json::json;
 
 use super::{

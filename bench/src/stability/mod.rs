@@ -15,7 +15,7 @@ use std::{
 };
 
 use anyhow::Context;
-use cosplat::say;
+use cosplat_console::say;
 use rayon::prelude::*;
 use serde_json::json;
 

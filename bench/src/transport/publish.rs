@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use anyhow::Context;
-use cosplat::say;
+use cosplat_console::say;
 use cosplat_ipc::{
     Client, Domain, ServerPorts,
     client::ChangesReader,

@@ -16,7 +16,7 @@ use anyhow::bail;
 use case::{Group, Runs, Size};
 
 use crate::{page, progress};
-use cosplat::say;
+use cosplat_console::say;
 
 /// Run cases with a known answer and hold the results against it.
 #[derive(clap::Args)]

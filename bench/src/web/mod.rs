@@ -64,7 +64,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     splat: Option<PathBuf>,
     /// Seconds of each measurement, and for which a page is stopped.
-    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = cosplat::seconds::positive)]
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = cosplat_console::seconds::positive)]
     seconds: f64,
     /// How often all is measured; medians are told.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]

@@ -12,7 +12,7 @@ use std::{
 };
 
 use anyhow::{Context, ensure};
-use cosplat::say;
+use cosplat_console::say;
 use cosplat_ipc::monotonic_ns;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};

@@ -3,12 +3,18 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    ledger::{Ledger, PairExchange},
     motion::Motion,
     sites::{ContactBlock, unit},
     solve::{Exchange, Solved},
 };
-use crate::{grid::Grid, mat3::dot};
+use crate::{
+    grid::Grid,
+    ledger::{ContactPartner, Ledger},
+    mat3::dot,
+};
+
+/// What a pair of fields exchanged.
+pub(crate) type PairExchange = ([u32; 2], Exchange);
 
 /// Substeps without an impulse after which a pair may count as parted: elastic bodies part and touch again a few
 /// times while the last waves run through them.
@@ -123,6 +129,15 @@ impl Episodes {
     pub fn fields(&self) -> impl Iterator<Item = u32> {
         let open = self.open.iter().flat_map(|episode| episode.fields);
         open.chain(self.closed.iter().flat_map(|closed| closed.fields))
+    }
+
+    /// Books what objects exchanged on the grid, in units of `mass` [kg] and `dx` [m].
+    pub fn book(&mut self, exchanged: &[PairExchange], mass: f64, dx: f64) {
+        for (fields, exchange) in exchanged {
+            let [a, b] = fields.map(|field| field as usize);
+            let received = exchange.received(mass, dx);
+            self.ledger.add(b, ContactPartner::Object(a), &received);
+        }
     }
 
     /// Takes what is to be reported.

@@ -7,17 +7,15 @@ mod edge;
 mod episodes;
 mod gap;
 mod impulse;
-pub(crate) mod ledger;
 mod motion;
 mod patches;
 mod sites;
 mod solve;
 
 use edge::ClosingSpeed;
-use episodes::by_pair;
 pub(crate) use episodes::{Closed, Episodes, RequestedRestitution};
+use episodes::{PairExchange, by_pair};
 pub(crate) use gap::{LARGEST_RADIUS, Radii};
-use ledger::PairExchange;
 use sites::{ContactBlocks, read};
 use solve::Surroundings;
 

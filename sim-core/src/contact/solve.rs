@@ -11,6 +11,7 @@ use crate::{
         Grid, Velocities,
         approach::{BlockConstraints, BoundaryConditions},
     },
+    ledger::Received,
     mat3::dot,
 };
 
@@ -63,6 +64,16 @@ impl Exchange {
             weight: impulse.abs(),
             moment: point.map(|x| impulse.abs() * x),
             drift: [0.0; 3],
+        }
+    }
+
+    /// What `b` received in SI units, in units of `mass` [kg] and `dx` [m].
+    pub fn received(&self, mass: f64, dx: f64) -> Received {
+        Received {
+            impulse: self.impulse.map(|j| j * mass * dx),
+            normal_impulse: self.normal_impulse.map(|j| j * mass * dx),
+            weight: self.weight * mass * dx,
+            moment: self.moment.map(|x| x * mass * dx * dx),
         }
     }
 

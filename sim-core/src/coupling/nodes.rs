@@ -18,8 +18,8 @@ use crate::{
         solve::{Mover, Point, sweep},
         vector::{Vec3, add, along, length, scaled, sub},
     },
-    contact::ledger::Received,
     grid::Grid,
+    ledger::Received,
     mat3::{Mat3, cross, dot},
 };
 

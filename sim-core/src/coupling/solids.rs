@@ -12,8 +12,8 @@ use super::{
 };
 use crate::{
     bodies::vector::{Vec3, add, along, length, scaled, sub},
-    contact::ledger::Received,
     grid::Grid,
+    ledger::Received,
     mat3::dot,
     solid::inverse::{LocalInverse, SeenSurface},
 };

@@ -41,9 +41,7 @@ pub(super) fn contact(
         frame_velocity: motion.frame_velocity,
     };
     let met = timed(&mut timings.contact, || meet(grid, &meeting, episodes));
-    episodes
-        .ledger
-        .add_nodes(&met.exchanged, model.mass_unit, scene.dx);
+    episodes.book(&met.exchanged, model.mass_unit, scene.dx);
     work.contact_nodes += met.work.nodes;
     work.contact_particles += met.work.particles;
     met.largest

@@ -3,8 +3,8 @@
 use super::{limit::Limit, rigid::RigidGroup, springs::springs_of_solid, tally::Tally};
 use crate::{
     colliders::{Substep, farthest},
-    contact::ledger::Ledger,
     coupling::solids::NodeImpulses,
+    ledger::Ledger,
     report::DtLimit,
     solid::{
         advance::{Outside, Scratch, Solid},

@@ -7,7 +7,7 @@ use crate::{
         shape::Shape,
     },
     colliders::{Substep, springs::Given as FromSprings},
-    contact::ledger::Ledger,
+    ledger::Ledger,
     mat3::cross,
     solid::springs::SolidSpring,
     state::{Given, rigid::RigidBody},

@@ -393,7 +393,7 @@ impl World {
                 inertia[1][2],
                 inertia[2][2],
             ],
-            rotation: crate::moments::quaternion(&crate::materials::polar::rotation(&mean)),
+            rotation: crate::rotation::quaternion(&crate::materials::polar::rotation(&mean)),
             radius: (5.0 / 3.0 * spread / mass).max(0.0).sqrt(),
             kinetic_energy: rigid.body.kinetic_energy(&shape.inertia),
             elastic_energy: self.state.levels[object].stored_energy(),

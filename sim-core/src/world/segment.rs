@@ -4,8 +4,9 @@ use super::{World, frame::Frame};
 use crate::{
     bodies::{body::Body, engine::CachedImpulse},
     colliders::Substep,
-    contact::{Episodes, ledger::Ledger},
+    contact::Episodes,
     kinematics::kick,
+    ledger::Ledger,
     particles::Extremes,
     solid::state::SolidState,
     state::GridMotion,

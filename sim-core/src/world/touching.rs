@@ -6,7 +6,7 @@
 use super::World;
 use crate::{
     colliders::Substep,
-    contact::ledger::{Ledger, Received},
+    ledger::{Ledger, Received},
     mat3::{dot, length},
     report::{Contact, ContactPartner},
 };

@@ -29,7 +29,7 @@ use super::*;
 use crate::{
     materials::Law,
     scene::Surface,
-    test_scenes::{add_box, add_plane, elastic, empty, falling_block, spin},
+    test_scenes::{add_box, add_plane, ball, elastic, empty, falling_block, spin},
 };
 
 fn norm(v: [f64; 3]) -> f64 {

@@ -5,7 +5,6 @@ use crate::{
     CommandError,
     command::Action,
     scene::{Aabb, ColliderMotion, Fidelity, Object, PinnedRegion, Solver, TimeSpan},
-    solid::tests::ball,
 };
 
 /// A box of eight particles per cell as a solid.
@@ -23,9 +22,9 @@ fn ball_above_floor(across: f64, youngs_modulus: f64, height: f64) -> Scene {
     let mut scene = empty(dx);
     scene.gravity = [0.0, 0.0, -10.0];
     scene.cfl = 0.8;
-    for seed in ball(dx, [0.0, 0.0, radius + height], radius) {
-        scene.particles.position.push(seed.position);
-        scene.particles.volume.push(seed.volume);
+    for (position, volume) in ball(dx, [0.0, 0.0, radius + height], radius) {
+        scene.particles.position.push(position);
+        scene.particles.volume.push(volume);
     }
     let material = elastic(Law::NeoHookean, youngs_modulus, 0.3);
     scene.objects.push(Object {
@@ -331,9 +330,9 @@ fn balls_that_meet(across: f64, speed: f64, aside: f64) -> World {
     for side in [-1.0, 1.0] {
         let first = scene.particles.position.len();
         let center = [side * (radius + 0.3 * dx), 0.03 + side * aside, 0.02];
-        for seed in ball(dx, center, radius) {
-            scene.particles.position.push(seed.position);
-            scene.particles.volume.push(seed.volume);
+        for (position, volume) in ball(dx, center, radius) {
+            scene.particles.position.push(position);
+            scene.particles.volume.push(volume);
         }
         let material = elastic(Law::NeoHookean, 1e6, 0.3);
         scene.objects.push(Object {

@@ -4,15 +4,14 @@ use super::*;
 use crate::{
     report::ContactPartner,
     scene::{Object, Solver},
-    solid::tests::ball,
 };
 
 /// Adds a ball of a radius of 0.5 m; returns its number.
 fn add_ball(scene: &mut Scene, center: [f64; 3], material: Material, solver: Solver) -> usize {
     let first = scene.particles.position.len();
-    for seed in ball(scene.dx, center, 0.5) {
-        scene.particles.position.push(seed.position);
-        scene.particles.volume.push(seed.volume);
+    for (position, volume) in ball(scene.dx, center, 0.5) {
+        scene.particles.position.push(position);
+        scene.particles.volume.push(volume);
     }
     let id = scene.objects.len();
     scene.objects.push(Object {

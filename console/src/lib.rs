@@ -1,0 +1,7 @@
+//! How a command prints, shows how far it is, reads times and sizes, and stops when asked to.
+
+pub mod output;
+pub mod progress;
+pub mod seconds;
+pub mod signals;
+pub mod size;

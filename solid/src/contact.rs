@@ -1,0 +1,589 @@
+//! Surface points of solids against colliders: explicit penalty, with a tangential spring up to Coulomb's limit.
+//!
+//! A point that is too deep is pushed out with a pressure in proportion to its depth. Penalty keeps more energy than impulses
+//! that end a substep without approach: those are inelastic impacts of the surface layer.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::{
+    advance::{Scratch, Solid},
+    frequency::CONTACT,
+    grip::{Grip, NOTHING, OBJECTS},
+    model::SolidModel,
+    nodes::{NODES, NodeRow},
+    search::{
+        Bounds, CLUSTER, CandidateList, ClusterBox, FoundInCluster, LOOSE, MARGIN, NOWHERE, PART,
+        PARTS, Search, Stand, TASK, Ways, find_near, joined,
+    },
+    state::SolidState,
+    surface::SurfacePoint,
+};
+use crate::{
+    colliders::{Placed, farthest},
+    ledger::{ContactPartner, Ledger, Received},
+    mat3::{dot, length},
+    scene::Surface,
+    simd::LANES,
+};
+
+/// Pressure over the tangent at rest, per depth in cells.
+const STIFFNESS: f64 = 0.5;
+/// Margins within which a box is not far from colliders.
+const SEARCH_MARGINS: f64 = 8.0;
+
+/// Points that meet others, with their springs' stiffness.
+#[derive(Clone, Debug, Default)]
+pub struct ContactSurface {
+    /// Cluster after cluster.
+    pub points: Vec<SurfacePoint>,
+    /// Force per depth and tangent at rest [m].
+    pub stiffness: Vec<f64>,
+    /// Their clusters.
+    pub clusters: Vec<Cluster>,
+}
+
+/// Points that follow each other in the list, [`CLUSTER`] of them but for the last, and are near each other.
+#[derive(Clone, Debug)]
+pub struct Cluster {
+    /// Their places in the list.
+    pub points: Range<usize>,
+    /// Middle of every part of them at rest [m].
+    pub middles: [[f64; 3]; PARTS],
+    /// Blocks of the nodes that move them.
+    blocks: Vec<u32>,
+    /// Largest sum of magnitudes of a point's weights: how much farther than nodes it may move.
+    spread: f64,
+}
+
+impl Cluster {
+    fn new(all: &[SurfacePoint], first: usize) -> Self {
+        let points = first..all.len().min(first + CLUSTER);
+        let here = &all[points.clone()];
+        let nodes = here.iter().flat_map(|point| &point.bears);
+        let mut blocks: Vec<u32> = nodes.map(|node| node.0 / NODES as u32).collect();
+        blocks.sort_unstable();
+        blocks.dedup();
+        let spread = |point: &SurfacePoint| -> f64 {
+            point.bears.iter().map(|b| f64::from(b.1.abs())).sum()
+        };
+        Self {
+            spread: here.iter().map(spread).fold(1.0, f64::max),
+            middles: parts_of(here, |point| point.x).map(middle),
+            points,
+            blocks,
+        }
+    }
+
+    /// How far its points may have moved where the nodes of every block have moved so far [m].
+    fn way(&self, ways: &[f64]) -> f64 {
+        let of_blocks = self.blocks.iter().map(|&block| ways[block as usize]);
+        self.spread * of_blocks.fold(0.0, f64::max)
+    }
+}
+
+impl ContactSurface {
+    /// The surface of a solid, with springs as stiff as its lightest nodes bear. Points that follow each other are near each other.
+    pub fn new(model: &SolidModel, mut points: Vec<SurfacePoint>) -> Self {
+        points.sort_by_cached_key(|point| curve(point.x.map(|x| (x / model.dx).floor() as i64)));
+        let spring = |point: &SurfacePoint| STIFFNESS * point.area / model.dx;
+        let density = model.total_mass / model.volume();
+        let most = CONTACT / (density * model.dx * model.dx);
+        // Row sums of the springs over the nodes' masses bound their squared frequencies.
+        let borne: Vec<Vec<(u32, f32)>> = points.iter().map(|p| model.borne_by(&p.bears)).collect();
+        let mut load = vec![0.0; model.mass.len()];
+        for (point, inner) in points.iter().zip(&borne) {
+            let all: f64 = inner.iter().map(|b| f64::from(b.1.abs())).sum();
+            for &(slot, weight) in inner {
+                let at = slot as usize;
+                load[at] += spring(point) * f64::from(weight.abs()) * all / model.mass[at];
+            }
+        }
+        let stiffness = points.iter().zip(&borne).map(|(point, inner)| {
+            let loads = inner.iter().map(|b| load[b.0 as usize]);
+            let largest = loads.fold(most, f64::max);
+            spring(point) * most / largest
+        });
+        let firsts = (0..points.len()).step_by(CLUSTER);
+        Self {
+            stiffness: stiffness.collect(),
+            clusters: firsts.map(|first| Cluster::new(&points, first)).collect(),
+            points,
+        }
+    }
+
+    /// Boxes around the points of a cluster.
+    fn cluster_box(
+        &self,
+        model: &SolidModel,
+        rows: &[NodeRow],
+        (cluster, own): (usize, f64),
+    ) -> ClusterBox {
+        let points = &self.points[self.clusters[cluster].points.clone()];
+        ClusterBox {
+            parts: parts_of(points, |point| place(model, rows, point)),
+            own,
+        }
+    }
+
+    /// Box around all points now, and a speed that none of them exceeds [m, m/s]: from the boxes of their clusters, where these are
+    /// known in the frame at hand.
+    pub fn reach(
+        &self,
+        model: &SolidModel,
+        state: &SolidState,
+        known: Option<&mut Scratch>,
+    ) -> (Bounds, f64) {
+        let bounds = match known {
+            Some(Scratch { search, tiles, .. }) => {
+                search.look(self, model, &tiles.rows);
+                search.bounds(state)
+            }
+            None => self.extent(model, state),
+        };
+        let spread = self.clusters.iter().map(|cluster| cluster.spread);
+        let own = spread.fold(1.0, f64::max) * state.fastest(model);
+        (bounds, length(state.velocity) + own)
+    }
+
+    /// Box around all points now [m].
+    pub fn extent(&self, model: &SolidModel, state: &SolidState) -> Bounds {
+        let rows = NodeRow::of(&state.nodes);
+        let bounds = bounds_of(&self.points, |point| place(model, &rows, point));
+        bounds.map(|x| std::array::from_fn(|a| x[a] + state.shift[a]))
+    }
+}
+
+/// Box around some points [m].
+#[inline(always)]
+fn bounds_of(points: &[SurfacePoint], place: impl Fn(&SurfacePoint) -> [f64; 3]) -> Bounds {
+    let [mut min, mut max] = NOWHERE;
+    for point in points {
+        let x = place(point);
+        for a in 0..3 {
+            min[a] = min[a].min(x[a]);
+            max[a] = max[a].max(x[a]);
+        }
+    }
+    [min, max]
+}
+
+/// Boxes around the parts of a cluster [m].
+#[inline(always)]
+fn parts_of(points: &[SurfacePoint], place: impl Fn(&SurfacePoint) -> [f64; 3]) -> [Bounds; PARTS] {
+    let mut parts = [NOWHERE; PARTS];
+    for (points, part) in points.chunks(PART).zip(&mut parts) {
+        *part = bounds_of(points, &place);
+    }
+    parts
+}
+
+/// Middle of a box.
+pub(super) fn middle([min, max]: Bounds) -> [f64; 3] {
+    std::array::from_fn(|a| 0.5 * (min[a] + max[a]))
+}
+
+/// Place of a cell along a curve that visits blocks of two, four and so on as wholes (Morton 1966).
+fn curve(cell: [i64; 3]) -> u64 {
+    const BITS: usize = 21;
+    let at = cell.map(|c| (c + (1 << (BITS - 1))) as u64);
+    (0..BITS).fold(0, |sum, bit| {
+        let here = (0..3).map(|a| (at[a] >> bit & 1) << (3 * bit + a));
+        sum + here.sum::<u64>()
+    })
+}
+
+/// Place of a point of the surface, from the solid's frame [m].
+#[inline(always)]
+fn place(model: &SolidModel, rows: &[NodeRow], point: &SurfacePoint) -> [f64; 3] {
+    let u = NodeRow::sum_displacements(rows, &point.bears);
+    let mut x = point.x;
+    for a in 0..3 {
+        x[a] += model.dx * f64::from(u[a]);
+    }
+    x
+}
+
+/// A point in contact: its spring, force [N], and what the ledger is told.
+#[derive(Clone, Debug)]
+struct Pressed {
+    point: usize,
+    grip: Grip,
+    force: [f64; 3],
+    received: Vec<(usize, Received)>,
+}
+
+impl Solid<'_> {
+    /// Adds the forces of colliders, which have moved for `moved` [s] since they were last looked at and act for `kick` [s].
+    pub fn meet_colliders(
+        &mut self,
+        surface: &ContactSurface,
+        colliders: &[Placed<'_>],
+        [moved, kick]: [f64; 2],
+        (object, ledger): (usize, &mut Ledger),
+    ) {
+        if colliders.is_empty() {
+            return;
+        }
+        self.look(surface);
+        let [min, max] = self.bounds();
+        let stand = |placed: &Placed<'_>| {
+            let at = placed.start;
+            let stand = Stand {
+                place: at.translation,
+                turn: at.rotation,
+                radius: farthest(at.translation, min, max),
+            };
+            (placed.id as u32, stand)
+        };
+        let with: Vec<(u32, Stand)> = colliders.iter().map(stand).collect();
+        let mut list = self.candidates((&with, &[]), |solid, due| {
+            solid.near_colliders(surface, colliders, [min, max], due)
+        });
+        let (solid, state, modulus) = (&*self, &*self.state, self.modulus());
+        let own = &solid.scratch.search.own;
+        let ways = list.ways(own);
+        let points = list.points.par_iter_mut().with_min_len(TASK);
+        let pressed: Vec<Pressed> = points
+            .filter_map(|watched| {
+                let way = ways[watched.cluster()];
+                if watched.until > way {
+                    return None;
+                }
+                let n = watched.point as usize;
+                let [x, v] = solid.motion(surface, n);
+                let stiffness = modulus * surface.stiffness[n];
+                let at = At {
+                    x,
+                    v,
+                    stiffness,
+                    moved,
+                };
+                let (clear, pressed) = at.meet(n, colliders, state.springs[n], kick);
+                watched.until = way + clear.max(0.0);
+                pressed
+            })
+            .collect();
+        self.keep(list);
+        self.scratch.search.touched |= !pressed.is_empty();
+        for one in pressed {
+            self.state.springs[one.point] = one.grip;
+            self.push(&surface.points[one.point].bears, one.force);
+            for (collider, received) in &one.received {
+                ledger.add(object, ContactPartner::Collider(*collider), received);
+            }
+        }
+    }
+
+    /// Points of the clusters that are due which may soon touch colliders, and those that do; `min` and `max` are corners of a box
+    /// around all [m].
+    fn near_colliders(
+        &self,
+        surface: &ContactSurface,
+        colliders: &[Placed<'_>],
+        [min, max]: Bounds,
+        due: &[usize],
+    ) -> Vec<FoundInCluster> {
+        let springs = &self.state.springs;
+        let far = SEARCH_MARGINS * self.margin();
+        if !colliders.iter().any(|placed| placed.is_near(min, max, far))
+            && springs.iter().all(|grip| grip.with >= OBJECTS)
+        {
+            return due.iter().map(|_| FoundInCluster::none(far)).collect();
+        }
+        let clear = |x: [f64; 3]| {
+            let distances = colliders.iter().map(|placed| placed.distance(x).value);
+            distances.fold(f64::INFINITY, f64::min)
+        };
+        find_near(due, |cluster| {
+            self.near(surface, cluster, |grip| grip.with < OBJECTS, clear)
+        })
+    }
+
+    /// Adds a force [N] on nodes that share it by weights.
+    pub fn push(&mut self, bears: &[(u32, f32)], force: [f64; 3]) {
+        let scale = (self.model.dx * self.model.dx).recip();
+        if force == [0.0; 3] {
+            return;
+        }
+        let force = force.map(|f| (scale * f) as f32);
+        self.scratch.conditions.share_force(bears, force);
+    }
+}
+
+impl Search {
+    /// Looks at where the clusters of a surface are, those again that may have moved far.
+    pub fn look(&mut self, surface: &ContactSurface, model: &SolidModel, rows: &[NodeRow]) {
+        let Self {
+            ways,
+            own,
+            boxes,
+            groups,
+            is_fresh,
+            lists,
+            ..
+        } = self;
+        if std::mem::replace(is_fresh, true) {
+            return;
+        }
+        ways.resize(model.node_blocks.len(), 0.0);
+        own.clear();
+        own.extend(surface.clusters.iter().map(|cluster| cluster.way(ways)));
+        groups.clear();
+        let fastest = |own: &[f64]| own.iter().copied().fold(0.0, f64::max);
+        groups.extend(own.chunks(LANES / PARTS).map(fastest));
+        let loose = LOOSE * model.dx;
+        let own = &*own;
+        let look = |n: usize| surface.cluster_box(model, rows, (n, own[n]));
+        let lists = &*lists;
+        if boxes.is_empty() {
+            let all = (0..own.len()).into_par_iter().with_min_len(TASK / CLUSTER);
+            all.map(look).collect_into_vec(boxes);
+            return;
+        }
+        let all = boxes
+            .par_iter_mut()
+            .enumerate()
+            .with_min_len(TASK / CLUSTER);
+        // A box that is far from everything may be loose.
+        let clear = |n: usize| {
+            lists
+                .iter()
+                .map(|list| list.clear(n, own))
+                .fold(f64::INFINITY, f64::min)
+        };
+        all.filter(|(n, one)| own[*n] - one.own > loose + 0.5 * clear(*n))
+            .for_each(|(n, one)| *one = look(n));
+    }
+}
+
+impl Solid<'_> {
+    /// How near to what they may touch points are listed [m].
+    pub fn margin(&self) -> f64 {
+        MARGIN * self.model.dx
+    }
+
+    /// Looks at where its clusters are.
+    pub fn look(&mut self, surface: &ContactSurface) {
+        let Scratch { search, tiles, .. } = &mut *self.scratch;
+        search.look(surface, self.model, &tiles.rows);
+    }
+
+    /// Where it stands, after a [`look`](Self::look).
+    pub fn stand(&self) -> Stand {
+        self.scratch.search.stand(self.state)
+    }
+
+    /// A box that the points of its surface are in, after a [`look`](Self::look) [m].
+    pub fn bounds(&self) -> Bounds {
+        self.scratch.search.bounds(self.state)
+    }
+
+    /// Points of a cluster that are near something, or hold on to it; `clear` tells how far a place is from that at least [m].
+    pub fn near(
+        &self,
+        surface: &ContactSurface,
+        cluster: usize,
+        holds: impl Fn(&Grip) -> bool,
+        clear: impl Fn([f64; 3]) -> f64,
+    ) -> FoundInCluster {
+        let (points, springs) = (&surface.clusters[cluster].points, &self.state.springs);
+        if !springs[points.clone()].iter().any(&holds) {
+            let (centre, radius) = self.ball(cluster);
+            let beyond = clear(centre) - radius;
+            if beyond >= self.margin() {
+                return FoundInCluster::none(beyond);
+            }
+        }
+        FoundInCluster::of(points.clone(), self.margin(), |n| {
+            match holds(&springs[n]) {
+                true => 0.0,
+                false => clear(self.place(surface, n)),
+            }
+        })
+    }
+
+    /// A ball around a cluster: centre and radius [m].
+    pub fn ball(&self, cluster: usize) -> ([f64; 3], f64) {
+        let search = &self.scratch.search;
+        let ClusterBox { parts, own } = &search.boxes[cluster];
+        let bounds = parts.iter().fold(NOWHERE, |all, one| joined(&all, one));
+        let half: [f64; 3] = std::array::from_fn(|a| 0.5 * (bounds[1][a] - bounds[0][a]));
+        let centre = std::array::from_fn(|a| bounds[0][a] + half[a] + self.state.shift[a]);
+        (centre, length(half) + (search.own[cluster] - *own))
+    }
+
+    /// Points that may touch these things where they stand, found by `find` in the clusters of which that is not known any more.
+    /// `others` are the ways of groups of what moves besides [m]. They go back by [`keep`](Self::keep).
+    pub fn candidates(
+        &mut self,
+        (with, others): (&[(u32, Stand)], &[f64]),
+        find: impl FnOnce(&Self, &[usize]) -> Vec<FoundInCluster>,
+    ) -> CandidateList {
+        let mut list = self.scratch.search.take(with);
+        let own = &self.scratch.search.own;
+        let ways = Ways { own, others };
+        list.go_on(self.stand(), with, &ways);
+        let due = list.due(&ways);
+        if !due.is_empty() {
+            list.renew(&due, &ways, find(self, &due));
+        }
+        list
+    }
+
+    /// Keeps a list of points for the next substep.
+    pub fn keep(&mut self, list: CandidateList) {
+        self.scratch.search.lists.push(list);
+    }
+
+    /// Place of a point of its surface [m].
+    #[inline(always)]
+    pub fn place(&self, surface: &ContactSurface, n: usize) -> [f64; 3] {
+        let mut x = place(self.model, &self.scratch.tiles.rows, &surface.points[n]);
+        for a in 0..3 {
+            x[a] += self.state.shift[a];
+        }
+        x
+    }
+
+    /// Place [m] and velocity [m/s] of a point of its surface.
+    #[inline(always)]
+    pub fn motion(&self, surface: &ContactSurface, n: usize) -> [[f64; 3]; 2] {
+        let point = &surface.points[n];
+        let row = NodeRow::sum(&self.scratch.tiles.rows, &point.bears);
+        let (mut x, mut v) = (point.x, self.state.velocity);
+        for a in 0..3 {
+            x[a] += self.state.shift[a] + self.model.dx * f64::from(row[a]);
+            v[a] += self.model.dx * f64::from(row[3 + a]);
+        }
+        [x, v]
+    }
+}
+
+/// What presses and holds a point.
+pub struct Spring {
+    /// Force per stretch, and per depth [N/m].
+    pub stiffness: f64,
+    /// How deep the point is in [m].
+    pub depth: f64,
+    /// Normal force [N].
+    pub pressure: f64,
+    /// Unit normal towards the point.
+    pub normal: [f64; 3],
+    /// Largest stretch that friction bears [m].
+    pub most: f64,
+}
+
+impl Spring {
+    /// Force [N] and stretch [m] after a relative velocity [m/s] for `moved` [s]; a contact that begins has no stretch yet.
+    pub fn pull(
+        &self,
+        before: Option<[f64; 3]>,
+        relative: [f64; 3],
+        moved: f64,
+    ) -> ([f64; 3], [f64; 3]) {
+        let stretch: [f64; 3] = match before {
+            Some(before) => std::array::from_fn(|a| before[a] + moved * relative[a]),
+            None => [0.0; 3],
+        };
+        let along = dot(stretch, self.normal);
+        let mut stretch: [f64; 3] = std::array::from_fn(|a| stretch[a] - along * self.normal[a]);
+        let size = dot(stretch, stretch).sqrt();
+        if size > self.most {
+            stretch = stretch.map(|s| s * self.most / size);
+        }
+        let force =
+            std::array::from_fn(|a| self.pressure * self.normal[a] - self.stiffness * stretch[a]);
+        (force, stretch)
+    }
+
+    /// What it holds [J]: the force is the slope of that.
+    pub fn energy(&self, stretch: [f64; 3]) -> f64 {
+        0.5 * self.stiffness * (self.depth * self.depth + dot(stretch, stretch))
+    }
+}
+
+/// A point on its way.
+struct At {
+    x: [f64; 3],
+    v: [f64; 3],
+    /// Force per depth [N/m].
+    stiffness: f64,
+    /// Since the springs were last stretched [s].
+    moved: f64,
+}
+
+impl At {
+    /// How far it is from all colliders [m], and what they do to it; nothing where it neither touches nor touched any.
+    fn meet(
+        &self,
+        point: usize,
+        colliders: &[Placed<'_>],
+        before: Grip,
+        kick: f64,
+    ) -> (f64, Option<Pressed>) {
+        let mut clear = f64::INFINITY;
+        let mut out = Pressed {
+            point,
+            grip: Grip::NONE,
+            force: [0.0; 3],
+            received: vec![],
+        };
+        let (mut deepest, mut energy) = (0.0, 0.0);
+        for placed in colliders {
+            let known = before.with == placed.id as u32;
+            let contact = placed.contact();
+            let found = placed.distance(self.x);
+            clear = clear.min(found.value);
+            let holds = known && contact.surface != Surface::Separate;
+            if found.value >= 0.0 && !holds {
+                continue;
+            }
+            let mut pressure = -self.stiffness * found.value;
+            if contact.surface == Surface::Separate {
+                pressure = pressure.max(0.0);
+            }
+            let u = placed.velocity(self.x);
+            let relative = std::array::from_fn(|a| self.v[a] - u[a]);
+            let spring = Spring {
+                stiffness: self.stiffness,
+                depth: match contact.surface {
+                    Surface::Separate => (-found.value).max(0.0),
+                    _ => -found.value,
+                },
+                pressure,
+                normal: found.normal,
+                most: match contact.surface {
+                    Surface::Sticky => f64::INFINITY,
+                    _ => contact.friction * pressure.max(0.0) / self.stiffness,
+                },
+            };
+            let (force, stretch) =
+                spring.pull(known.then_some(before.stretch), relative, self.moved);
+            for a in 0..3 {
+                out.force[a] += force[a];
+            }
+            energy += spring.energy(stretch);
+            let impulse = force.map(|f| kick * f);
+            out.received.push((
+                placed.id,
+                Received::at(self.x, found.normal, kick * pressure, impulse),
+            ));
+            if out.grip.with == NOTHING || -found.value > deepest {
+                deepest = -found.value;
+                out.grip = Grip {
+                    with: placed.id as u32,
+                    stretch,
+                    energy: 0.0,
+                };
+            }
+        }
+        let touches = out.grip.with != NOTHING;
+        if touches {
+            out.grip.energy = energy;
+            clear = 0.0;
+        }
+        (clear, (touches || before.with < OBJECTS).then_some(out))
+    }
+}

@@ -1,0 +1,206 @@
+//! Signed distance from the surface of a solid at rest, on the lattice of its matter.
+
+use super::{
+    lattice::{Lattice, Seed},
+    surface::{Filling, WHOLE, filling, plane_of},
+};
+use crate::mat3::{dot, length};
+
+/// How far from the surface distances are exact [pieces of the lattice].
+const BAND: i64 = 3;
+
+/// Distances [m] at the corners of the lattice, negative inside, linear in between.
+#[derive(Clone, Debug)]
+pub struct DepthField {
+    lattice: Lattice,
+    /// The first of its corners that has a value, along its axes [m].
+    first: [f64; 3],
+    size: [usize; 3],
+    values: Vec<f32>,
+}
+
+/// A part of the surface: a square face, or the plane in a cut piece.
+struct Patch {
+    center: [f64; 3],
+    normal: [f64; 3],
+    /// Half an edge of a square across this axis, or else the radius of a disc [m].
+    square: Option<usize>,
+    reach: f64,
+}
+
+impl Patch {
+    /// Signed distance of a point [m].
+    fn distance(&self, x: [f64; 3]) -> f64 {
+        let r: [f64; 3] = std::array::from_fn(|a| x[a] - self.center[a]);
+        let height = dot(r, self.normal);
+        let beyond = match self.square {
+            Some(axis) => {
+                let off: [f64; 3] = std::array::from_fn(|a| match a == axis {
+                    true => 0.0,
+                    false => (r[a].abs() - self.reach).max(0.0),
+                });
+                length(off)
+            }
+            None => {
+                let across = std::array::from_fn(|a| r[a] - height * self.normal[a]);
+                (length(across) - self.reach).max(0.0)
+            }
+        };
+        height.signum() * height.hypot(beyond)
+    }
+}
+
+fn patches(edge: f64, first: [f64; 3], filling: &Filling) -> Vec<([i64; 3], Patch)> {
+    let mut out = vec![];
+    for (index, (filled, _)) in filling {
+        let center: [f64; 3] = std::array::from_fn(|a| first[a] + edge * (index[a] as f64 + 0.5));
+        if *filled < WHOLE {
+            if let Some((height, normal, area)) = plane_of(filling, index, *filled) {
+                let patch = Patch {
+                    center: std::array::from_fn(|a| center[a] + edge * height * normal[a]),
+                    normal,
+                    square: None,
+                    reach: edge * (area / std::f64::consts::PI).sqrt(),
+                };
+                out.push((*index, patch));
+            }
+            continue;
+        }
+        for face in 0..6 {
+            let (axis, side) = (face / 2, 2 * (face as i64 % 2) - 1);
+            let mut next = *index;
+            next[axis] += side;
+            if filling.contains_key(&next) {
+                continue;
+            }
+            let mut normal = [0.0; 3];
+            normal[axis] = side as f64;
+            let patch = Patch {
+                center: std::array::from_fn(|a| center[a] + 0.5 * edge * normal[a]),
+                normal,
+                square: Some(axis),
+                reach: 0.5 * edge,
+            };
+            out.push((*index, patch));
+        }
+    }
+    out
+}
+
+impl DepthField {
+    /// Of some matter, at least one piece, on its lattice.
+    pub fn new(lattice: &Lattice, seeds: &[Seed]) -> Self {
+        let filling = filling(lattice, seeds);
+        let &Lattice {
+            edge,
+            corner: first,
+            ..
+        } = lattice;
+        let bound = |a: usize, pick: fn(i64, i64) -> i64, none: i64| {
+            filling.keys().map(|index| index[a]).fold(none, pick)
+        };
+        let min: [i64; 3] = std::array::from_fn(|a| bound(a, i64::min, i64::MAX) - BAND);
+        let max: [i64; 3] = std::array::from_fn(|a| bound(a, i64::max, i64::MIN) + 1 + BAND);
+        let size: [usize; 3] = std::array::from_fn(|a| (max[a] - min[a] + 1) as usize);
+        let inside = |corner: [i64; 3]| {
+            (0..8).any(|n| {
+                let o = [n / 4, n / 2 % 2, n % 2];
+                filling.contains_key(&std::array::from_fn(|a| corner[a] - o[a]))
+            })
+        };
+        let at = |corner: [i64; 3]| -> usize {
+            let [x, y, z] = [0, 1, 2].map(|a| (corner[a] - min[a]) as usize);
+            (x * size[1] + y) * size[2] + z
+        };
+        let mut values = vec![f32::INFINITY; size.iter().product()];
+        for (index, patch) in patches(edge, first, &filling) {
+            // Corners of the piece, and BAND beyond; those are in the box around all pieces.
+            let side = 2 * BAND + 2;
+            for n in 0..side.pow(3) {
+                let o = [n / side.pow(2), n / side % side, n % side];
+                let corner: [i64; 3] = std::array::from_fn(|a| index[a] + o[a] - BAND);
+                let x = std::array::from_fn(|a| first[a] + edge * corner[a] as f64);
+                let distance = patch.distance(x) as f32;
+                let known = &mut values[at(corner)];
+                if distance.abs() < known.abs() {
+                    *known = distance;
+                }
+            }
+        }
+        let far = (BAND as f64 * edge) as f32;
+        for x in min[0]..=max[0] {
+            for y in min[1]..=max[1] {
+                for z in min[2]..=max[2] {
+                    let value = &mut values[at([x, y, z])];
+                    if value.abs() >= far {
+                        *value = if inside([x, y, z]) { -far } else { far };
+                    }
+                }
+            }
+        }
+        Self {
+            first: std::array::from_fn(|a| first[a] + edge * min[a] as f64),
+            lattice: lattice.clone(),
+            size,
+            values,
+        }
+    }
+
+    /// Distance from the surface beyond which it is not known [m].
+    pub fn far(&self) -> f64 {
+        BAND as f64 * self.lattice.edge
+    }
+
+    /// Distance at a rest position [m], and its gradient; none far outside.
+    pub fn at(&self, x: [f64; 3]) -> Option<(f64, [f64; 3])> {
+        let (x, edge) = (self.lattice.place(x), self.lattice.edge);
+        let at: [f64; 3] = std::array::from_fn(|a| (x[a] - self.first[a]) / edge);
+        let inside = |a: usize| at[a] >= 0.0 && at[a] < (self.size[a] - 1) as f64;
+        if !(0..3).all(inside) {
+            return None;
+        }
+        let low = at.map(|x| x as usize);
+        let part: [f64; 3] = std::array::from_fn(|a| at[a] - low[a] as f64);
+        let (mut value, mut slope) = (0.0, [0.0; 3]);
+        for n in 0..8 {
+            let o = [n / 4, n / 2 % 2, n % 2];
+            let [i, j, k]: [usize; 3] = std::array::from_fn(|a| low[a] + o[a]);
+            let there = f64::from(self.values[(i * self.size[1] + j) * self.size[2] + k]);
+            let w: [f64; 3] =
+                std::array::from_fn(|a| if o[a] == 1 { part[a] } else { 1.0 - part[a] });
+            let sign = o.map(|o| 2.0 * o as f64 - 1.0);
+            value += w[0] * w[1] * w[2] * there;
+            slope[0] += sign[0] * w[1] * w[2] * there / edge;
+            slope[1] += w[0] * sign[1] * w[2] * there / edge;
+            slope[2] += w[0] * w[1] * sign[2] * there / edge;
+        }
+        Some((value, self.lattice.world(slope)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::{ball, lattice};
+
+    #[test]
+    fn depth_in_a_box_and_a_ball_is_that_of_the_shape() {
+        let of = |seeds: &[Seed]| DepthField::new(&Lattice::of(0.1, seeds), seeds);
+        let field = of(&lattice(0.1, [0.0; 3], [4, 4, 4], |_| true));
+        for (x, expected) in [
+            ([0.2, 0.2, 0.02], -0.02),
+            ([0.2, 0.2, 0.43], 0.03),
+            ([0.03, 0.17, 0.21], -0.03),
+        ] {
+            let (value, slope) = field.at(x).expect("near");
+            assert!((value - expected).abs() < 1e-6, "{x:?}: {value}");
+            assert!((length(slope) - 1.0).abs() < 1e-5);
+        }
+        let field = of(&ball(0.1, [0.0; 3], 0.5));
+        for x in [[0.47, 0.0, 0.0], [0.27, 0.27, 0.27], [-0.3, 0.4, 0.05]] {
+            let (value, _) = field.at(x).expect("near");
+            // A tenth of a cell, linear between corners of the lattice.
+            assert!((value - (length(x) - 0.5)).abs() < 0.01, "{x:?}: {value}");
+        }
+    }
+}

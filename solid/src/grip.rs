@@ -1,0 +1,33 @@
+//! What a surface point holds on to while it sticks.
+
+use serde::{Deserialize, Serialize};
+
+/// Nothing is touched.
+pub(super) const NOTHING: u32 = u32::MAX;
+/// From here on numbers of springs are those of objects, and before those of colliders.
+pub(super) const OBJECTS: u32 = 1 << 31;
+
+/// The tangential spring of a point.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Grip {
+    /// What it holds on to: a collider by its number, an object by [`on_object`](Self::on_object), or nothing.
+    pub with: u32,
+    /// How much it is stretched [m].
+    pub stretch: [f64; 3],
+    /// What the contact holds, pressed in and stretched [J].
+    pub energy: f64,
+}
+
+impl Grip {
+    /// What a grip on an object holds on to.
+    pub fn on_object(id: usize) -> u32 {
+        OBJECTS + id as u32
+    }
+
+    /// No contact.
+    pub const NONE: Self = Self {
+        with: NOTHING,
+        stretch: [0.0; 3],
+        energy: 0.0,
+    };
+}

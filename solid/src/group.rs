@@ -1,0 +1,328 @@
+//! Solids that move together through a span of time: those that may touch each other share their substeps.
+
+use super::{
+    advance::{Outside, Shares, Solid},
+    grip::Grip,
+    inverse::Start,
+    object::SolidObject,
+    pairs::{PointContact, Presence},
+    rigid::{
+        Exchange, Pressed as PressedByBodies, RigidPeers, Wrench, near_body, opposite, stand_of,
+    },
+    search::Bounds,
+    springs::SolidSpring,
+};
+use crate::{
+    colliders::{Boundaries, Paths, Placed, Substep},
+    ledger::{ContactPartner, Ledger},
+    scene::Scene,
+};
+
+/// A solid of a group.
+#[derive(Debug)]
+pub struct Mover<'a> {
+    /// Itself.
+    pub solid: Solid<'a>,
+    /// What the scene says of it.
+    pub object: &'a SolidObject,
+    /// Its number in the scene.
+    pub id: usize,
+    /// Friction that its surface states.
+    pub friction: Option<f64>,
+    /// Colliders that it may touch, by their numbers.
+    pub colliders: Vec<usize>,
+    /// Forces on nodes throughout the span, over the squared cell size [Pa].
+    pub steady: Vec<(usize, [f32; 3])>,
+    /// Springs that hold patches of it.
+    pub springs: Vec<SolidSpring<'a>>,
+    /// Velocity of each held node [m/s].
+    pub given: Vec<[f64; 3]>,
+}
+
+/// Everything around solids.
+#[derive(Clone, Copy, Debug)]
+pub struct Around<'a> {
+    /// What acts everywhere.
+    pub outside: Outside,
+    /// Colliders [m].
+    pub scene: &'a Scene,
+    /// The same, placed at moments.
+    pub boundaries: &'a Boundaries,
+    /// Where commanded ones go during the frame.
+    pub paths: &'a Paths,
+    /// Start and length of the frame [s].
+    pub frame: [f64; 2],
+}
+
+/// What a span came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passed {
+    /// Substeps.
+    pub substeps: u64,
+    /// Smallest of them [s].
+    pub smallest: f64,
+    /// The last of them [s].
+    pub last: f64,
+}
+
+/// Moves a group, and the rigid bodies that it may touch, from `start` for `length` [s] > 0; notes what colliders gave.
+///
+/// # Errors
+/// The number of the first object that is nowhere in the end: whoever called undoes what has changed by then.
+pub fn advance_group(
+    group: &mut [Mover<'_>],
+    mut peers: Option<&mut dyn RigidPeers>,
+    around: &Around<'_>,
+    [start, length]: [f64; 2],
+    ledger: &mut Ledger,
+) -> Result<Passed, usize> {
+    let outside = &around.outside;
+    for mover in group.iter_mut() {
+        let given = &mover.given;
+        mover
+            .solid
+            .begin(outside, start == around.frame[0], |n| given[n]);
+    }
+    let limit = |group: &[Mover<'_>]| {
+        let limits = group.iter().map(|mover| mover.solid.limit(outside.cfl));
+        limits.fold(f64::INFINITY, f64::min)
+    };
+    let mut shares = Shares::first(length, limit(group));
+    let mut passed = Passed {
+        substeps: 0,
+        smallest: f64::INFINITY,
+        last: 0.0,
+    };
+    // How long forces act, and how long things have moved since they were last looked at.
+    let (mut kick, mut moved) = (0.5 * shares.dt, 0.0);
+    let mut exchange = Exchange::default();
+    loop {
+        let now = Substep {
+            time: start + (length - shares.remaining),
+            dt: shares.dt,
+            kick,
+            frame_start: around.frame[0],
+            frame_length: around.frame[1],
+        };
+        let on_bodies = find_forces(group, peers.as_deref(), around, &now, [moved, kick], ledger);
+        move_nodes(group, outside, [kick, shares.dt], shares.taken)?;
+        if let Some(peers) = &mut peers {
+            peers.advance(&now, &exchange.through(on_bodies, now.dt));
+        }
+        passed.substeps += 1;
+        passed.smallest = passed.smallest.min(shares.dt);
+        (passed.last, moved) = (shares.dt, shares.dt);
+        match shares.next(limit(group)) {
+            Some(next) => kick = next,
+            None => break,
+        }
+    }
+    // Velocities come level with positions.
+    let now = Substep {
+        time: start + length,
+        dt: 0.0,
+        kick: 0.5 * passed.last,
+        frame_start: around.frame[0],
+        frame_length: around.frame[1],
+    };
+    let times = [moved, now.kick];
+    let on_bodies = find_forces(group, peers.as_deref(), around, &now, times, ledger);
+    move_nodes(group, outside, [now.kick, 0.0], 0)?;
+    if let Some(peers) = &mut peers {
+        peers.push(&exchange.rest(&on_bodies));
+    }
+    for mover in group {
+        for spring in &mover.springs {
+            ledger.add_spring(mover.id, &spring.given);
+        }
+    }
+    Ok(passed)
+}
+
+/// External forces at the moment; returns those on rigid bodies.
+fn find_forces(
+    group: &mut [Mover<'_>],
+    peers: Option<&dyn RigidPeers>,
+    around: &Around<'_>,
+    now: &Substep,
+    times: [f64; 2],
+    ledger: &mut Ledger,
+) -> Vec<Wrench> {
+    let touched = group.iter().any(|mover| !mover.colliders.is_empty());
+    let placed = match touched {
+        true => around.boundaries.all(around.paths, now),
+        false => vec![],
+    };
+    for mover in group.iter_mut() {
+        let conditions = &mut mover.solid.scratch.conditions;
+        conditions.clear_forces();
+        mover.solid.scratch.search.touched = false;
+        let conditions = &mut mover.solid.scratch.conditions;
+        for &(slot, force) in &mover.steady {
+            conditions.add_force(slot, force);
+        }
+        for spring in &mut mover.springs {
+            spring.push(&mut mover.solid, now);
+        }
+        let near = placed.iter().filter(|p| mover.colliders.contains(&p.id));
+        let near: Vec<Placed<'_>> = near.map(|p| p.against(mover.friction)).collect();
+        let surface = &mover.object.surface;
+        mover
+            .solid
+            .meet_colliders(surface, &near, times, (mover.id, ledger));
+    }
+    if group.len() > 1 {
+        meet_each_other(group, around, times, ledger);
+    }
+    match peers {
+        Some(peers) => meet_bodies(group, peers, around.scene, times, ledger),
+        None => vec![],
+    }
+}
+
+/// Forces between the solids of a group and rigid bodies; returns those on bodies.
+fn meet_bodies(
+    group: &mut [Mover<'_>],
+    peers: &dyn RigidPeers,
+    scene: &Scene,
+    [moved, kick]: [f64; 2],
+    ledger: &mut Ledger,
+) -> Vec<Wrench> {
+    let mut on_bodies = vec![Wrench::default(); peers.actors().len()];
+    for mover in group {
+        for (n, (actor, &body)) in peers.actors().iter().zip(peers.objects()).enumerate() {
+            let friction = scene.surface_between(mover.id, body).friction;
+            let (number, surface) = (Grip::on_object(body), &mover.object.surface);
+            let solid = &mut mover.solid;
+            solid.look(surface);
+            let with = [(number, stand_of(actor))];
+            let mut list = solid.candidates((&with, &[]), |solid, due| {
+                near_body(solid, surface, actor, number, due)
+            });
+            let pressed = PressedByBodies {
+                solid,
+                surface,
+                springs: &solid.state.springs,
+                modulus: solid.modulus(),
+                dx: solid.model.dx,
+                density: solid.model.full_node_mass / solid.model.dx.powi(3),
+            };
+            let met = pressed.pressed_by(actor, friction, moved, number, &mut list);
+            solid.keep(list);
+            solid.scratch.search.touched |= !met.is_empty();
+            on_bodies[n].add(1.0, &opposite(&met));
+            for one in met {
+                mover.solid.state.springs[one.point] = one.grip;
+                mover
+                    .solid
+                    .push(&surface.points[one.point].bears, one.force);
+                ledger.add(mover.id, ContactPartner::Object(body), &one.received(kick));
+            }
+        }
+    }
+    on_bodies
+}
+
+/// What a mover presses on points of another with.
+struct Pressed {
+    /// Places in the group: whose points, and of whom.
+    pair: [usize; 2],
+    met: Vec<PointContact>,
+}
+
+/// Forces between the solids of a group.
+fn meet_each_other(
+    group: &mut [Mover<'_>],
+    around: &Around<'_>,
+    [moved, kick]: [f64; 2],
+    ledger: &mut Ledger,
+) {
+    let look = |one: &mut Mover<'_>| {
+        one.solid.look(&one.object.surface);
+        let (bounds, solid) = (one.solid.bounds(), &mut one.solid);
+        let start = solid.scratch.search.start(solid.model, solid.state);
+        (bounds, start)
+    };
+    let seen: Vec<(Bounds, Start)> = group.iter_mut().map(look).collect();
+    let mut found = vec![];
+    for i in 0..group.len() {
+        for j in i + 1..group.len() {
+            let margin = group[i].solid.margin();
+            let ([a, b], [c, d]) = (seen[i].0, seen[j].0);
+            if (0..3).all(|n| a[n] <= d[n] + margin && c[n] <= b[n] + margin) {
+                press_each_other(group, [i, j], &seen, around, moved, &mut found);
+            }
+        }
+    }
+    for Pressed { pair, met } in found {
+        let ids = pair.map(|n| group[n].id);
+        for n in pair {
+            group[n].solid.scratch.search.touched |= !met.is_empty();
+        }
+        for one in met {
+            let [owner, other] = pair;
+            let bears = &group[owner].object.surface.points[one.point].bears;
+            group[owner].solid.state.springs[one.point] = one.grip;
+            group[owner].solid.push(bears, one.force);
+            if let Some(bears) = &one.bears {
+                group[other].solid.push(bears, one.force.map(|f| -f));
+            }
+            ledger.add(ids[0], ContactPartner::Object(ids[1]), &one.received(kick));
+        }
+    }
+}
+
+/// What two solids of a group press on each other's points with.
+fn press_each_other(
+    group: &mut [Mover<'_>],
+    both: [usize; 2],
+    seen: &[(Bounds, Start)],
+    around: &Around<'_>,
+    moved: f64,
+    found: &mut Vec<Pressed>,
+) {
+    let [i, j] = both;
+    let [a, b] = [i, j].map(|n| group[n].id);
+    let (isa, friction) = (
+        around.outside.isa,
+        around.scene.surface_between(a, b).friction,
+    );
+    for pair in [[i, j], [j, i]] {
+        let Ok([one, other]) = group.get_disjoint_mut(pair) else {
+            continue;
+        };
+        let (number, objects) = (Grip::on_object(other.id), [one.object, other.object]);
+        let [Some(own_depth), Some(depth)] = objects.map(|object| object.depth.as_ref()) else {
+            continue;
+        };
+        let (surface, others) = (&objects[0].surface, &objects[1].surface);
+        let stand = (number, other.solid.stand());
+        let there = Presence::new(&other.solid, others, depth, seen[pair[1]].1);
+        let find = |solid: &Solid<'_>, due: &[usize]| there.near(isa, solid, surface, number, due);
+        let others = &other.solid.scratch.search.groups;
+        let mut list = one.solid.candidates((&[stand], others), find);
+        if !list.points.is_empty() {
+            let here = Presence::new(&one.solid, surface, own_depth, seen[pair[0]].1);
+            let met = here.pressed_by(&there, &mut list, [friction, moved], number);
+            found.push(Pressed { pair, met });
+        }
+        one.solid.keep(list);
+    }
+}
+
+fn move_nodes(
+    group: &mut [Mover<'_>],
+    outside: &Outside,
+    [kick, drift]: [f64; 2],
+    index: u64,
+) -> Result<(), usize> {
+    for mover in group {
+        if mover.solid.substep(outside, kick, drift, index).bad {
+            return Err(mover.id);
+        }
+        for spring in &mut mover.springs {
+            spring.settle(&mover.solid);
+        }
+    }
+    Ok(())
+}

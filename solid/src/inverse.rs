@@ -1,0 +1,375 @@
+//! The local inverse of a solid's deformation: which material point is at a place, and where the surface is from there.
+
+use super::{
+    basis::weights_f64,
+    depth::DepthField,
+    model::{Bears, CellPoint, SolidModel, cell_of_number},
+    nodes::{NodeRow, place, slot},
+    state::SolidState,
+};
+use crate::mat3::{Mat3, length};
+
+/// Steps of Newton's method at most.
+const STEPS: usize = 12;
+/// Distance from the place at which it ends [cells]: what single precision tells of displacements by tens of cells.
+const CLOSE: f64 = 4e-6;
+/// Distance from the place at which a place may be told to be outside [cells].
+const ROUGH: f64 = 0.1;
+/// How many times as far from the surface as it is off it must be for that.
+const OUTSIDE: f64 = 3.0;
+/// Share of a distance that is sure: it is one at rest, carried on by the deformation of one place.
+pub(crate) const SURE: f64 = 0.7;
+/// Volume ratios within which an inverse is trusted.
+const TRUSTED: [f64; 2] = [0.1, 4.0];
+/// Nodes that a search begins with, at least, where there are as many.
+const FITTED: usize = 512;
+
+/// A solid as what is at a place sees it.
+#[derive(Clone, Debug)]
+pub struct LocalInverse<'a> {
+    /// What never changes of it.
+    pub model: &'a SolidModel,
+    /// Its nodes.
+    pub state: &'a SolidState,
+    /// Its nodes, by their numbers.
+    rows: &'a [NodeRow],
+    depth: &'a DepthField,
+    start: Start,
+}
+
+/// A material point that a place was near when it was looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct KnownPlace {
+    /// At rest [m], and where that is on the grid.
+    rest: [f64; 3],
+    site: CellPoint,
+    /// Distance from the surface then [m].
+    distance: f64,
+}
+
+/// Where a search for material points begins.
+#[derive(Clone, Copy, Debug)]
+pub struct Start {
+    /// Centre of mass now and at rest [m].
+    pub centre: [[f64; 3]; 2],
+    /// Affine map back to rest that fits best.
+    back: Mat3<f64>,
+}
+
+/// Why there is no material point at a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Missing {
+    /// There is no matter near: its surface is so far away at rest at least [m].
+    NoMatter(f64),
+    /// An inverse is not to be trusted, or was not found.
+    Lost,
+}
+
+/// The surface of a solid as seen from a place near it.
+#[derive(Clone, Copy, Debug)]
+pub struct SeenSurface {
+    /// The material point at the place, at rest [m].
+    pub rest: [f64; 3],
+    /// Signed distance, negative inside [m].
+    pub distance: f64,
+    /// Unit normal outwards.
+    pub normal: [f64; 3],
+    /// Change of the depth at rest per way along the normal, 0 to 1: less than 1 amid matter, where the nearest surface is on several sides.
+    pub steepness: f64,
+    /// Where that is on the grid.
+    site: CellPoint,
+}
+
+impl KnownPlace {
+    /// The material point at rest [m].
+    pub fn rest(&self) -> [f64; 3] {
+        self.rest
+    }
+}
+
+impl SeenSurface {
+    /// Velocity of the material point at the place, or of where matter would go on [m/s].
+    pub fn velocity(&self, of: &LocalInverse<'_>) -> [f64; 3] {
+        of.velocity_of(&self.bears(of.model))
+    }
+
+    /// What is to be known of it later.
+    pub fn known(&self) -> KnownPlace {
+        KnownPlace {
+            rest: self.rest,
+            site: self.site,
+            distance: self.distance,
+        }
+    }
+
+    /// Nodes of the solid that bear a force at the place.
+    pub fn bears(&self, model: &SolidModel) -> Bears {
+        model.bears(&self.site)
+    }
+}
+
+impl<'a> LocalInverse<'a> {
+    /// Of a solid at present, whose nodes `rows` are.
+    pub fn new(
+        (model, state): (&'a SolidModel, &'a SolidState),
+        rows: &'a [NodeRow],
+        depth: &'a DepthField,
+        start: Start,
+    ) -> Self {
+        Self {
+            model,
+            state,
+            rows,
+            depth,
+            start,
+        }
+    }
+
+    /// Velocity of where nodes with these weights are [m/s].
+    #[inline(always)]
+    pub fn velocity_of(&self, bears: &Bears) -> [f64; 3] {
+        let row = NodeRow::sum(self.rows, bears);
+        let mut v = self.state.velocity;
+        for a in 0..3 {
+            v[a] += self.model.dx * f64::from(row[3 + a]);
+        }
+        v
+    }
+
+    /// How far a place [m] is from the surface at least, if what was known of it tells that it is outside [m]: it and that material
+    /// point have moved apart by little.
+    #[inline(always)]
+    pub fn clear(&self, x: [f64; 3], known: &KnownPlace) -> Option<f64> {
+        let bears = self.model.bears(&known.site);
+        let u = NodeRow::sum_displacements(self.rows, &bears);
+        let mut off = x;
+        for a in 0..3 {
+            off[a] -= known.rest[a] + self.state.shift[a] + self.model.dx * f64::from(u[a]);
+        }
+        let off = length(off);
+        (known.distance > OUTSIDE * off).then_some(SURE * (known.distance - off))
+    }
+
+    /// About where a place [m] is at rest [m], from a point of which it is known where it is now and at rest [m].
+    pub fn back(&self, x: [f64; 3], known: [[f64; 3]; 2]) -> [f64; 3] {
+        self.start.back_about(x, known)
+    }
+
+    /// Displacement at a site and its slopes along each axis, summed along z, then y, then x.
+    #[inline(always)]
+    fn displacement(&self, site: &CellPoint) -> [[f64; 3]; 4] {
+        let blocks = &self.model.point_blocks[site.block as usize].nodes;
+        let cell = cell_of_number(site.number);
+        let axes = site.d.map(|d| {
+            let (w, g) = weights_f64(d);
+            (w.map(|w| w as f32), g.map(|g| g as f32))
+        });
+        let mut sums = [[0.0_f32; 4]; 4];
+        for x in 0..3 {
+            let i = cell[0] + x;
+            let mut planes = [[0.0_f32; 4]; 3];
+            for y in 0..3 {
+                let j = cell[1] + y;
+                let (mut value, mut slope) = ([0.0_f32; 4], [0.0_f32; 4]);
+                for z in 0..3 {
+                    let k = cell[2] + z;
+                    let block = blocks[4 * (i / 4) + 2 * (j / 4) + k / 4] as usize;
+                    let row = &self.rows[slot(block, place(i % 4, j % 4, k % 4))].0;
+                    let (w, g) = (axes[2].0[z], axes[2].1[z]);
+                    for a in 0..4 {
+                        value[a] += w * row[a];
+                        slope[a] += g * row[a];
+                    }
+                }
+                let (w, g) = (axes[1].0[y], axes[1].1[y]);
+                for a in 0..4 {
+                    planes[0][a] += w * value[a];
+                    planes[1][a] += g * value[a];
+                    planes[2][a] += w * slope[a];
+                }
+            }
+            let (w, g) = (axes[0].0[x], axes[0].1[x]);
+            for a in 0..4 {
+                sums[0][a] += w * planes[0][a];
+                sums[1][a] += g * planes[0][a];
+                sums[2][a] += w * planes[1][a];
+                sums[3][a] += w * planes[2][a];
+            }
+        }
+        sums.map(|[x, y, z, _]| [x, y, z].map(f64::from))
+    }
+
+    /// The surface as seen from a place [m]; none where it is far, or where the inverse is not to be trusted.
+    pub fn surface(&self, x: [f64; 3]) -> Option<SeenSurface> {
+        self.search(x, self.start.back(x), |_, _| false).ok()
+    }
+
+    /// The same of a place that is nearer to it than `most` [m]; none of others, but for some that are.
+    pub fn surface_within(&self, x: [f64; 3], most: f64) -> Option<SeenSurface> {
+        let beyond = |seen: &SeenSurface, off: f64| SURE * (seen.distance - off) > most;
+        let found = self.search(x, self.start.back(x), |seen, off| {
+            let is_beyond = seen.distance > OUTSIDE * off && beyond(seen, off);
+            if is_beyond {
+                seen.distance = f64::INFINITY;
+            }
+            is_beyond
+        });
+        found.ok().filter(|seen| seen.distance <= most)
+    }
+
+    /// The same, searched from a material point [m] on. Of a place that is outside for sure there is a distance that
+    /// it has at least.
+    #[inline(always)]
+    pub fn surface_from(&self, x: [f64; 3], near: [f64; 3]) -> Result<SeenSurface, Missing> {
+        self.search(x, near, |seen, off| {
+            let is_outside = seen.distance > OUTSIDE * off;
+            if is_outside {
+                seen.distance -= off;
+            }
+            is_outside
+        })
+    }
+
+    /// Newton's method from a material point on, which ends close to the place [m], or where `enough` says so of what is seen from
+    /// roughly there, so far off [m].
+    #[inline(always)]
+    fn search(
+        &self,
+        x: [f64; 3],
+        mut rest: [f64; 3],
+        enough: impl Fn(&mut SeenSurface, f64) -> bool,
+    ) -> Result<SeenSurface, Missing> {
+        for _ in 0..STEPS {
+            let Some(site) = self.model.site_near(rest) else {
+                let far = self.depth.at(rest).map(|(distance, _)| distance);
+                return Err(Missing::NoMatter(far.unwrap_or(self.depth.far())));
+            };
+            let displacement = self.displacement(&site);
+            let sample = self.state.sample_of(self.model, &site, &displacement);
+            let mut off = x;
+            for a in 0..3 {
+                off[a] -= sample.x[a];
+            }
+            let f = Mat3(sample.f);
+            let (cofactor, j) = (f.cofactor(), f.det());
+            if !(TRUSTED[0]..=TRUSTED[1]).contains(&j) {
+                return Err(Missing::Lost);
+            }
+            let far = length(off);
+            let is_close = far < CLOSE * self.model.dx;
+            if is_close || far < ROUGH * self.model.dx {
+                let mut seen = self.seen(rest, site, (&cofactor, j));
+                if is_close {
+                    return seen;
+                }
+                if let Ok(seen) = &mut seen
+                    && enough(seen, far)
+                {
+                    return Ok(*seen);
+                }
+            }
+            let step = cofactor.transpose().mul_vec(off);
+            let longest = (length(step) / (j * self.model.dx)).max(1.0);
+            for a in 0..3 {
+                rest[a] += step[a] / (j * longest);
+            }
+        }
+        Err(Missing::Lost)
+    }
+
+    /// The surface as seen from a material point, with the cofactor and determinant of its deformation gradient.
+    #[inline(always)]
+    fn seen(
+        &self,
+        rest: [f64; 3],
+        site: CellPoint,
+        (cofactor, j): (&Mat3<f64>, f64),
+    ) -> Result<SeenSurface, Missing> {
+        let depth = self.depth.at(rest);
+        let (distance, slope) = depth.ok_or(Missing::NoMatter(self.depth.far()))?;
+        let steepness = length(slope);
+        let mut normal = cofactor.mul_vec(slope);
+        for n in &mut normal {
+            *n /= j * steepness;
+        }
+        let size = length(normal);
+        let distance = distance / size;
+        for n in &mut normal {
+            *n /= size;
+        }
+        match distance.is_finite() {
+            true => Ok(SeenSurface {
+                rest,
+                distance,
+                normal,
+                steepness: steepness.min(1.0),
+                site,
+            }),
+            false => Err(Missing::Lost),
+        }
+    }
+}
+
+impl Start {
+    /// About where a place [m] is at rest [m].
+    #[inline(always)]
+    fn back(&self, x: [f64; 3]) -> [f64; 3] {
+        self.back_about(x, self.centre)
+    }
+
+    /// The same from a point of which it is known where it is now and at rest [m].
+    #[inline(always)]
+    fn back_about(&self, x: [f64; 3], [now, mut rest]: [[f64; 3]; 2]) -> [f64; 3] {
+        let mut arm = x;
+        for a in 0..3 {
+            arm[a] -= now[a];
+        }
+        let turned = self.back.mul_vec(arm);
+        for a in 0..3 {
+            rest[a] += turned[a];
+        }
+        rest
+    }
+
+    /// Of a solid at present.
+    pub fn of(model: &SolidModel, state: &SolidState) -> Self {
+        let (centre, back) = affine(model, state);
+        Self { centre, back }
+    }
+}
+
+/// Centre of mass now and at rest, and the affine map back to rest that fits best: of nodes all over the solid, as many as tell.
+fn affine(model: &SolidModel, state: &SolidState) -> ([[f64; 3]; 2], Mat3<f64>) {
+    // Odd, so that nodes are of all rows of their blocks.
+    let stride = (model.mass.len() / FITTED) | 1;
+    let nodes = (0..model.mass.len()).step_by(stride);
+    let nodes: Vec<(f64, [f64; 3], [f64; 3])> = nodes
+        .filter(|&slot| model.mass[slot] > 0.0)
+        .map(|slot| {
+            let (x, r) = (state.position(model, slot), model.node_in_world(slot));
+            (model.mass[slot], x, r)
+        })
+        .collect();
+    let total: f64 = nodes.iter().map(|node| node.0).sum();
+    let (mut now, mut rest) = ([0.0; 3], [0.0; 3]);
+    for (m, x, r) in &nodes {
+        for a in 0..3 {
+            now[a] += m / total * x[a];
+            rest[a] += m / total * r[a];
+        }
+    }
+    let (mut mixed, mut own) = (Mat3([[0.0; 3]; 3]), Mat3([[0.0; 3]; 3]));
+    for (m, x, r) in &nodes {
+        for i in 0..3 {
+            for j in 0..3 {
+                mixed.0[i][j] += m * (x[i] - now[i]) * (r[j] - rest[j]);
+                own.0[i][j] += m * (r[i] - rest[i]) * (r[j] - rest[j]);
+            }
+        }
+    }
+    // F = mixed own^-1, so its inverse is own mixed^-1.
+    let det = mixed.det();
+    let inverse = mixed.cofactor().transpose();
+    let inverse = Mat3(inverse.0.map(|row| row.map(|v| v / det)));
+    ([now, rest], own.mul(&inverse))
+}

@@ -1,0 +1,552 @@
+//! One substep of the nodes, sixteen points or nodes at a time.
+//!
+//! Every block of points writes the forces on its 6x6x6 nodes to a tile of its own ([`block`]), and every block of nodes sums the tiles
+//! that reach it in the order of their places, so that no result depends on threads.
+//!
+//! With `w_p = N_i(X_p) V_p` the squared frequency of any motion is at most 4.5 / dx^2 times the largest mean over a node's points,
+//! `sum_p w_p C_p / sum_p w_p rho`, of their tangents `C_p` (Cauchy and Schwarz in every point): so tangents go to nodes as mass does.
+
+mod block;
+mod flow;
+mod gradients;
+mod respond;
+mod rule;
+#[cfg(test)]
+mod tests;
+
+use rayon::prelude::*;
+
+use self::{
+    block::{Answers, Scratch, TangentTile, Tile},
+    flow::Flowing,
+    gradients::Matter,
+    rule::Rule,
+};
+use super::{
+    memory::BlockMemory,
+    model::{NO_BLOCK, SolidModel},
+    nodes::{Conditions, NODES, NodeBlock, NodeRow, Planes, read, write},
+};
+use crate::{
+    materials::{Coefficients, Law},
+    simd::{F32x16, Isa, Lanes, on_isa},
+};
+
+/// Blocks of points of a task: they share the memory between the stages.
+const TASK: usize = 8;
+/// Outer nodes of a task at least.
+const OUTER: usize = 512;
+/// Displacements [cells] and velocities [cells/s] below which there are none: cubes of them are normal numbers.
+const NOTHING: f64 = 1e-12;
+
+/// A law with its numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolidLaw {
+    /// The law.
+    pub law: Law,
+    /// Lamé's first parameter [Pa].
+    pub lambda: f64,
+    /// Shear modulus [Pa].
+    pub mu: f64,
+    /// Mass per rest volume [kg/m^3].
+    pub density: f64,
+}
+
+impl SolidLaw {
+    /// Its numbers as laws read them.
+    pub fn coefficients(&self) -> Coefficients<f64> {
+        Coefficients::of_law(self.law, self.lambda, self.mu)
+    }
+}
+
+/// What a substep changes.
+#[derive(Debug)]
+pub struct Moving<'a> {
+    /// Per block of nodes.
+    pub nodes: &'a mut [NodeBlock],
+    /// Per block of points; without it all laws are elastic.
+    pub memory: &'a mut [BlockMemory],
+}
+
+/// What a substep does besides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// How long forces act, and matter flows [s]; what it remembers stays as it is at 0.
+    pub kick: f32,
+    /// How long nodes move after that [s].
+    pub drift: f32,
+    /// Share of velocities that damping leaves.
+    pub keep: f32,
+    /// Gravity in the object's frame [cells/s^2].
+    pub gravity: [f32; 3],
+    /// Time of the viscous stress per strain rate, over Lamé's parameters [s].
+    pub viscosity: f32,
+    /// Whether [`Extremes::tangent`] is asked for.
+    pub wants_extremes: bool,
+}
+
+/// What a substep finds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Extremes {
+    /// Largest tangent over density, a mean over the points of a node that moves [m^2/s^2], if asked for.
+    pub tangent: f32,
+    /// Largest gradient of the velocity over rest positions [1/s], where there is viscosity.
+    pub rate: f32,
+    /// Whether a node is nowhere.
+    pub bad: bool,
+}
+
+/// The tiles that the kernel writes.
+#[derive(Clone, Debug, Default)]
+pub struct Tiles {
+    forces: Vec<Tile>,
+    tangents: Vec<TangentTile>,
+    /// Forces on nodes per block, and on outer ones [Pa].
+    total: Vec<Planes>,
+    outer: Vec<[f32; 4]>,
+    /// Displacements and velocities of outer nodes.
+    followed: Vec<NodeRow>,
+    /// Of all nodes by their numbers, as they are after a substep or a [look](Self::look_at).
+    pub rows: Vec<NodeRow>,
+    /// Largest speed of a node per block of nodes in the object's frame [cells/s].
+    pub speeds: Vec<f32>,
+}
+
+impl Tiles {
+    /// For a solid.
+    pub fn new(model: &SolidModel) -> Self {
+        let count = model.point_blocks.len();
+        Self {
+            forces: vec![[[[F32x16::ZERO; 4]; 6]; 3]; count],
+            tangents: vec![[[F32x16::ZERO; 4]; 6]; count],
+            outer: vec![[0.0; 4]; model.extension.outer.len()],
+            total: vec![[[F32x16::ZERO; 4]; 3]; model.node_blocks.len()],
+            followed: vec![NodeRow::default(); model.extension.outer.len()],
+            rows: vec![NodeRow::default(); NODES * model.node_blocks.len()],
+            speeds: vec![0.0; model.node_blocks.len()],
+        }
+    }
+
+    /// Takes note of nodes that were changed otherwise than by a substep.
+    pub fn look_at(&mut self, nodes: &[NodeBlock]) {
+        let rows = self.rows.par_chunks_exact_mut(NODES).zip(nodes);
+        let rows = rows.with_min_len(TASK);
+        rows.for_each(|(rows, block)| block.write_rows(rows));
+    }
+}
+
+/// Takes one substep: forces at the present displacements, `v += kick f / m`, `u += drift v`.
+pub fn substep(
+    isa: Isa,
+    model: &SolidModel,
+    laws: &[SolidLaw],
+    conditions: &Conditions,
+    Moving { nodes, memory }: Moving<'_>,
+    tiles: &mut Tiles,
+    step: &Step,
+) -> Extremes {
+    let before = &*nodes;
+    let answers = tiles.forces.par_chunks_mut(TASK);
+    let answers = answers.zip(tiles.tangents.par_chunks_mut(TASK));
+    let tasks = answers.zip(memory.par_chunks_mut(TASK)).enumerate();
+    let of_points = tasks.map(|(n, ((forces, tangents), memory))| {
+        let task = Task {
+            model,
+            first: n * TASK,
+            laws,
+            nodes: before,
+        };
+        forces_with_isa(isa, &task, step, (forces, tangents), memory)
+    });
+    let rate = of_points.reduce(|| 0.0, f32::max);
+    let mut tangent = 0;
+    if step.wants_extremes {
+        let tasks = model.spread.par_chunks(TASK).enumerate();
+        let largest =
+            tasks.map(|(n, w)| tangent_with_isa(isa, model, &tiles.tangents, n * TASK, w));
+        tangent = largest.reduce(|| 0, u32::max);
+    }
+    let Tiles {
+        forces,
+        outer,
+        total,
+        followed,
+        rows,
+        speeds,
+        ..
+    } = tiles;
+    let sums = total.par_chunks_mut(TASK).enumerate();
+    sums.for_each(|(n, total)| sum_with_isa(isa, model, conditions, forces, n * TASK, total));
+    bear_outer(model, conditions, outer, total);
+    let total = &*total;
+    let chunks = nodes.par_chunks_mut(TASK);
+    let tasks = chunks.zip(speeds.par_chunks_mut(TASK));
+    let tasks = tasks.zip(rows.par_chunks_mut(TASK * NODES)).enumerate();
+    tasks.for_each(|(n, ((nodes, speeds), rows))| {
+        let forces = NodeForces {
+            conditions,
+            total,
+            first: n * TASK,
+        };
+        advance_with_isa(isa, &forces, nodes, rows, speeds, step);
+    });
+    follow_inner(model, conditions, nodes, rows, followed, speeds);
+    let largest = speeds.iter().map(|speed| speed.to_bits()).max();
+    Extremes {
+        tangent: f32::from_bits(tangent) * (model.dx * model.dx) as f32,
+        rate,
+        bad: largest.unwrap_or(0) >= f32::INFINITY.to_bits(),
+    }
+}
+
+/// Gives inner nodes what acts on those that follow them.
+fn bear_outer(
+    model: &SolidModel,
+    conditions: &Conditions,
+    outer: &mut [[f32; 4]],
+    total: &mut [Planes],
+) {
+    let extension = &model.extension;
+    let slots = extension.outer.par_iter().with_min_len(OUTER);
+    let slots = slots.zip(&conditions.follows);
+    let of_nodes = &*total;
+    slots
+        .zip(outer.par_iter_mut())
+        .for_each(|((&slot, &follows), force)| {
+            let slot = slot as usize;
+            let [x, y, z] = match follows {
+                true => read(&of_nodes[slot / NODES], slot),
+                false => [0.0; 3],
+            };
+            *force = [x, y, z, 0.0];
+        });
+    let outer = &*outer;
+    let blocks = total.par_iter_mut().enumerate().with_min_len(TASK);
+    blocks.for_each(|(block, total)| extension.gather(block, outer, total));
+}
+
+/// Puts outer nodes where they belong.
+fn follow_inner(
+    model: &SolidModel,
+    conditions: &Conditions,
+    nodes: &mut [NodeBlock],
+    rows: &mut [NodeRow],
+    followed: &mut [NodeRow],
+    speeds: &mut [f32],
+) {
+    let extension = &model.extension;
+    let (before, all) = (&*rows, followed.par_iter_mut().enumerate());
+    all.with_min_len(OUTER)
+        .for_each(|(n, out)| *out = extension.follow(n, before));
+    let followed = &*followed;
+    let blocks = nodes.par_iter_mut().zip(rows.par_chunks_exact_mut(NODES));
+    let blocks = blocks.zip(speeds).enumerate();
+    blocks
+        .with_min_len(TASK)
+        .for_each(|(block, ((node, rows), speed))| {
+            for n in extension.outer_of[block].clone() {
+                if !conditions.follows[n as usize] {
+                    continue;
+                }
+                let slot = extension.outer[n as usize] as usize;
+                let row = followed[n as usize];
+                rows[slot % NODES] = row;
+                let [ux, uy, uz, vx, vy, vz, ..] = row.0;
+                let v = [vx, vy, vz];
+                write(&mut node.u, slot, [ux, uy, uz]);
+                write(&mut node.v, slot, v);
+                let squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+                let is_more = squared.sqrt() > *speed || squared.is_nan();
+                if is_more && !speed.is_nan() {
+                    *speed = squared.sqrt();
+                }
+            }
+        });
+}
+
+/// Elastic energy of a solid [J], summed block by block.
+pub fn elastic_energy(
+    isa: Isa,
+    model: &SolidModel,
+    laws: &[SolidLaw],
+    nodes: &[NodeBlock],
+    memory: &[BlockMemory],
+) -> f64 {
+    let tasks = (0..model.point_blocks.len().div_ceil(TASK)).into_par_iter();
+    let of_tasks: Vec<f64> = tasks
+        .map(|n| {
+            let first = n * TASK;
+            let task = Task {
+                model,
+                first,
+                laws,
+                nodes,
+            };
+            let count = TASK.min(model.point_blocks.len() - first);
+            energy_with_isa(isa, &task, &memory[first..first + count])
+        })
+        .collect();
+    of_tasks.iter().sum::<f64>() * model.dx.powi(3)
+}
+
+/// Some blocks of points, and what they read.
+struct Task<'a> {
+    model: &'a SolidModel,
+    /// The first of them.
+    first: usize,
+    laws: &'a [SolidLaw],
+    nodes: &'a [NodeBlock],
+}
+
+impl Task<'_> {
+    #[inline(always)]
+    fn rule<V: Lanes>(&self) -> Rule<V> {
+        Rule::new(&self.model.lattice.axes())
+    }
+
+    /// Nodes of its block `n`, and what that is made of.
+    #[inline(always)]
+    fn block(&self, n: usize) -> ([&NodeBlock; 8], impl Iterator<Item = Matter<'_>>) {
+        let around = self.model.point_blocks[self.first + n].nodes;
+        let node = |k: usize| &self.nodes[around[k] as usize];
+        let nodes = [
+            node(0),
+            node(1),
+            node(2),
+            node(3),
+            node(4),
+            node(5),
+            node(6),
+            node(7),
+        ];
+        let parts = self.model.parts.of(self.first + n);
+        let matter = parts.map(|(law, volumes, filled)| Matter {
+            law: &self.laws[usize::from(law)],
+            volumes,
+            filled,
+        });
+        (nodes, matter)
+    }
+}
+
+on_isa! {
+    fn forces_with_isa = forces(
+        task: &Task<'_>,
+        step: &Step,
+        tiles: (&mut [Tile], &mut [TangentTile]),
+        memory: &mut [BlockMemory],
+    ) -> f32
+}
+
+/// Fills the tiles of some blocks; the largest gradient of the velocity where there is viscosity [1/s].
+#[inline(always)]
+fn forces<V: Flowing>(
+    task: &Task<'_>,
+    step: &Step,
+    (tiles, tangents): (&mut [Tile], &mut [TangentTile]),
+    memory: &mut [BlockMemory],
+) -> f32 {
+    let (mut scratch, rule) = (Scratch::EMPTY, task.rule::<V>());
+    let mut rate = 0.0_f32;
+    let answers = tiles.iter_mut().zip(tangents).zip(memory);
+    for (n, ((tile, tangents), memory)) in answers.enumerate() {
+        let (nodes, matter) = task.block(n);
+        let answers = Answers {
+            tile,
+            tangents,
+            memory,
+        };
+        rate = rate.max(block::forces(
+            nodes,
+            matter,
+            &rule,
+            step,
+            &mut scratch,
+            answers,
+        ));
+    }
+    rate
+}
+
+on_isa! {
+    fn tangent_with_isa = largest_tangent(
+        model: &SolidModel,
+        tiles: &[TangentTile],
+        first: usize,
+        w: &[[F32x16; 4]],
+    ) -> u32
+}
+
+/// Largest mean tangent of some blocks of nodes, `w` being their cell size over their mass, as bits of it over the squared cell
+/// size [1/s^2].
+#[inline(always)]
+fn largest_tangent<V: Lanes>(
+    model: &SolidModel,
+    tiles: &[TangentTile],
+    first: usize,
+    w: &[[F32x16; 4]],
+) -> u32 {
+    let mut largest = V::splat(0.0);
+    for (n, w) in (first..).zip(w) {
+        let mut sum = [V::splat(0.0); 4];
+        for (o, &block) in model.point_blocks_of[n].iter().enumerate() {
+            if block == NO_BLOCK {
+                continue;
+            }
+            // As in `advance`.
+            let (tile, from, piece) = (&tiles[block as usize], 4 - o / 4 * 4, 3 - o % 4);
+            for x in 0..6 - from.max(2) {
+                sum[x] = sum[x] + V::load(&tile[from + x][piece]);
+            }
+        }
+        for x in 0..4 {
+            largest = largest.larger_magnitude(sum[x] * V::load(&w[x]));
+        }
+    }
+    largest.largest_magnitude_bits()
+}
+
+on_isa! {
+    fn energy_with_isa = energy(task: &Task<'_>, memory: &[BlockMemory]) -> f64
+}
+
+/// Elastic energy of some blocks [Pa cells^3].
+#[inline(always)]
+fn energy<V: Lanes>(task: &Task<'_>, memory: &[BlockMemory]) -> f64 {
+    let (mut scratch, rule) = (Scratch::EMPTY, task.rule::<V>());
+    let mut sum = 0.0;
+    for (n, memory) in memory.iter().enumerate() {
+        let (nodes, matter) = task.block(n);
+        sum += block::energy(nodes, matter, memory, &rule, &mut scratch);
+    }
+    sum
+}
+
+on_isa! {
+    /// Sums the forces on some blocks of nodes [Pa], from `first` on.
+    fn sum_with_isa = sum_forces(
+        model: &SolidModel,
+        conditions: &Conditions,
+        tiles: &[Tile],
+        first: usize,
+        total: &mut [Planes],
+    )
+}
+
+#[inline(always)]
+fn sum_forces<V: Lanes>(
+    model: &SolidModel,
+    conditions: &Conditions,
+    tiles: &[Tile],
+    first: usize,
+    total: &mut [Planes],
+) {
+    for (n, total) in (first..).zip(total) {
+        let mut f = [[V::splat(0.0); 4]; 3];
+        if conditions.forced[n] {
+            let given = &conditions.force[NODES * n..][..NODES];
+            for a in 0..3 {
+                for x in 0..4 {
+                    let component = F32x16(std::array::from_fn(|lane| given[16 * x + lane][a]));
+                    f[a][x] = V::load(&component);
+                }
+            }
+        }
+        // The first tile is that of the block before along every axis: its nodes from 4 on are here.
+        let around = &model.point_blocks_of[n];
+        for o in 0..8 {
+            if around[o] == NO_BLOCK {
+                continue;
+            }
+            let tile = &tiles[around[o] as usize];
+            let piece = 3 - o % 4;
+            if o < 4 {
+                for a in 0..3 {
+                    for x in 0..2 {
+                        f[a][x] = f[a][x] - V::load(&tile[a][4 + x][piece]);
+                    }
+                }
+            } else {
+                for a in 0..3 {
+                    for x in 0..4 {
+                        f[a][x] = f[a][x] - V::load(&tile[a][x][piece]);
+                    }
+                }
+            }
+        }
+        for a in 0..3 {
+            for x in 0..4 {
+                f[a][x].store(&mut total[a][x]);
+            }
+        }
+    }
+}
+
+/// What moves blocks of nodes.
+struct NodeForces<'a> {
+    conditions: &'a Conditions,
+    /// Forces on nodes, per block [Pa].
+    total: &'a [Planes],
+    /// The first block.
+    first: usize,
+}
+
+on_isa! {
+    fn advance_with_isa = advance(
+        forces: &NodeForces<'_>,
+        nodes: &mut [NodeBlock],
+        rows: &mut [NodeRow],
+        speeds: &mut [f32],
+        step: &Step,
+    )
+}
+
+/// The same, or nothing where it is next to nothing: products of such numbers would be subnormal, which takes a hundred times as long.
+#[inline(always)]
+fn flushed<V: Lanes>(value: V) -> V {
+    V::select(value.abs().lt(V::splat(NOTHING)), V::splat(0.0), value)
+}
+
+/// Velocities and displacements of some blocks of nodes, and the largest speed of each.
+#[inline(always)]
+fn advance<V: Lanes>(
+    forces: &NodeForces<'_>,
+    nodes: &mut [NodeBlock],
+    rows: &mut [NodeRow],
+    speeds: &mut [f32],
+    step: &Step,
+) {
+    let &NodeForces {
+        conditions,
+        total,
+        first,
+    } = forces;
+    let zero = V::splat(0.0);
+    let (kick, drift, keep) = (
+        V::broadcast(step.kick),
+        V::broadcast(step.drift),
+        V::broadcast(step.keep),
+    );
+    let blocks = nodes.iter_mut().zip(rows.chunks_exact_mut(NODES));
+    for ((n, (block, rows)), speed) in (first..).zip(blocks).zip(speeds) {
+        let mut largest = zero;
+        for x in 0..4 {
+            let w = V::load(&conditions.w[n][x]);
+            let free = zero.lt(w);
+            let mut squared = zero;
+            for a in 0..3 {
+                let rate = w.mul_add(V::load(&total[n][a][x]), V::broadcast(step.gravity[a]));
+                let before = V::load(&block.v[a][x]);
+                let v = flushed(kick.mul_add(rate, before) * keep);
+                let v = V::select(free, v, before);
+                v.store(&mut block.v[a][x]);
+                let u = drift.mul_add(v, V::load(&block.u[a][x]));
+                flushed(u).store(&mut block.u[a][x]);
+                squared = v.mul_add(v, squared);
+            }
+            largest = largest.larger_magnitude(squared);
+        }
+        block.write_rows(rows);
+        *speed = f32::from_bits(largest.largest_magnitude_bits()).sqrt();
+    }
+}

@@ -1,0 +1,180 @@
+//! What is made of an object of the scene before the first step: its grid, its surface, its particles' places.
+
+use super::{
+    contact::ContactSurface,
+    depth::DepthField,
+    kernel::SolidLaw,
+    lattice::Seed,
+    model::{CellPoint, SolidModel},
+    sampling::Sampling,
+    surface::surface,
+};
+use crate::{
+    materials::{Law, Material},
+    scene::{Fidelity, Object, PinnedRegion, Scene, Solver},
+};
+
+/// Share of a node's mass that must be of held matter for the node to be held: all matter within a hold then stays.
+const HELD: f64 = 0.1;
+
+/// The constant side of an object that is a solid.
+#[derive(Debug)]
+pub struct SolidObject {
+    /// Its grid.
+    pub grid: SolidModel,
+    /// Its surface.
+    pub surface: ContactSurface,
+    /// Depth in it, where there is other matter that may be in it.
+    pub depth: Option<DepthField>,
+    /// Where each of its particles is on the grid, in scene order.
+    pub particles: Vec<CellPoint>,
+    /// The same in the order of cells.
+    pub sampling: Sampling,
+    /// Mass of each of them [kg].
+    masses: Vec<f64>,
+    /// Per held region of the scene the nodes that it holds.
+    pub regions: Vec<Vec<usize>>,
+}
+
+impl SolidObject {
+    /// Of an object of the scene; none of one that is not a solid, or has no particles.
+    pub fn new(scene: &Scene, id: usize) -> Option<Self> {
+        let object = &scene.objects[id];
+        if !is_solid(object) {
+            return None;
+        }
+        let seeds = seeds(scene, object);
+        let grid = SolidModel::new(scene.dx, &seeds);
+        // At the border of a cell round-off may put a particle into the next one, which may have no matter.
+        let points = seeds.iter().map(|seed| grid.site_near(seed.position));
+        let particles = points.collect::<Option<Vec<CellPoint>>>()?;
+        let mut solid = Self {
+            surface: ContactSurface::new(&grid, surface(&grid, &seeds)),
+            depth: has_others(scene).then(|| DepthField::new(&grid.lattice, &seeds)),
+            sampling: Sampling::new(&particles),
+            particles,
+            masses: seeds.iter().map(|s| s.volume * s.density).collect(),
+            regions: vec![],
+            grid,
+        };
+        let regions = scene.pinned_regions.iter();
+        solid.regions = regions
+            .map(|region| solid.nodes_of_region(region, &seeds))
+            .collect();
+        Some(solid)
+    }
+
+    /// Nodes in a region at rest, and those of matter in it.
+    fn nodes_of_region(&self, region: &PinnedRegion, seeds: &[Seed]) -> Vec<usize> {
+        let mut nodes = self.nodes_of(|n| region.bounds.contains(seeds[n].position));
+        let inside = |&n: &usize| region.bounds.contains(self.grid.node_in_world(n));
+        nodes.extend(self.grid.nodes().filter(inside));
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    }
+
+    /// Nodes that particles of the object hold, by their number in it.
+    pub fn nodes_of(&self, holds: impl Fn(usize) -> bool) -> Vec<usize> {
+        let mut shares = vec![[0.0; 2]; self.grid.mass.len()];
+        for (n, site) in self.particles.iter().enumerate() {
+            let held = holds(n);
+            for (slot, weight) in self.grid.stencil_at(site) {
+                let mass = weight * self.masses[n];
+                shares[slot][0] += mass;
+                if held {
+                    shares[slot][1] += mass;
+                }
+            }
+        }
+        let slots = self.grid.nodes();
+        let is_held = |&n: &usize| shares[n][1] > 0.0 && shares[n][1] >= HELD * shares[n][0];
+        slots.filter(is_held).collect()
+    }
+
+    /// Nodes that particles hold, by their numbers, each with what the one says that has most of it.
+    pub fn held_by<T: Copy>(&self, holds: impl Fn(usize) -> Option<T>) -> Vec<(usize, T)> {
+        let fields: Vec<Option<T>> = (0..self.particles.len()).map(holds).collect();
+        let nodes = self.nodes_of(|n| fields[n].is_some());
+        let mut most = vec![(0.0, None); self.grid.mass.len()];
+        for (n, field) in fields.iter().enumerate().filter(|(_, f)| f.is_some()) {
+            for (slot, weight) in self.grid.stencil_at(&self.particles[n]) {
+                let mass = weight * self.masses[n];
+                if mass > most[slot].0 {
+                    most[slot] = (mass, *field);
+                }
+            }
+        }
+        let of = |n: usize| Some((n, most[n].1?));
+        nodes.into_iter().filter_map(of).collect()
+    }
+
+    /// Momentum per mass of nodes, by their number, that velocity changes [m/s] of particles, by theirs, come to.
+    pub fn spread(&self, change: impl Fn(usize) -> [f64; 3]) -> Vec<[f64; 3]> {
+        let mut out = vec![[0.0; 3]; self.grid.mass.len()];
+        for (n, site) in self.particles.iter().enumerate() {
+            let change = change(n);
+            if change == [0.0; 3] {
+                continue;
+            }
+            for (slot, weight) in self.grid.stencil_at(site) {
+                for (inner, e) in self.grid.extension.borne_by(slot as u32) {
+                    let (inner, weight) = (inner as usize, weight * f64::from(e));
+                    for a in 0..3 {
+                        out[inner][a] +=
+                            weight * self.masses[n] * change[a] / self.grid.mass[inner];
+                    }
+                }
+            }
+        }
+        out
+    }
+}
+
+/// Whether an object moves as a solid: it says so, and is no rigid body whatever its material.
+pub fn is_solid(object: &Object) -> bool {
+    let is_matter = matches!(object.fidelity, Fidelity::Mpm | Fidelity::Auto);
+    let regions = object.regions.iter().map(|region| &region.material);
+    let deforms = std::iter::once(&object.material)
+        .chain(regions)
+        .any(|material| material.law != Law::Rigid);
+    let is_asked_for = object.solver == Solver::Lagrangian && !object.particles.is_empty();
+    is_matter && deforms && is_asked_for
+}
+
+/// Whether a scene has more than one object that moves.
+fn has_others(scene: &Scene) -> bool {
+    let moves = |o: &&Object| o.fidelity != Fidelity::Static && !o.particles.is_empty();
+    scene.objects.iter().filter(moves).count() > 1
+}
+
+/// The particles of an object as matter at rest.
+fn seeds(scene: &Scene, object: &Object) -> Vec<Seed> {
+    let part = |p: usize| {
+        let of = |r: &crate::scene::MaterialRegion| r.particles.contains(&p);
+        object
+            .regions
+            .iter()
+            .position(of)
+            .map_or(0, |n| n as u16 + 1)
+    };
+    let particles = object.particles.clone();
+    particles
+        .map(|p| Seed {
+            position: scene.particles.position[p],
+            volume: scene.particles.volume[p],
+            density: object.density_of(p),
+            part: part(p),
+        })
+        .collect()
+}
+
+/// The numbers of a material's law for matter of a density [kg/m^3].
+pub fn law_of(material: &Material, density: f64) -> SolidLaw {
+    SolidLaw {
+        law: material.law,
+        lambda: material.lambda(),
+        mu: material.mu(),
+        density,
+    }
+}

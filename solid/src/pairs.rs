@@ -1,0 +1,287 @@
+//! Solids against each other: surface points of one against the depth in the other, through its local inverse deformation.
+
+use rayon::prelude::*;
+
+use super::{
+    advance::Solid,
+    boxes::{Boxes, NearBoxes},
+    contact::{ContactSurface, Spring, middle},
+    depth::DepthField,
+    grip::Grip,
+    inverse::{KnownPlace, LocalInverse, Missing, SURE, SeenSurface, Start},
+    model::Bears,
+    search::{CLUSTER, Candidate, CandidateList, FoundInCluster, PARTS, TASK, find_near},
+};
+use crate::{ledger::Received, simd::Isa};
+
+/// Largest depth at which a point may begin to touch [cells]: what is deeper came by way of a false root.
+const ENTRY: f64 = 1.0;
+/// How far a place of a surface may be from the boxes around its points [cells]: they are half a cell apart at rest.
+const COVER: f64 = 0.5;
+/// How much farther than points are listed what moves by itself is known one by one [cells].
+const NEIGHBOURHOOD: f64 = 4.0;
+/// Share of a distance at rest that is sure of a place where no matter tells of the deformation.
+const HALF_SURE: f64 = 0.5;
+/// Share of a surface's springs that each side of a pair has: both press.
+const HALF: f64 = 0.5;
+
+/// A solid where it is, as those see it that may be in it.
+pub(crate) struct Presence<'a> {
+    solid: &'a Solid<'a>,
+    inverse: LocalInverse<'a>,
+    surface: &'a ContactSurface,
+    /// Tangent at rest [Pa].
+    modulus: f64,
+}
+
+/// A point of one solid that another presses on.
+pub(crate) struct PointContact {
+    pub point: usize,
+    pub grip: Grip,
+    /// Force on the point [N]; its opposite is on the other's nodes.
+    pub force: [f64; 3],
+    /// Where, and the normal out of the other.
+    pub at: [[f64; 3]; 2],
+    pub pressure: f64,
+    /// The other's nodes that bear it.
+    pub bears: Option<Bears>,
+}
+
+impl PointContact {
+    /// A point at `x` [m] that lets go.
+    pub fn none(point: usize, x: [f64; 3]) -> Self {
+        Self {
+            point,
+            grip: Grip::NONE,
+            force: [0.0; 3],
+            at: [x, [0.0; 3]],
+            pressure: 0.0,
+            bears: None,
+        }
+    }
+
+    /// What its owner receives of forces that act for `kick` [s].
+    pub fn received(&self, kick: f64) -> Received {
+        let [at, normal] = self.at;
+        Received::at(
+            at,
+            normal,
+            kick * self.pressure,
+            self.force.map(|f| kick * f),
+        )
+    }
+}
+
+impl<'a> Presence<'a> {
+    /// Of a solid at present, after a look at where its clusters are, and where a search begins.
+    pub fn new(
+        solid: &'a Solid<'a>,
+        surface: &'a ContactSurface,
+        depth: &'a DepthField,
+        start: Start,
+    ) -> Self {
+        Self {
+            inverse: LocalInverse::new(
+                (solid.model, solid.state),
+                &solid.scratch.tiles.rows,
+                depth,
+                start,
+            ),
+            solid,
+            surface,
+            modulus: solid.modulus(),
+        }
+    }
+
+    /// Points of the clusters of a surface that are due which may soon touch this one, or do by a grip that `number` tells.
+    pub fn near(
+        &self,
+        isa: Isa,
+        solid: &Solid<'_>,
+        surface: &ContactSurface,
+        number: u32,
+        due: &[usize],
+    ) -> Vec<FoundInCluster> {
+        let boxes = Boxes::of(self.solid.scratch.search.grown());
+        find_near(due, |cluster| {
+            self.find(isa, solid, surface, number, &boxes, cluster)
+        })
+    }
+
+    /// Points of a cluster that may soon touch this one, or do; boxes are around this one's clusters, in its frame.
+    fn find(
+        &self,
+        isa: Isa,
+        solid: &Solid<'_>,
+        surface: &ContactSurface,
+        number: u32,
+        boxes: &[Boxes],
+        cluster: usize,
+    ) -> FoundInCluster {
+        let cover = COVER * self.inverse.model.dx;
+        let off = |mut x: [f64; 3]| {
+            for (x, shift) in x.iter_mut().zip(self.solid.state.shift) {
+                *x -= shift;
+            }
+            x
+        };
+        let (centre, radius) = solid.ball(cluster);
+        let most = solid.margin() + cover;
+        let beyond = NEIGHBOURHOOD * self.inverse.model.dx;
+        let near = NearBoxes::new(isa, boxes, off(centre), radius + most + beyond);
+        let holds = |grip: &Grip| grip.with == number;
+        let points = &surface.clusters[cluster].points;
+        let clear = near.clear - cover - radius;
+        let far = clear.max(solid.margin() + beyond);
+        if clear >= solid.margin() && !solid.state.springs[points.clone()].iter().any(holds) {
+            let mut none = FoundInCluster::none(clear);
+            (none.near, none.far) = (near.groups, far);
+            return none;
+        }
+        let (mut places, mut distances) = ([[0.0; 3]; CLUSTER], [(0.0, 0); CLUSTER]);
+        let count = points.len();
+        for (place, n) in places.iter_mut().zip(points.clone()) {
+            *place = off(solid.place(surface, n)).map(|x| x as f32);
+        }
+        // What is not near is farther than the margin from all points.
+        near.distances(&places[..count], most, &mut distances[..count]);
+        let mut found = FoundInCluster::of(points.clone(), solid.margin(), |n| {
+            match holds(&solid.state.springs[n]) {
+                true => 0.0,
+                false => f64::from(distances[n - points.start].0) - cover,
+            }
+        });
+        for point in &mut found.points {
+            point.part = distances[point.point as usize - points.start].1;
+        }
+        (found.near, found.far) = (near.groups, far);
+        found
+    }
+
+    /// What the other presses on points of this one with, `moved` [s] since they were looked at, by Coulomb's law; `number`
+    /// tells the other's springs.
+    pub fn pressed_by(
+        &self,
+        other: &Self,
+        list: &mut CandidateList,
+        [friction, moved]: [f64; 2],
+        number: u32,
+    ) -> Vec<PointContact> {
+        let ways = list.ways(&self.solid.scratch.search.own);
+        let points = list.points.par_iter_mut().with_min_len(TASK);
+        let met = points.filter_map(|watched| {
+            let way = ways[watched.cluster()];
+            if watched.until > way {
+                return None;
+            }
+            let (clear, met) = self.meet(other, watched, [friction, moved], number);
+            watched.until = way + clear;
+            met
+        });
+        met.collect()
+    }
+
+    /// How far a point is from the other at least [m], and what that presses on it with, or that it lets go.
+    fn meet(
+        &self,
+        other: &Self,
+        watched: &mut Candidate,
+        [friction, moved]: [f64; 2],
+        number: u32,
+    ) -> (f64, Option<PointContact>) {
+        let n = watched.point as usize;
+        let before = self.inverse.state.springs[n];
+        let before = (before.with == number).then_some(before);
+        let x = self.solid.place(self.surface, n);
+        if before.is_none()
+            && let Some(known) = &watched.known
+            && let Some(clear) = other.inverse.clear(x, known)
+        {
+            return (clear, None);
+        }
+        let mut seen = Err(Missing::Lost);
+        for known in [watched.known.as_ref(), None] {
+            let near = known.map_or_else(|| other.guess(x, watched.part), KnownPlace::rest);
+            seen = other.inverse.surface_from(x, near);
+            if seen.is_ok() || known.is_none() {
+                break;
+            }
+        }
+        watched.known = seen.ok().map(|seen| seen.known());
+        let clear = match &seen {
+            Ok(seen) => SURE * seen.distance.max(0.0),
+            // It is farther than cells beside matter.
+            Err(Missing::NoMatter(distance)) => self.solid.margin().max(HALF_SURE * distance),
+            Err(Missing::Lost) => 0.0,
+        };
+        let met = seen
+            .ok()
+            .and_then(|seen| self.press(other, n, (&seen, x), before, [friction, moved]));
+        let met = match met {
+            Some(met) => Some(PointContact {
+                grip: Grip {
+                    with: number,
+                    ..met.grip
+                },
+                ..met
+            }),
+            None => before.map(|_| PointContact::none(n, x)),
+        };
+        (clear, met)
+    }
+
+    /// About where a place [m] is at rest, from the part of its surface that it is nearest to [m].
+    fn guess(&self, x: [f64; 3], part: u32) -> [f64; 3] {
+        let (cluster, part) = (part as usize / PARTS, part as usize % PARTS);
+        let mut now = middle(self.solid.scratch.search.boxes[cluster].parts[part]);
+        for a in 0..3 {
+            now[a] += self.solid.state.shift[a];
+        }
+        let rest = self.surface.clusters[cluster].middles[part];
+        self.inverse.back(x, [now, rest])
+    }
+
+    fn press(
+        &self,
+        other: &Self,
+        n: usize,
+        (found, x): (&SeenSurface, [f64; 3]),
+        before: Option<Grip>,
+        [friction, moved]: [f64; 2],
+    ) -> Option<PointContact> {
+        if found.distance >= 0.0 {
+            return None;
+        }
+        let (depth, normal) = (-found.distance, found.normal);
+        if before.is_none() && depth > ENTRY * other.inverse.model.dx {
+            return None;
+        }
+        let stiffness = HALF * self.modulus.min(other.modulus) * self.surface.stiffness[n];
+        // The force is the slope of a potential, of half the squared depth: amid matter, where the depth is at its largest, it ends.
+        let effective_depth = depth * found.steepness;
+        let spring = Spring {
+            stiffness,
+            depth,
+            pressure: stiffness * effective_depth,
+            normal,
+            most: friction * effective_depth,
+        };
+        let bears = found.bears(other.inverse.model);
+        let u = other.inverse.velocity_of(&bears);
+        let [_, v] = self.solid.motion(self.surface, n);
+        let relative = std::array::from_fn(|a| v[a] - u[a]);
+        let (force, stretch) = spring.pull(before.map(|grip| grip.stretch), relative, moved);
+        Some(PointContact {
+            point: n,
+            grip: Grip {
+                with: 0,
+                stretch,
+                energy: spring.energy(stretch),
+            },
+            force,
+            at: [x, normal],
+            pressure: spring.pressure,
+            bears: Some(bears),
+        })
+    }
+}

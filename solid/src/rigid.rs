@@ -1,0 +1,228 @@
+//! Surface points of solids against rigid bodies: the penalty of [`contact`](super::contact), with its opposite on the body.
+//!
+//! Bodies move by the engine of `bodies` in the substeps of the solids. That takes what acts as a constant force through a
+//! substep, so that rest on other bodies and on colliders stays rest. Nodes take impulses between substeps. Both get the same
+//! in sum, because [`Exchange`] gives a body what is missing of it in the next substep.
+
+use rayon::prelude::*;
+
+use super::{
+    advance::Solid,
+    contact::{ContactSurface, Spring},
+    grip::Grip,
+    pairs::PointContact,
+    search::{CandidateList, FoundInCluster, Stand, TASK, find_near},
+};
+use crate::{
+    bodies::actor::Actor,
+    colliders::Substep,
+    mat3::{cross, dot},
+    rotation::rotate,
+};
+
+/// Largest depth at which a point may begin to touch [cells]: what is deeper began elsewhere.
+const ENTRY: f64 = 2.0;
+/// Share of what a node bears of springs that a body may: `CONTACT` over four times what pushes and turns it.
+const SHARE: f64 = 0.75;
+
+/// A force [N], or an impulse [N s], and its moment about the world's origin [N m].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wrench {
+    /// The force or impulse.
+    pub force: [f64; 3],
+    /// Its moment.
+    pub moment: [f64; 3],
+}
+
+impl Wrench {
+    /// Of a force with a torque about a point [m].
+    pub fn about(point: [f64; 3], force: [f64; 3], torque: [f64; 3]) -> Self {
+        let turn = cross(point, force);
+        Self {
+            force,
+            moment: std::array::from_fn(|a| torque[a] + turn[a]),
+        }
+    }
+
+    /// Force, and torque about a point [m].
+    pub fn load_about(&self, point: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        let turn = cross(point, self.force);
+        (
+            self.force,
+            std::array::from_fn(|a| self.moment[a] - turn[a]),
+        )
+    }
+
+    /// Adds `scale` times another.
+    pub fn add(&mut self, scale: f64, other: &Self) {
+        for a in 0..3 {
+            self.force[a] += scale * other.force[a];
+            self.moment[a] += scale * other.moment[a];
+        }
+    }
+}
+
+/// Rigid bodies that solids meet.
+pub trait RigidPeers {
+    /// All of them where they are.
+    fn actors(&self) -> &[Actor<'_>];
+    /// Their numbers in the scene.
+    fn objects(&self) -> &[usize];
+    /// Moves all by a substep under these forces.
+    fn advance(&mut self, now: &Substep, forces: &[Wrench]);
+    /// Gives each an impulse at once.
+    fn push(&mut self, impulses: &[Wrench]);
+}
+
+/// What solids have given to bodies, and what nodes have got of the same forces: as much in sum.
+#[derive(Clone, Debug, Default)]
+pub struct Exchange {
+    before: Vec<Wrench>,
+    dt: f64,
+}
+
+impl Exchange {
+    /// Force through a substep of `dt` [s] > 0 where `now` acts at its start: half of what forces changed by since the substep
+    /// before is made good.
+    pub fn through(&mut self, now: Vec<Wrench>, dt: f64) -> Vec<Wrench> {
+        let mut through = now.clone();
+        self.make_good(&now, 0.5 * self.dt / dt, &mut through);
+        (self.before, self.dt) = (now, dt);
+        through
+    }
+
+    /// Impulse at the end, where `now` acts.
+    pub fn rest(&self, now: &[Wrench]) -> Vec<Wrench> {
+        let mut rest = vec![Wrench::default(); now.len()];
+        self.make_good(now, 0.5 * self.dt, &mut rest);
+        rest
+    }
+
+    fn make_good(&self, now: &[Wrench], scale: f64, sums: &mut [Wrench]) {
+        for ((sum, now), before) in sums.iter_mut().zip(now).zip(&self.before) {
+            sum.add(scale, now);
+            sum.add(-scale, before);
+        }
+    }
+}
+
+/// A solid whose points bodies press on.
+pub(crate) struct Pressed<'a> {
+    pub solid: &'a Solid<'a>,
+    pub surface: &'a ContactSurface,
+    pub springs: &'a [Grip],
+    /// Tangent at rest [Pa].
+    pub modulus: f64,
+    /// Cell size [m].
+    pub dx: f64,
+    /// Mass per volume [kg/m^3].
+    pub density: f64,
+}
+
+impl Pressed<'_> {
+    /// What a body presses on the points with, `moved` [s] since they were looked at, by Coulomb's law; `number` tells its
+    /// springs. Springs that let go are among them.
+    pub fn pressed_by(
+        &self,
+        actor: &Actor<'_>,
+        friction: f64,
+        moved: f64,
+        number: u32,
+        list: &mut CandidateList,
+    ) -> Vec<PointContact> {
+        let ways = list.ways(&self.solid.scratch.search.own);
+        let (shape, body) = (actor.shape, &actor.body);
+        let spin = body.spin(&shape.inertia);
+        let area = std::f64::consts::PI * shape.radius * shape.radius;
+        let bearable = SHARE * shape.inertia.mass / (self.density * self.dx * area);
+        let scale = self.modulus * bearable.min(1.0);
+        let points = list.points.par_iter_mut().with_min_len(TASK);
+        let met = points.filter_map(|watched| {
+            let way = ways[watched.cluster()];
+            if watched.until > way {
+                return None;
+            }
+            let n = watched.point as usize;
+            let [x, v] = self.solid.motion(self.surface, n);
+            let before = self.springs[n];
+            let known = before.with == number;
+            let arm: [f64; 3] = std::array::from_fn(|a| x[a] - body.com[a]);
+            let none = known.then(|| PointContact::none(n, x));
+            if dot(arm, arm) > shape.radius * shape.radius {
+                return none;
+            }
+            let local = body.inverse_point(x);
+            let depth = -shape.distance(local);
+            watched.until = way + (-depth).max(0.0);
+            let touches = depth > 0.0 && (known || depth <= ENTRY * self.dx);
+            if !touches {
+                return none;
+            }
+            let normal = rotate(body.rotation, shape.normal(local));
+            let stiffness = scale * self.surface.stiffness[n];
+            let spring = Spring {
+                stiffness,
+                depth,
+                pressure: stiffness * depth,
+                normal,
+                most: friction * depth,
+            };
+            let turn = cross(spin, arm);
+            let relative = std::array::from_fn(|a| v[a] - body.velocity[a] - turn[a]);
+            let (force, stretch) = spring.pull(known.then_some(before.stretch), relative, moved);
+            Some(PointContact {
+                point: n,
+                grip: Grip {
+                    with: number,
+                    stretch,
+                    energy: spring.energy(stretch),
+                },
+                force,
+                at: [x, normal],
+                pressure: spring.pressure,
+                bears: None,
+            })
+        });
+        met.collect()
+    }
+}
+
+/// Points of the clusters of a solid that are due which may soon touch a body, or do by a grip that `number` tells.
+pub(crate) fn near_body(
+    solid: &Solid<'_>,
+    surface: &ContactSurface,
+    actor: &Actor<'_>,
+    number: u32,
+    due: &[usize],
+) -> Vec<FoundInCluster> {
+    let (shape, body, margin) = (actor.shape, &actor.body, solid.margin());
+    let clear = |x: [f64; 3]| {
+        let arm: [f64; 3] = std::array::from_fn(|a| x[a] - body.com[a]);
+        let beyond = dot(arm, arm).sqrt() - shape.radius;
+        match beyond < margin {
+            true => shape.distance(body.inverse_point(x)),
+            false => beyond,
+        }
+    };
+    find_near(due, |cluster| {
+        solid.near(surface, cluster, |grip| grip.with == number, clear)
+    })
+}
+
+/// Where a body stands.
+pub(crate) fn stand_of(actor: &Actor<'_>) -> Stand {
+    Stand {
+        place: actor.body.com,
+        turn: actor.body.rotation,
+        radius: actor.shape.radius,
+    }
+}
+
+/// Opposite of the forces on points.
+pub(crate) fn opposite(met: &[PointContact]) -> Wrench {
+    let mut sum = Wrench::default();
+    for one in met {
+        sum.add(-1.0, &Wrench::about(one.at[0], one.force, [0.0; 3]));
+    }
+    sum
+}

@@ -1,0 +1,477 @@
+//! Which points of a solid's surface may touch what: listed once, and looked for again cluster by cluster, each as soon as things may
+//! have come nearer by as much as its points are away.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::{
+    inverse::{KnownPlace, Start},
+    model::SolidModel,
+    state::SolidState,
+};
+use crate::mat3::length;
+
+/// How near to what they may touch points are listed [cells].
+pub(super) const MARGIN: f64 = 0.5;
+/// How much a box around a cluster may have to be grown before it is looked at anew [cells].
+pub(super) const LOOSE: f64 = 0.25;
+/// Points of a cluster: neighbours on the surface, which are looked for together.
+pub(super) const CLUSTER: usize = 32;
+/// Points of a part of a cluster, which has a box of its own.
+pub(super) const PART: usize = 8;
+/// Parts of a cluster.
+pub(super) const PARTS: usize = CLUSTER / PART;
+/// Points per task at least.
+pub(super) const TASK: usize = 64;
+
+/// Smallest and largest coordinates [m].
+pub type Bounds = [[f64; 3]; 2];
+
+/// Where something that moves is.
+#[derive(Clone, Copy, Debug)]
+pub struct Stand {
+    /// [m]
+    pub place: [f64; 3],
+    /// Unit quaternion.
+    pub turn: [f64; 4],
+    /// How far from the place anything counts that turns [m].
+    pub radius: f64,
+}
+
+impl Stand {
+    /// How far any point of two things may have come nearer to the other since they stood elsewhere [m].
+    fn nearer([now, then]: [&Self; 2], [other, other_then]: [&Self; 2]) -> f64 {
+        let mut apart = [0.0; 3];
+        for a in 0..3 {
+            let way = now.place[a] - then.place[a];
+            apart[a] = way - (other.place[a] - other_then.place[a]);
+        }
+        length(apart) + now.swept(then) + other.swept(other_then)
+    }
+
+    fn swept(&self, then: &Self) -> f64 {
+        let norm = |sign: f64| -> f64 {
+            let parts = self.turn.iter().zip(&then.turn);
+            parts.map(|(a, b)| (a - sign * b).powi(2)).sum::<f64>()
+        };
+        // A chord of a turn is at most twice as long as the difference of the quaternions times the radius.
+        let turn = norm(1.0).min(norm(-1.0)).sqrt();
+        2.0 * turn * self.radius
+    }
+}
+
+/// A point that may touch something.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate {
+    /// Its number.
+    pub point: u32,
+    /// The [way](CandidateList::way) of its cluster at which it is looked at again [m].
+    pub until: f64,
+    /// Which part of another solid's clusters it is nearest to, counted through: a search begins there.
+    pub part: u32,
+    /// Where it was in that solid last, and how far from its surface: a search begins there if that is known.
+    pub known: Option<KnownPlace>,
+}
+
+impl Candidate {
+    /// A point so far from what it may touch [m].
+    pub fn new(point: usize, clear: f64) -> Self {
+        Self {
+            point: point as u32,
+            until: clear.max(0.0),
+            part: 0,
+            known: None,
+        }
+    }
+
+    /// Its cluster.
+    pub fn cluster(&self) -> usize {
+        self.point as usize / CLUSTER
+    }
+}
+
+/// Points that may touch some things.
+#[derive(Clone, Debug, Default)]
+pub struct CandidateList {
+    /// Where the solid stood, and the others, when they were looked at last.
+    stand: Option<Stand>,
+    with: Vec<(u32, Stand)>,
+    /// By how much they have come nearer at most since the list was made, but for the ways of clusters [m].
+    way: f64,
+    of_clusters: Vec<ClusterWay>,
+    /// In ascending order.
+    pub points: Vec<Candidate>,
+}
+
+/// How far a cluster and what is near it have moved towards each other, and when its points are looked for again.
+#[derive(Clone, Debug, Default)]
+struct ClusterWay {
+    /// What is near it, of what has ways of its own: by the numbers of these.
+    near: Vec<u32>,
+    /// Way of the fastest of those [m].
+    other: f64,
+    /// Way of it and all near it at which its points are looked for again [m].
+    until: f64,
+    /// The same with what is far from it, the fastest of all.
+    until_far: f64,
+}
+
+impl ClusterWay {
+    fn follow(&mut self, others: &[f64]) {
+        let ways = self.near.iter().map(|&n| others[n as usize]);
+        self.other = ways.fold(0.0, f64::max);
+    }
+}
+
+/// Ways since the frame began: of a solid's clusters, and of groups of what it may touch [m].
+#[derive(Clone, Copy)]
+pub struct Ways<'a> {
+    /// Of the solid's clusters.
+    pub own: &'a [f64],
+    /// Of groups of what it may touch.
+    pub others: &'a [f64],
+}
+
+impl Ways<'_> {
+    fn farthest(&self) -> f64 {
+        self.others.iter().copied().fold(0.0, f64::max)
+    }
+}
+
+impl CandidateList {
+    /// Goes on to where all stand now; a new list of so many clusters knows nothing yet.
+    pub fn go_on(&mut self, now: Stand, with: &[(u32, Stand)], ways: &Ways<'_>) {
+        let Some(then) = self.stand.replace(now) else {
+            self.way = 0.0;
+            self.points.clear();
+            self.of_clusters
+                .resize_with(ways.own.len(), Default::default);
+            for cluster in &mut self.of_clusters {
+                cluster.near.clear();
+                (cluster.other, cluster.until, cluster.until_far) = (0.0, 0.0, 0.0);
+            }
+            self.with.clear();
+            self.with.extend_from_slice(with);
+            return;
+        };
+        let mut nearer = 0.0_f64;
+        for ((_, before), (_, other)) in self.with.iter_mut().zip(with) {
+            nearer = nearer.max(Stand::nearer([&now, &then], [other, before]));
+            *before = *other;
+        }
+        self.way += nearer;
+        for cluster in &mut self.of_clusters {
+            cluster.follow(ways.others);
+        }
+    }
+
+    /// By how much points of a cluster and what is near them have come nearer to each other at most [m].
+    pub fn way(&self, cluster: usize, own: &[f64]) -> f64 {
+        self.way + own[cluster] + self.of_clusters[cluster].other
+    }
+
+    /// The same of all clusters.
+    pub fn ways(&self, own: &[f64]) -> Vec<f64> {
+        (0..own.len()).map(|n| self.way(n, own)).collect()
+    }
+
+    /// Clusters whose points have to be looked for, ascending.
+    pub fn due(&self, ways: &Ways<'_>) -> Vec<usize> {
+        let farthest = ways.farthest();
+        let is_due = |&n: &usize| {
+            let cluster = &self.of_clusters[n];
+            cluster.until <= self.way(n, ways.own)
+                || cluster.until_far <= self.way + ways.own[n] + farthest
+        };
+        (0..self.of_clusters.len()).filter(is_due).collect()
+    }
+
+    /// How far points of a cluster are from what they may touch at least [m]; 0 where some are listed.
+    pub fn clear(&self, cluster: usize, own: &[f64]) -> f64 {
+        let next = self.points.partition_point(|p| p.cluster() < cluster);
+        match self
+            .points
+            .get(next)
+            .is_some_and(|p| p.cluster() == cluster)
+        {
+            true => 0.0,
+            false => (self.of_clusters[cluster].until - self.way(cluster, own)).max(0.0),
+        }
+    }
+
+    /// Lists anew what was found in clusters that were due.
+    pub fn renew(&mut self, due: &[usize], ways: &Ways<'_>, found: Vec<FoundInCluster>) {
+        let farthest = ways.farthest();
+        let before = std::mem::take(&mut self.points);
+        let mut before = before.into_iter().peekable();
+        for (&cluster, found) in due.iter().zip(found) {
+            let of_cluster = &mut self.of_clusters[cluster];
+            of_cluster.near = found.near;
+            of_cluster.follow(ways.others);
+            of_cluster.until_far = self.way + ways.own[cluster] + farthest + found.far;
+            let way = self.way(cluster, ways.own);
+            while let Some(point) = before.next_if(|p| p.cluster() < cluster) {
+                self.points.push(point);
+            }
+            for mut point in found.points {
+                while before.next_if(|p| p.point < point.point).is_some() {}
+                // One that is listed still goes on from where it was.
+                let listed = before.next_if(|p| p.point == point.point);
+                point.known = listed.and_then(|p| p.known);
+                point.until += way;
+                self.points.push(point);
+            }
+            while before.next_if(|p| p.cluster() == cluster).is_some() {}
+            self.of_clusters[cluster].until = way + found.clear;
+        }
+        self.points.extend(before);
+    }
+}
+
+/// Points of a cluster near something.
+pub struct FoundInCluster {
+    /// The points.
+    pub points: Vec<Candidate>,
+    /// How far all others are at least [m].
+    clear: f64,
+    /// Groups of what may touch them that are near.
+    pub near: Vec<u32>,
+    /// How far all others are at least [m].
+    pub far: f64,
+}
+
+impl FoundInCluster {
+    /// None, all being so far away at least [m].
+    pub fn none(clear: f64) -> Self {
+        Self {
+            points: vec![],
+            clear,
+            near: vec![],
+            far: f64::INFINITY,
+        }
+    }
+
+    /// Some points, those nearer than a margin [m]; `clear` tells how far one is at least [m].
+    #[inline(always)]
+    pub fn of(points: Range<usize>, margin: f64, clear: impl Fn(usize) -> f64) -> Self {
+        let mut found = Self::none(f64::INFINITY);
+        for n in points {
+            let clear = clear(n);
+            if clear < margin {
+                found.points.push(Candidate::new(n, clear));
+            } else {
+                found.clear = found.clear.min(clear);
+            }
+        }
+        found
+    }
+}
+
+/// Points of the clusters that are due that are near something, as `find` tells of one.
+pub(super) fn find_near(
+    due: &[usize],
+    find: impl Fn(usize) -> FoundInCluster + Sync,
+) -> Vec<FoundInCluster> {
+    let clusters = due.par_iter().with_min_len(TASK / CLUSTER);
+    clusters.map(|&cluster| find(cluster)).collect()
+}
+
+/// Boxes around the points of a cluster.
+#[derive(Clone, Copy, Debug)]
+pub struct ClusterBox {
+    /// Of every part, from the solid's frame [m]; nowhere where there is none.
+    pub parts: [Bounds; PARTS],
+    /// Way of the cluster when it was looked at [m].
+    pub own: f64,
+}
+
+/// A box that nothing is in.
+pub(super) const NOWHERE: Bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+
+pub(super) fn joined([a, b]: &Bounds, [c, d]: &Bounds) -> Bounds {
+    [
+        std::array::from_fn(|n| a[n].min(c[n])),
+        std::array::from_fn(|n| b[n].max(d[n])),
+    ]
+}
+
+/// What a solid knows of itself and its surroundings; begun anew in every frame, so that no frame depends on those before, and where
+/// something was undone.
+#[derive(Clone, Debug, Default)]
+pub struct Search {
+    /// Way of the fastest node of each block in the solid's frame since the frame began [m].
+    pub ways: Vec<f64>,
+    /// The same of the fastest point of each cluster, as of the latest look.
+    pub own: Vec<f64>,
+    /// The same of the fastest cluster of every group of boxes.
+    pub groups: Vec<f64>,
+    /// Per cluster.
+    pub boxes: Vec<ClusterBox>,
+    /// Whether that is of the substep at hand.
+    pub is_fresh: bool,
+    /// Where the search for material points begins, and where it stood then, with the way of its fastest cluster.
+    pub start: Option<(Start, (Stand, f64))>,
+    /// Points near each thing that it may touch.
+    pub lists: Vec<CandidateList>,
+    /// Whether something touches it.
+    pub touched: bool,
+}
+
+impl Search {
+    /// Forgets everything.
+    pub fn restart(&mut self) {
+        self.ways.fill(0.0);
+        self.boxes.clear();
+        (self.is_fresh, self.touched, self.start) = (false, false, None);
+        // What was not asked for since the last time is not asked for again.
+        self.lists.retain(|list| list.stand.is_some());
+        self.lists.iter_mut().for_each(|list| list.stand = None);
+    }
+
+    /// Adds what nodes may have moved by, per block [m].
+    pub fn move_on(&mut self, ways: impl ExactSizeIterator<Item = f64>) {
+        self.ways.resize(ways.len(), 0.0);
+        for (sum, way) in self.ways.iter_mut().zip(ways) {
+            *sum += way;
+        }
+        self.is_fresh = false;
+    }
+
+    /// Way of the fastest cluster [m].
+    pub fn farthest(&self) -> f64 {
+        self.own.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Boxes that parts of clusters are in, from the solid's frame, after a look [m].
+    pub fn grown(&self) -> impl Iterator<Item = Bounds> {
+        self.boxes.iter().zip(&self.own).flat_map(|(one, own)| {
+            let by = own - one.own;
+            one.parts
+                .map(|[min, max]| [min.map(|x| x - by), max.map(|x| x + by)])
+        })
+    }
+
+    /// Where the solid stands, after a look.
+    pub fn stand(&self, state: &SolidState) -> Stand {
+        Stand {
+            place: state.shift,
+            turn: [0.0, 0.0, 0.0, 1.0],
+            radius: 0.0,
+        }
+    }
+
+    /// A box that all points are in, after a look [m].
+    pub fn bounds(&self, state: &SolidState) -> Bounds {
+        let boxes = self.grown();
+        let all = boxes.fold(NOWHERE, |all, one| joined(&all, &one));
+        all.map(|x| std::array::from_fn(|a| x[a] + state.shift[a]))
+    }
+
+    /// Where a search for material points begins, after a look.
+    pub fn start(&mut self, model: &SolidModel, state: &SolidState) -> Start {
+        let now = (self.stand(state), self.farthest());
+        if let Some((start, then)) = &self.start
+            && now.1 - then.1 < MARGIN * model.dx
+        {
+            let mut start = *start;
+            for a in 0..3 {
+                start.centre[0][a] += now.0.place[a] - then.0.place[a];
+            }
+            return start;
+        }
+        let start = Start::of(model, state);
+        self.start = Some((start, now));
+        start
+    }
+
+    /// The list for these things; an empty one where there is none.
+    pub fn take(&mut self, with: &[(u32, Stand)]) -> CandidateList {
+        let same = |list: &CandidateList| {
+            let mut pairs = list.with.iter().zip(with);
+            list.with.len() == with.len() && pairs.all(|(a, b)| a.0 == b.0)
+        };
+        let known = self.lists.iter().position(same);
+        known.map_or_else(CandidateList::default, |at| self.lists.swap_remove(at))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_knows_all_points_near_a_wall_all_the_way() {
+        let count = 5 * CLUSTER / 2;
+        let height = |n: usize| 0.04 * n as f64 + 0.3 * (0.7 * n as f64).sin().abs();
+        let stand = |way: f64| Stand {
+            place: [0.0, -way, 0.0],
+            turn: [0.0, 0.0, 0.0, 1.0],
+            radius: 0.0,
+        };
+        let mut list = CandidateList::default();
+        let (margin, mut looked) = (0.1, 0);
+        // The second cluster shakes besides.
+        let shakes = |n: usize, way: f64| {
+            if n / CLUSTER == 1 {
+                0.02 * (50.0 * way).sin()
+            } else {
+                0.0
+            }
+        };
+        for step in 0..200 {
+            let way = 0.01 * f64::from(step);
+            let own = [0.0, 0.02 * 50.0 * way, 0.0];
+            let ways = Ways {
+                own: &own,
+                others: &[],
+            };
+            list.go_on(stand(way), &[(0, stand(0.0))], &ways);
+            let due = list.due(&ways);
+            looked += due.len();
+            let found = find_near(&due, |cluster| {
+                let first = cluster * CLUSTER;
+                let points = first..count.min(first + CLUSTER);
+                FoundInCluster::of(points, margin, |n| height(n) - way + shakes(n, way))
+            });
+            list.renew(&due, &ways, found);
+            assert!(list.points.is_sorted_by_key(|p| p.point));
+            for n in 0..count {
+                // None that touches is left out, and none is looked at too late.
+                if height(n) + shakes(n, way) < way {
+                    let known = list.points.iter().find(|p| p.point as usize == n);
+                    let is_due = |p: &Candidate| p.until <= list.way(p.cluster(), &own);
+                    assert!(known.is_some_and(is_due), "{step}: {n}");
+                }
+            }
+        }
+        // Each at most once per margin, the far ones less often: at once in every step it would be 600.
+        assert!((6..60).contains(&looked), "{looked}");
+    }
+
+    #[test]
+    fn things_that_move_together_come_no_nearer() {
+        let rest = Stand {
+            place: [0.0; 3],
+            turn: [0.0, 0.0, 0.0, 1.0],
+            radius: 2.0,
+        };
+        let moved = Stand {
+            place: [0.3, 0.0, 0.0],
+            ..rest
+        };
+        assert_eq!(Stand::nearer([&moved, &rest], [&moved, &rest]), 0.0);
+        assert!((Stand::nearer([&moved, &rest], [&rest, &rest]) - 0.3).abs() < 1e-15);
+        let (s, c) = 0.05_f64.sin_cos();
+        for sign in [1.0, -1.0] {
+            let turned = Stand {
+                turn: [0.0, 0.0, sign * s, sign * c],
+                ..rest
+            };
+            let nearer = Stand::nearer([&turned, &rest], [&rest, &rest]);
+            // No less than the chord of a tenth of a radian at a radius of 2.
+            let least = 4.0 * s;
+            assert!((least..1.01 * least).contains(&nearer), "{nearer}");
+        }
+    }
+}
