@@ -44,7 +44,7 @@ pub struct ContactSurface {
     pub clusters: Vec<Cluster>,
 }
 
-/// Points that follow each other in the list, [`CLUSTER`] of them but for the last, and are near each other.
+/// Points that follow each other in the list, `CLUSTER` of them but for the last, and are near each other.
 #[derive(Clone, Debug)]
 pub struct Cluster {
     /// Their places in the list.

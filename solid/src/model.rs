@@ -55,7 +55,7 @@ pub struct SolidModel {
     origin: [f64; 3],
     /// Place of every block of nodes, in lexicographic order.
     pub node_blocks: Vec<[i32; 3]>,
-    /// Per block of nodes the blocks of points before and at it, in the order of x, y, z; [`NO_BLOCK`] where there is none.
+    /// Per block of nodes the blocks of points before and at it, in the order of x, y, z; `NO_BLOCK` where there is none.
     pub point_blocks_of: Vec<[u32; 8]>,
     /// Blocks of points, in lexicographic order.
     pub point_blocks: Vec<PointBlock>,

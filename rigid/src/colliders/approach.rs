@@ -3,8 +3,8 @@
 //! A node inside a collider that stopped all that moves inwards would stop matter up to a cell and a half too early, or,
 //! where the surface runs through nodes, let it sink in, so that heights of rest would depend on the place of the grid.
 //! Instead a node lets matter go on until the outermost of the particles that reach it touches the surface: until it
-//! is as far from it as half the spacing of particles. Nodes up to [`BAND`] in front of the surface stop what touches,
-//! those farther out only what is too deep ([`STEEPNESS`]).
+//! is as far from it as half the spacing of particles. Nodes up to `BAND` in front of the surface stop what touches,
+//! those farther out only what is too deep (`STEEPNESS`).
 
 use super::{ON_FACE, Placed, contact::Contact, shape::Shape};
 use crate::{

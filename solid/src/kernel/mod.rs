@@ -1,6 +1,6 @@
 //! One substep of the nodes, sixteen points or nodes at a time.
 //!
-//! Every block of points writes the forces on its 6x6x6 nodes to a tile of its own ([`block`]), and every block of nodes sums the tiles
+//! Every block of points writes the forces on its 6x6x6 nodes to a tile of its own (`block`), and every block of nodes sums the tiles
 //! that reach it in the order of their places, so that no result depends on threads.
 //!
 //! With `w_p = N_i(X_p) V_p` the squared frequency of any motion is at most 4.5 / dx^2 times the largest mean over a node's points,
