@@ -1,6 +1,7 @@
 //! A solid through a span of time: substeps that its own tangent bounds.
 
 use super::{
+    bonds::Walls,
     frequency::{CONTACT, largest_squared_frequency},
     grip::NOTHING,
     kernel::{Extremes, SolidLaw, Step, Tiles, substep},
@@ -61,6 +62,8 @@ pub struct Scratch {
     pub held: Vec<usize>,
     /// What is known of its surroundings.
     pub search: Search,
+    /// What walls hold of it.
+    pub walls: Walls,
     /// Largest squared frequency about rest [1/s^2], with these laws.
     fastest: Option<(Vec<SolidLaw>, f64)>,
 }
@@ -92,6 +95,7 @@ impl Scratch {
             tiles: Tiles::new(model),
             held: vec![],
             search: Search::default(),
+            walls: Walls::default(),
             fastest: None,
         };
         scratch.hold_anew(model, vec![]);
@@ -123,6 +127,7 @@ impl Scratch {
             *follows = !held.contains(&(slot as usize));
         }
         self.held = held;
+        self.walls.restart();
     }
 }
 

@@ -1,4 +1,5 @@
-//! Surface points of solids against colliders: explicit penalty, with a tangential spring up to Coulomb's limit.
+//! Surface points of solids against colliders: explicit penalty, with a tangential spring up to Coulomb's limit, where they may leave;
+//! walls that hold them, but by friction, [bind](super::walls).
 //!
 //! A point that is too deep is pushed out with a pressure in proportion to its depth. Penalty keeps more energy than impulses
 //! that end a substep without approach: those are inelastic impacts of the surface layer.
@@ -9,10 +10,12 @@ use rayon::prelude::*;
 
 use super::{
     advance::{Scratch, Solid},
+    bonds::{Bond, TOUCH, binds},
     frequency::CONTACT,
     grip::{Grip, NOTHING, OBJECTS},
     model::SolidModel,
     nodes::{NODES, NodeRow},
+    penalty::Spring,
     search::{
         Bounds, CLUSTER, CandidateList, ClusterBox, FoundInCluster, LOOSE, MARGIN, NOWHERE, PART,
         PARTS, Search, Stand, TASK, Ways, find_near, joined,
@@ -21,9 +24,9 @@ use super::{
     surface::SurfacePoint,
 };
 use crate::{
-    colliders::{Placed, farthest},
+    colliders::{Placed, farthest, primitives::Distance},
     ledger::{ContactPartner, Ledger, Received},
-    mat3::{dot, length},
+    mat3::length,
     scene::Surface,
     simd::LANES,
 };
@@ -212,6 +215,7 @@ struct Pressed {
     grip: Grip,
     force: [f64; 3],
     received: Vec<(usize, Received)>,
+    bonds: Vec<Bond>,
 }
 
 impl Solid<'_> {
@@ -258,6 +262,7 @@ impl Solid<'_> {
                     x,
                     v,
                     stiffness,
+                    touch: TOUCH * solid.model.dx,
                     moved,
                 };
                 let (clear, pressed) = at.meet(n, colliders, state.springs[n], kick);
@@ -266,8 +271,11 @@ impl Solid<'_> {
             })
             .collect();
         self.keep(list);
-        self.scratch.search.touched |= !pressed.is_empty();
+        // A constraint makes no motion faster.
+        let presses = |one: &Pressed| one.bonds.is_empty() || one.force != [0.0; 3];
+        self.scratch.search.touched |= pressed.iter().any(presses);
         for one in pressed {
+            self.scratch.walls.bonds.extend(one.bonds);
             self.state.springs[one.point] = one.grip;
             self.push(&surface.points[one.point].bears, one.force);
             for (collider, received) in &one.received {
@@ -461,60 +469,61 @@ impl Solid<'_> {
     }
 }
 
-/// What presses and holds a point.
-pub struct Spring {
-    /// Force per stretch, and per depth [N/m].
-    pub stiffness: f64,
-    /// How deep the point is in [m].
-    pub depth: f64,
-    /// Normal force [N].
-    pub pressure: f64,
-    /// Unit normal towards the point.
-    pub normal: [f64; 3],
-    /// Largest stretch that friction bears [m].
-    pub most: f64,
-}
-
-impl Spring {
-    /// Force [N] and stretch [m] after a relative velocity [m/s] for `moved` [s]; a contact that begins has no stretch yet.
-    pub fn pull(
-        &self,
-        before: Option<[f64; 3]>,
-        relative: [f64; 3],
-        moved: f64,
-    ) -> ([f64; 3], [f64; 3]) {
-        let stretch: [f64; 3] = match before {
-            Some(before) => std::array::from_fn(|a| before[a] + moved * relative[a]),
-            None => [0.0; 3],
-        };
-        let along = dot(stretch, self.normal);
-        let mut stretch: [f64; 3] = std::array::from_fn(|a| stretch[a] - along * self.normal[a]);
-        let size = dot(stretch, stretch).sqrt();
-        if size > self.most {
-            stretch = stretch.map(|s| s * self.most / size);
-        }
-        let force =
-            std::array::from_fn(|a| self.pressure * self.normal[a] - self.stiffness * stretch[a]);
-        (force, stretch)
-    }
-
-    /// What it holds [J]: the force is the slope of that.
-    pub fn energy(&self, stretch: [f64; 3]) -> f64 {
-        0.5 * self.stiffness * (self.depth * self.depth + dot(stretch, stretch))
-    }
-}
-
 /// A point on its way.
 struct At {
     x: [f64; 3],
     v: [f64; 3],
     /// Force per depth [N/m].
     stiffness: f64,
+    /// Distance below which it is on a wall that holds it [m].
+    touch: f64,
     /// Since the springs were last stretched [s].
     moved: f64,
 }
 
 impl At {
+    /// How a collider holds it, if it does or begins to.
+    fn bond(
+        &self,
+        point: usize,
+        placed: &Placed<'_>,
+        found: &Distance,
+        stretch: Option<[f64; 3]>,
+    ) -> Option<Bond> {
+        if stretch.is_none() && found.value >= self.touch {
+            return None;
+        }
+        // One that is in front of the wall stays so far from it: nothing draws it nearer.
+        let in_front = found.value.max(0.0);
+        Some(Bond {
+            point,
+            collider: placed.id,
+            x: self.x,
+            normal: found.normal,
+            gap: found.value,
+            wall: placed.velocity(self.x),
+            slips: placed.contact().surface == Surface::Slip,
+            stretch: stretch.unwrap_or(found.normal.map(|n| in_front * n)),
+        })
+    }
+
+    /// The spring of a collider that presses on it, or that it slips on with friction.
+    fn spring(&self, placed: &Placed<'_>, found: &Distance, known: bool) -> Option<Spring> {
+        let contact = placed.contact();
+        let leaves = contact.surface == Surface::Separate;
+        if found.value >= 0.0 && (leaves || !known) {
+            return None;
+        }
+        let pressure = -self.stiffness * found.value;
+        Some(Spring {
+            stiffness: self.stiffness,
+            depth: -found.value,
+            pressure,
+            normal: found.normal,
+            most: contact.friction * pressure.max(0.0) / self.stiffness,
+        })
+    }
+
     /// How far it is from all colliders [m], and what they do to it; nothing where it neither touches nor touched any.
     fn meet(
         &self,
@@ -529,38 +538,36 @@ impl At {
             grip: Grip::NONE,
             force: [0.0; 3],
             received: vec![],
+            bonds: vec![],
         };
         let (mut deepest, mut energy) = (0.0, 0.0);
         for placed in colliders {
             let known = before.with == placed.id as u32;
-            let contact = placed.contact();
             let found = placed.distance(self.x);
             clear = clear.min(found.value);
-            let holds = known && contact.surface != Surface::Separate;
-            if found.value >= 0.0 && !holds {
+            let stretch = known.then_some(before.stretch);
+            if binds(placed) {
+                let Some(bond) = self.bond(point, placed, &found, stretch) else {
+                    continue;
+                };
+                // One that holds is remembered, whatever presses besides.
+                if out.bonds.is_empty() || known {
+                    deepest = f64::INFINITY;
+                    out.grip = Grip {
+                        with: placed.id as u32,
+                        stretch: bond.stretch,
+                        energy: 0.0,
+                    };
+                }
+                out.bonds.push(bond);
                 continue;
             }
-            let mut pressure = -self.stiffness * found.value;
-            if contact.surface == Surface::Separate {
-                pressure = pressure.max(0.0);
-            }
-            let u = placed.velocity(self.x);
-            let relative = std::array::from_fn(|a| self.v[a] - u[a]);
-            let spring = Spring {
-                stiffness: self.stiffness,
-                depth: match contact.surface {
-                    Surface::Separate => (-found.value).max(0.0),
-                    _ => -found.value,
-                },
-                pressure,
-                normal: found.normal,
-                most: match contact.surface {
-                    Surface::Sticky => f64::INFINITY,
-                    _ => contact.friction * pressure.max(0.0) / self.stiffness,
-                },
+            let Some(spring) = self.spring(placed, &found, known) else {
+                continue;
             };
-            let (force, stretch) =
-                spring.pull(known.then_some(before.stretch), relative, self.moved);
+            let (u, pressure) = (placed.velocity(self.x), spring.pressure);
+            let relative = std::array::from_fn(|a| self.v[a] - u[a]);
+            let (force, stretch) = spring.pull(stretch, relative, self.moved);
             for a in 0..3 {
                 out.force[a] += force[a];
             }

@@ -105,7 +105,7 @@ pub fn advance_group(
             frame_length: around.frame[1],
         };
         let on_bodies = find_forces(group, peers.as_deref(), around, &now, [moved, kick], ledger);
-        move_nodes(group, outside, [kick, shares.dt], shares.taken)?;
+        move_nodes(group, outside, [kick, shares.dt], shares.taken, ledger)?;
         if let Some(peers) = &mut peers {
             peers.advance(&now, &exchange.through(on_bodies, now.dt));
         }
@@ -127,7 +127,7 @@ pub fn advance_group(
     };
     let times = [moved, now.kick];
     let on_bodies = find_forces(group, peers.as_deref(), around, &now, times, ledger);
-    move_nodes(group, outside, [now.kick, 0.0], 0)?;
+    move_nodes(group, outside, [now.kick, 0.0], 0, ledger)?;
     if let Some(peers) = &mut peers {
         peers.push(&exchange.rest(&on_bodies));
     }
@@ -315,11 +315,14 @@ fn move_nodes(
     outside: &Outside,
     [kick, drift]: [f64; 2],
     index: u64,
+    ledger: &mut Ledger,
 ) -> Result<(), usize> {
     for mover in group {
         if mover.solid.substep(outside, kick, drift, index).bad {
             return Err(mover.id);
         }
+        let surface = &mover.object.surface;
+        mover.solid.bind(surface, [kick, drift], (mover.id, ledger));
         for spring in &mut mover.springs {
             spring.settle(&mover.solid);
         }

@@ -20,6 +20,7 @@
 
 pub mod advance;
 mod basis;
+pub mod bonds;
 mod boxes;
 mod cells;
 pub mod contact;
@@ -36,6 +37,7 @@ pub mod model;
 pub mod nodes;
 pub mod object;
 pub mod pairs;
+mod penalty;
 pub mod rigid;
 pub mod sampling;
 pub mod search;
@@ -44,6 +46,7 @@ pub mod state;
 pub mod surface;
 pub mod vibrating;
 pub mod volumes;
+pub mod walls;
 
 use cosplat_matter::{mat3, materials, rotation, scene, simd};
 use cosplat_rigid::{bodies, colliders, ledger};

@@ -5,11 +5,12 @@ use rayon::prelude::*;
 use super::{
     advance::Solid,
     boxes::{Boxes, NearBoxes},
-    contact::{ContactSurface, Spring, middle},
+    contact::{ContactSurface, middle},
     depth::DepthField,
     grip::Grip,
     inverse::{KnownPlace, LocalInverse, Missing, SURE, SeenSurface, Start},
     model::Bears,
+    penalty::Spring,
     search::{CLUSTER, Candidate, CandidateList, FoundInCluster, PARTS, TASK, find_near},
 };
 use crate::{ledger::Received, simd::Isa};

@@ -8,9 +8,10 @@ use rayon::prelude::*;
 
 use super::{
     advance::Solid,
-    contact::{ContactSurface, Spring},
+    contact::ContactSurface,
     grip::Grip,
     pairs::PointContact,
+    penalty::Spring,
     search::{CandidateList, FoundInCluster, Stand, TASK, find_near},
 };
 use crate::{

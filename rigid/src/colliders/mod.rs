@@ -12,7 +12,7 @@ mod ends;
 pub mod friction;
 mod held;
 pub mod mesh;
-pub(crate) mod primitives;
+pub mod primitives;
 pub mod rules;
 pub mod shape;
 pub mod springs;

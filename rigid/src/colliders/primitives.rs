@@ -5,7 +5,9 @@ use crate::mat3::dot;
 /// Signed distance, negative inside, and the unit vector along which it grows fastest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distance {
+    /// Signed, negative inside.
     pub value: f64,
+    /// Unit normal outwards.
     pub normal: [f64; 3],
 }
 

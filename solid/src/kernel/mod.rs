@@ -225,6 +225,22 @@ fn bear_outer(
     blocks.for_each(|(block, total)| extension.gather(block, outer, total));
 }
 
+/// Puts outer nodes where they belong after inner ones were changed otherwise than by a substep.
+pub fn follow_again(
+    model: &SolidModel,
+    conditions: &Conditions,
+    nodes: &mut [NodeBlock],
+    tiles: &mut Tiles,
+) {
+    let Tiles {
+        followed,
+        rows,
+        speeds,
+        ..
+    } = tiles;
+    follow_inner(model, conditions, nodes, rows, followed, speeds);
+}
+
 /// Puts outer nodes where they belong.
 fn follow_inner(
     model: &SolidModel,

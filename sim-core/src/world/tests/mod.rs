@@ -24,6 +24,7 @@ mod spheres;
 mod stories;
 mod together;
 mod touching;
+mod walls;
 
 use super::*;
 use crate::{

@@ -1,0 +1,46 @@
+//! Penalty: the spring of a point in contact, along the normal and across it.
+
+use crate::mat3::dot;
+
+/// What presses and holds a point.
+pub struct Spring {
+    /// Force per stretch, and per depth [N/m].
+    pub stiffness: f64,
+    /// How deep the point is in [m].
+    pub depth: f64,
+    /// Normal force [N].
+    pub pressure: f64,
+    /// Unit normal towards the point.
+    pub normal: [f64; 3],
+    /// Largest stretch that friction bears [m].
+    pub most: f64,
+}
+
+impl Spring {
+    /// Force [N] and stretch [m] after a relative velocity [m/s] for `moved` [s]; a contact that begins has no stretch yet.
+    pub fn pull(
+        &self,
+        before: Option<[f64; 3]>,
+        relative: [f64; 3],
+        moved: f64,
+    ) -> ([f64; 3], [f64; 3]) {
+        let stretch: [f64; 3] = match before {
+            Some(before) => std::array::from_fn(|a| before[a] + moved * relative[a]),
+            None => [0.0; 3],
+        };
+        let along = dot(stretch, self.normal);
+        let mut stretch: [f64; 3] = std::array::from_fn(|a| stretch[a] - along * self.normal[a]);
+        let size = dot(stretch, stretch).sqrt();
+        if size > self.most {
+            stretch = stretch.map(|s| s * self.most / size);
+        }
+        let force =
+            std::array::from_fn(|a| self.pressure * self.normal[a] - self.stiffness * stretch[a]);
+        (force, stretch)
+    }
+
+    /// What it holds [J]: the force is the slope of that.
+    pub fn energy(&self, stretch: [f64; 3]) -> f64 {
+        0.5 * self.stiffness * (self.depth * self.depth + dot(stretch, stretch))
+    }
+}
