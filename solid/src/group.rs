@@ -154,10 +154,12 @@ fn find_forces(
         false => vec![],
     };
     for mover in group.iter_mut() {
-        let conditions = &mut mover.solid.scratch.conditions;
+        let scratch = &mut *mover.solid.scratch;
+        scratch.search.touched = false;
+        // Those of a substep that was undone would be bound twice.
+        scratch.walls.bonds.clear();
+        let conditions = &mut scratch.conditions;
         conditions.clear_forces();
-        mover.solid.scratch.search.touched = false;
-        let conditions = &mut mover.solid.scratch.conditions;
         for &(slot, force) in &mover.steady {
             conditions.add_force(slot, force);
         }

@@ -24,6 +24,7 @@ const STEPS: usize = 40;
 const DONE: f64 = 1e-4;
 /// Largest way back to the wall in a substep [cells].
 const RECOVERY: f64 = 0.05;
+
 /// A bond while its impulse is sought.
 struct Sought<'a> {
     bond: &'a Bond,
@@ -79,7 +80,6 @@ impl Solid<'_> {
             self.change(nodes, change, drift);
             self.settle(surface, bonds, drift);
         }
-        walls.bonds.clear();
         self.scratch.walls = walls;
     }
 
