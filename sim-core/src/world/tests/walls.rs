@@ -37,7 +37,7 @@ fn half_period(scene: &Scene) -> f64 {
 }
 
 #[test]
-fn bar_between_slip_walls_rings_with_waves_of_plane_strain() {
+fn bar_between_slip_walls_rings_in_uniaxial_strain() {
     let scene = bar_between_walls();
     let half = half_period(&scene);
     let mut world = World::new(scene).expect("valid");
@@ -95,7 +95,7 @@ fn sticky_wall_carries_what_it_holds_and_lets_nothing_slip() {
     scene.conditions.damping = 20.0;
     let modulus = 1e5;
     add_solid(&mut scene, modulus, [0.0; 3], [4, 4, 4]);
-    // A ceiling, and a wall beside it.
+    // A ceiling.
     add_plane(
         &mut scene,
         [0.0, 0.0, 0.4],
