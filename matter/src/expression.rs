@@ -368,6 +368,14 @@ impl VectorField {
         std::array::from_fn(|a| self.0[a].value(x, t))
     }
 
+    /// Whether it depends on time.
+    pub fn varies_in_time(&self) -> bool {
+        let timed = |op: &Op| matches!(op, Op::Variable(n) if VARIABLES[*n] == "t");
+        self.0
+            .iter()
+            .any(|formula| formula.code.0.iter().any(timed))
+    }
+
     /// The field at one time `t` [s]. Its values are those of [`at`](Self::at), bit for bit.
     pub fn at_time(&self, t: f64) -> Snapshot {
         let code = std::array::from_fn(|a| self.0[a].code.at_time(t));

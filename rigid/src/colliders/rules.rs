@@ -379,12 +379,17 @@ impl Rules {
     /// in the substeps in which it lasts, so that all of it is. Formulas are worked out here as far as they do not
     /// depend on the particle.
     pub fn pushes(&self, substep: &Substep) -> Pushes<'_> {
+        self.pushes_at(substep, substep.time)
+    }
+
+    /// The same, with body forces as they are at a moment [s].
+    pub fn pushes_at(&self, substep: &Substep, moment: f64) -> Pushes<'_> {
         let impulses = self.impulses.iter().filter_map(|impulse| {
             let lasts = overlap(&impulse.span, substep.time, substep.time + substep.dt);
             (lasts > 0.0).then(|| (&impulse.members, impulse.rate.map(|rate| lasts * rate)))
         });
         let forces = self.accelerations.iter().map(|of| {
-            let force = match of.field.at_time(substep.time) {
+            let force = match of.field.at_time(moment) {
                 Snapshot::Uniform(acceleration) => {
                     Force::Same(of.change(acceleration, substep.kick))
                 }

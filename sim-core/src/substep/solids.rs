@@ -268,7 +268,8 @@ fn move_together(
         last: 0.0,
     };
     let mut at = span.time;
-    for end in parts_of(given, span) {
+    let longest = longest_part(given, island);
+    for end in parts_of(given, span, longest) {
         let part = Substep {
             time: at,
             dt: end - at,
@@ -289,15 +290,27 @@ fn move_together(
     Ok(all)
 }
 
-/// Ends of the parts of a span within which what holds and pushes stays the same [s].
-fn parts_of(given: &Given<'_>, span: &Substep) -> Vec<f64> {
+/// Longest time for which what varies is taken for constant [s]: where formulas of time push, that in which a wave goes through a
+/// cell, as substeps are.
+fn longest_part(given: &Given<'_>, island: &[Taken]) -> f64 {
+    let pushed = island.iter().filter(|one| {
+        let force = &given.model.scene.objects[one.id].body_force;
+        force.as_ref().is_some_and(|force| force.varies_in_time())
+    });
+    let squares = pushed.flat_map(|one| &one.laws);
+    let squares = squares.map(|law| (3.0 * law.lambda + 2.0 * law.mu) / law.density);
+    LONGEST.min(given.model.scene.dx / squares.fold(0.0, f64::max).sqrt())
+}
+
+/// Ends of the parts of a span within which what holds and pushes stays the same [s], each at most `longest` [s].
+fn parts_of(given: &Given<'_>, span: &Substep, longest: f64) -> Vec<f64> {
     let (start, end) = (span.time, span.time + span.dt);
     let regions = given.model.scene.pinned_regions.iter();
     let ends = regions.flat_map(|region| [region.span.start, region.span.end]);
     let mut ends: Vec<f64> = ends.filter(|t| start < *t && *t < end).collect();
     ends.extend(given.model.rules.changes(start, end));
     if given.model.rules.vary() {
-        let count = (span.dt / LONGEST).ceil();
+        let count = (span.dt / longest).ceil();
         ends.extend((1..count as u32).map(|n| start + f64::from(n) / count * span.dt));
     }
     ends.push(end);
@@ -403,7 +416,9 @@ fn pushes(
     if !given.model.rules.push_in(span) {
         return vec![];
     }
-    let pushes = given.model.rules.pushes(span);
+    // Constant within the span: that of its middle is of second order.
+    let middle = span.time + 0.5 * span.dt;
+    let pushes = given.model.rules.pushes_at(span, middle);
     let first = given.model.scene.objects[object].particles.start;
     let dx = solid.grid.dx;
     let changes = solid.spread(|n| pushes.on((first + n) as u32));
