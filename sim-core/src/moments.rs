@@ -71,10 +71,37 @@ pub fn object_moments<T: Copy + Sync + Into<f64>>(
     bodies: &[Body<'_>],
     dx: f64,
 ) -> ObjectState {
+    match sums_of::<T, true>(particles, bodies, dx) {
+        Some((sums, about)) => sums.state(about, dx),
+        None => ObjectState::default(),
+    }
+}
+
+/// Of those moments only what shape and place tell, and the spin that goes with an angular momentum about the centre of mass
+/// [kg m^2/s]: for those who know the others from elsewhere.
+pub fn object_shape<T: Copy + Sync + Into<f64>>(
+    particles: &ParticleArrays<'_, T>,
+    bodies: &[Body<'_>],
+    dx: f64,
+    angular_momentum: [f64; 3],
+) -> ObjectState {
+    match sums_of::<T, false>(particles, bodies, dx) {
+        Some((mut sums, about)) => {
+            sums.angular = angular_momentum;
+            sums.state(about, dx)
+        }
+        None => ObjectState::default(),
+    }
+}
+
+/// Sums over what there is of these bodies, motion and energy among them or not, and the point they are taken about; of nothing none.
+fn sums_of<T: Copy + Sync + Into<f64>, const MOVES: bool>(
+    particles: &ParticleArrays<'_, T>,
+    bodies: &[Body<'_>],
+    dx: f64,
+) -> Option<(Sums, [f64; 3])> {
     let mut all = bodies.iter().flat_map(|body| body.particles.clone());
-    let Some(first) = all.find(|&p| particles.volume[p] > 0.0) else {
-        return ObjectState::default();
-    };
+    let first = all.find(|&p| particles.volume[p] > 0.0)?;
     // Sums are taken about a point of the object, so that none cancels when it is far from the origin.
     let about = to_f64(particles.position[first]);
     let mut chunks = Vec::new();
@@ -86,13 +113,13 @@ pub fn object_moments<T: Copy + Sync + Into<f64>>(
     }
     let partial: Vec<Sums> = chunks
         .into_par_iter()
-        .map(|(body, range)| chunk_sums(particles, body, range, about, dx))
+        .map(|(body, range)| chunk_sums::<T, MOVES>(particles, body, range, about, dx))
         .collect();
     let mut sums = Sums::default();
     for chunk in &partial {
         sums += chunk;
     }
-    sums.state(about, dx)
+    Some((sums, about))
 }
 
 /// Linear momentum [kg m/s] and angular momentum about the world origin [kg m^2/s] of all objects together.
@@ -195,7 +222,7 @@ fn add<const N: usize>(sum: &mut [f64; N], more: [f64; N]) {
 
 /// Sums over one chunk, with the processor's fused multiply-add where it has one: same bits, ten times as fast
 /// as the library routine that stands in for it elsewhere.
-fn chunk_sums<T: Copy + Into<f64>>(
+fn chunk_sums<T: Copy + Into<f64>, const MOVES: bool>(
     particles: &ParticleArrays<'_, T>,
     body: &Body<'_>,
     range: Range<usize>,
@@ -205,25 +232,25 @@ fn chunk_sums<T: Copy + Into<f64>>(
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2,fma")]
-        fn with_fma<T: Copy + Into<f64>>(
+        fn with_fma<T: Copy + Into<f64>, const MOVES: bool>(
             particles: &ParticleArrays<'_, T>,
             body: &Body<'_>,
             range: Range<usize>,
             about: [f64; 3],
             dx: f64,
         ) -> Sums {
-            sum_particles(particles, body, range, about, dx)
+            sum_particles::<T, MOVES>(particles, body, range, about, dx)
         }
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
             // SAFETY: the features that `with_fma` is compiled for were just detected.
-            return unsafe { with_fma(particles, body, range, about, dx) };
+            return unsafe { with_fma::<T, MOVES>(particles, body, range, about, dx) };
         }
     }
-    sum_particles(particles, body, range, about, dx)
+    sum_particles::<T, MOVES>(particles, body, range, about, dx)
 }
 
 #[inline(always)]
-fn sum_particles<T: Copy + Into<f64>>(
+fn sum_particles<T: Copy + Into<f64>, const MOVES: bool>(
     particles: &ParticleArrays<'_, T>,
     body: &Body<'_>,
     range: Range<usize>,
@@ -239,32 +266,37 @@ fn sum_particles<T: Copy + Into<f64>>(
             continue;
         }
         let x = to_f64(particles.position[p]);
+        let mass = volume * body.density;
+        let r: [f64; 3] = array::from_fn(|i| x[i] - about[i]);
+        sums.mass += mass;
+        add(&mut sums.first, r.map(|r| mass * r));
+        let second = [
+            mass * r[0] * r[0],
+            mass * r[0] * r[1],
+            mass * r[0] * r[2],
+            mass * r[1] * r[1],
+            mass * r[1] * r[2],
+            mass * r[2] * r[2],
+        ];
+        add(&mut sums.second, second);
+        let visible = particles.deformation[p].map(to_f64);
+        for (row, more) in zip(&mut sums.deformation, visible) {
+            add(row, more.map(|f| mass * f));
+        }
+        if !MOVES {
+            continue;
+        }
         let v = to_f64(particles.velocity[p]);
         let c = particles.affine[p].map(to_f64);
-        let mass = volume * body.density;
-        let visible = particles.deformation[p].map(to_f64);
         let elastic = Mat3(particles.elastic[p].map(to_f64));
-        let r: [f64; 3] = array::from_fn(|i| x[i] - about[i]);
         let orbital = cross(r, v);
         let axial = [c[2][1] - c[1][2], c[0][2] - c[2][0], c[1][0] - c[0][1]];
         let v_squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-        sums += &Sums {
-            mass,
-            first: r.map(|r| mass * r),
-            second: [
-                mass * r[0] * r[0],
-                mass * r[0] * r[1],
-                mass * r[0] * r[2],
-                mass * r[1] * r[1],
-                mass * r[1] * r[2],
-                mass * r[2] * r[2],
-            ],
-            momentum: v.map(|v| mass * v),
-            angular: array::from_fn(|i| mass * (orbital[i] + d_p * axial[i])),
-            twice_kinetic: mass * (v_squared + d_p * Mat3(c).norm_squared()),
-            elastic: volume * law.energy_density(&elastic, particles.memory[p].into(), &k),
-            deformation: visible.map(|row| row.map(|f| mass * f)),
-        };
+        add(&mut sums.momentum, v.map(|v| mass * v));
+        let angular = array::from_fn(|i| mass * (orbital[i] + d_p * axial[i]));
+        add(&mut sums.angular, angular);
+        sums.twice_kinetic += mass * (v_squared + d_p * Mat3(c).norm_squared());
+        sums.elastic += volume * law.energy_density(&elastic, particles.memory[p].into(), &k);
     }
     sums
 }

@@ -51,7 +51,7 @@ impl SolidObject {
         let mut solid = Self {
             surface: ContactSurface::new(&grid, surface(&grid, &seeds)),
             depth: has_others(scene).then(|| DepthField::new(&grid.lattice, &seeds)),
-            sampling: Sampling::new(&particles),
+            sampling: Sampling::new(&grid, &particles),
             particles,
             masses: seeds.iter().map(|s| s.volume * s.density).collect(),
             regions: vec![],

@@ -1,4 +1,4 @@
-//! How the particles of a solid move, two of one cell at a time: what is published once per frame.
+//! How the particles of a solid move, up to eight of one cell beside up to eight of another: what is published once per frame.
 
 use rayon::prelude::*;
 
@@ -10,29 +10,35 @@ use super::{
 };
 use crate::{
     mat3::Mat3,
-    simd::{F32x16, Isa, Lanes, on_isa},
+    simd::{F32x16, Isa, LANES, Lanes, on_isa},
 };
 
-/// Pairs per task.
-const TASK: usize = 64;
-/// Lanes of a particle: displacement, velocity, two without a meaning.
-const HALF: usize = 8;
+/// Groups per task.
+const TASK: usize = 8;
+/// Lanes of a cell.
+const HALF: usize = LANES / 2;
+/// Lane without a particle.
+const NOBODY: u32 = u32::MAX;
+/// What nodes have: displacement and velocity.
+const FIELDS: usize = 6;
 
-/// Two particles of one cell, or one twice.
+/// Particles of two cells.
 #[derive(Clone, Debug)]
-struct Pair {
-    block: u32,
-    number: u8,
+struct Group {
+    /// Block and number of the cell of each half.
+    cells: [(u32, u8); 2],
     /// By their numbers in the object.
-    particles: [u32; 2],
-    /// Places from the centre of the cell, per axis one in each half [cells].
+    particles: [u32; LANES],
+    /// Places from the centres of the cells [cells].
     d: [F32x16; 3],
+    /// Places at rest [m].
+    x: [[f64; 3]; LANES],
 }
 
 /// The particles of a solid in the order of their cells.
 #[derive(Clone, Debug, Default)]
 pub struct Sampling {
-    pairs: Vec<Pair>,
+    groups: Vec<Group>,
 }
 
 /// Motion of a particle.
@@ -50,111 +56,169 @@ pub struct Sampled {
     pub gradient: [f32; 9],
 }
 
-impl Sampled {
+/// Motions of a group, lane by lane.
+struct Motions {
+    /// Displacements and velocities [cells, cells/s].
+    moved: [F32x16; FIELDS],
+    /// Deformation gradients, and gradients of the velocity over present positions [1/s], row-major.
+    f: [F32x16; 9],
+    gradient: [F32x16; 9],
+}
+
+impl Motions {
     const NONE: Self = Self {
-        particle: 0,
-        x: [0.0; 3],
-        v: [0.0; 3],
-        f: [0.0; 9],
-        gradient: [0.0; 9],
+        moved: [F32x16::ZERO; FIELDS],
+        f: [F32x16::ZERO; 9],
+        gradient: [F32x16::ZERO; 9],
     };
+}
+
+impl Group {
+    /// Particles of a cell each; none in a half is one of the other, unseen.
+    fn new(model: &SolidModel, particles: &[CellPoint], halves: [&[u32]; 2]) -> Self {
+        let mut group = Self {
+            cells: [(0, 0); 2],
+            particles: [NOBODY; LANES],
+            d: [F32x16::ZERO; 3],
+            x: [[0.0; 3]; LANES],
+        };
+        for (half, own) in halves.into_iter().enumerate() {
+            let first = &particles[*own.first().unwrap_or(&halves[0][0]) as usize];
+            group.cells[half] = (first.block, first.number);
+            for (n, &particle) in own.iter().enumerate() {
+                let (lane, site) = (HALF * half + n, &particles[particle as usize]);
+                let block =
+                    &model.node_blocks[model.point_blocks[site.block as usize].nodes[0] as usize];
+                let cell = cell_of_number(site.number);
+                group.particles[lane] = particle;
+                group.x[lane] = model.world_of(std::array::from_fn(|a| {
+                    f64::from(CELLS * block[a]) + cell[a] as f64 + 1.0 + site.d[a]
+                }));
+                for a in 0..3 {
+                    group.d[a].0[lane] = site.d[a] as f32;
+                }
+            }
+        }
+        group
+    }
+
+    /// How a particle of it moves, if there is one in a lane.
+    #[inline(always)]
+    fn sampled(
+        &self,
+        lane: usize,
+        motions: &Motions,
+        dx: f64,
+        state: &SolidState,
+    ) -> Option<Sampled> {
+        let mut out = Sampled {
+            particle: self.particles[lane],
+            x: self.x[lane],
+            v: [0.0; 3],
+            f: [0.0; 9],
+            gradient: [0.0; 9],
+        };
+        if out.particle == NOBODY {
+            return None;
+        }
+        for a in 0..3 {
+            out.x[a] += state.shift[a] + dx * f64::from(motions.moved[a].0[lane]);
+            let v = f64::from(motions.moved[3 + a].0[lane]);
+            out.v[a] = (state.velocity[a] + dx * v) as f32;
+        }
+        for n in 0..9 {
+            out.f[n] = motions.f[n].0[lane];
+            out.gradient[n] = motions.gradient[n].0[lane];
+        }
+        Some(out)
+    }
 }
 
 impl Sampling {
     /// Of particles where they are on the grid.
-    pub fn new(particles: &[CellPoint]) -> Self {
-        let mut order: Vec<u32> = (0..particles.len() as u32).collect();
-        order.sort_by_key(|&n| {
-            let site = &particles[n as usize];
-            (site.block, site.number, n)
-        });
-        let same = |a: &u32, b: &u32| {
-            let (a, b) = (&particles[*a as usize], &particles[*b as usize]);
-            (a.block, a.number) == (b.block, b.number)
+    pub fn new(model: &SolidModel, particles: &[CellPoint]) -> Self {
+        let cell = |n: &u32| {
+            let site = &particles[*n as usize];
+            (site.block, site.number)
         };
-        let mut pairs = vec![];
-        for cell in order.chunk_by(same) {
-            for pair in cell.chunks(2) {
-                let both = [pair[0], pair[pair.len() - 1]];
-                let first = &particles[both[0] as usize];
-                let mut d = [F32x16::ZERO; 3];
-                for (half, &n) in both.iter().enumerate() {
-                    for (vector, d) in d.iter_mut().zip(particles[n as usize].d) {
-                        vector.0[HALF * half..HALF * (half + 1)].fill(d as f32);
-                    }
-                }
-                pairs.push(Pair {
-                    block: first.block,
-                    number: first.number,
-                    particles: both,
-                    d,
-                });
-            }
+        let mut order: Vec<u32> = (0..particles.len() as u32).collect();
+        order.sort_by_key(|n| (cell(n), *n));
+        let of_cells = order.chunk_by(|a, b| cell(a) == cell(b));
+        let halves: Vec<&[u32]> = of_cells.flat_map(|own| own.chunks(HALF)).collect();
+        let groups = halves.chunks(2).map(|both| {
+            let second = both.get(1).copied().unwrap_or_default();
+            Group::new(model, particles, [both[0], second])
+        });
+        Self {
+            groups: groups.collect(),
         }
-        Self { pairs }
     }
 
-    /// How they move, in the order of their cells; one that has no neighbour in its cell is there twice.
+    /// Tells how each particle moves, in no order.
     pub fn sample(
         &self,
         isa: Isa,
         model: &SolidModel,
-        particles: &[CellPoint],
         state: &SolidState,
-    ) -> Vec<Sampled> {
-        let mut out = vec![Sampled::NONE; 2 * self.pairs.len()];
-        let pairs = self.pairs.par_chunks(TASK);
-        let tasks = pairs.zip(out.par_chunks_mut(2 * TASK));
-        tasks.for_each(|(pairs, out)| {
-            sample_with_isa(isa, model, particles, state, pairs, out);
+        tell: impl Fn(&Sampled) + Sync,
+    ) {
+        self.groups.par_chunks(TASK).for_each(|groups| {
+            let mut motions = [const { Motions::NONE }; TASK];
+            let motions = &mut motions[..groups.len()];
+            sample_with_isa(isa, model, &state.nodes, groups, motions);
+            for (group, motions) in groups.iter().zip(motions) {
+                for lane in 0..LANES {
+                    if let Some(sampled) = group.sampled(lane, motions, model.dx, state) {
+                        tell(&sampled);
+                    }
+                }
+            }
         });
-        out
     }
 }
 
 on_isa! {
     fn sample_with_isa = sample(
         model: &SolidModel,
-        particles: &[CellPoint],
-        state: &SolidState,
-        pairs: &[Pair],
-        out: &mut [Sampled],
+        nodes: &[NodeBlock],
+        groups: &[Group],
+        out: &mut [Motions],
     )
 }
 
 #[inline(always)]
 fn sample<V: Lanes>(
     model: &SolidModel,
-    particles: &[CellPoint],
-    state: &SolidState,
-    pairs: &[Pair],
-    out: &mut [Sampled],
+    nodes: &[NodeBlock],
+    groups: &[Group],
+    out: &mut [Motions],
 ) {
-    let (mut rows, axes) = ([F32x16::ZERO; 27], model.lattice.axes());
-    let mut known = None;
-    for (pair, out) in pairs.iter().zip(out.chunks_exact_mut(2)) {
-        let cell = (pair.block, pair.number);
-        if known != Some(cell) {
-            read_nodes(model, &state.nodes, cell, &mut rows);
-            known = Some(cell);
+    let mut fields = [[F32x16::ZERO; 27]; FIELDS];
+    let axes = Mat3(model.lattice.axes().0.map(|row| row.map(V::broadcast)));
+    for (group, out) in groups.iter().zip(out) {
+        for (half, cell) in group.cells.iter().enumerate() {
+            read_nodes(model, nodes, *cell, half, &mut fields);
         }
-        let sums = interpolate::<V>(&rows, &pair.d);
-        for half in 0..2 {
-            let n = pair.particles[half];
-            let d = &particles[n as usize].d;
-            finish(model, &axes, state, (pair, d), half, &sums, &mut out[half]);
-            out[half].particle = n;
+        let [w, g] = weights::<V>(&group.d);
+        let mut slopes = [[V::splat(0.0); 3]; FIELDS];
+        for (n, field) in fields.iter().enumerate() {
+            let sums = interpolate(field, &w, &g);
+            sums[0].store(&mut out.moved[n]);
+            slopes[n] = [sums[1], sums[2], sums[3]];
         }
+        let [a, b, c, d, e, f] = slopes;
+        finish(&Mat3([a, b, c]), &Mat3([d, e, f]), &axes, out);
     }
 }
 
-/// Displacements and velocities of the 27 nodes of a cell, in both halves.
+/// Displacements and velocities of the 27 nodes of a cell, in the lanes of its half.
 #[inline(always)]
 fn read_nodes(
     model: &SolidModel,
     nodes: &[NodeBlock],
     (block, number): (u32, u8),
-    rows: &mut [F32x16; 27],
+    half: usize,
+    fields: &mut [[F32x16; 27]; FIELDS],
 ) {
     let blocks = &model.point_blocks[block as usize].nodes;
     let cell = cell_of_number(number);
@@ -162,35 +226,37 @@ fn read_nodes(
         let (i, j, k) = (cell[0] + n / 9, cell[1] + n / 3 % 3, cell[2] + n % 3);
         let node = &nodes[blocks[4 * (i / 4) + 2 * (j / 4) + k / 4] as usize];
         let [x, lane] = place(i % 4, j % 4, k % 4);
-        let row = &mut rows[n].0;
         for a in 0..3 {
-            let (u, v) = (node.u[a][x].0[lane], node.v[a][x].0[lane]);
-            (row[a], row[HALF + a]) = (u, u);
-            (row[3 + a], row[HALF + 3 + a]) = (v, v);
+            let own = HALF * half..HALF * (half + 1);
+            fields[a][n].0[own.clone()].fill(node.u[a][x].0[lane]);
+            fields[3 + a][n].0[own].fill(node.v[a][x].0[lane]);
         }
     }
 }
 
-/// Values, and slopes along each axis [1/cell].
+/// Weights of the three nodes along each axis, and their slopes [1/cell].
 #[inline(always)]
-fn interpolate<V: Lanes>(rows: &[F32x16; 27], d: &[F32x16; 3]) -> [F32x16; 4] {
-    let zero = V::splat(0.0);
-    let (mut w, mut g) = ([[zero; 3]; 3], [[zero; 3]; 3]);
+fn weights<V: Lanes>(d: &[F32x16; 3]) -> [[[V; 3]; 3]; 2] {
+    let (half, zero) = (V::splat(0.5), V::splat(0.0));
+    let mut out = [[[zero; 3]; 3]; 2];
     for a in 0..3 {
         let d = V::load(&d[a]);
-        let (l, r) = (V::splat(0.5) - d, V::splat(0.5) + d);
-        w[a] = [
-            V::splat(0.5) * l * l,
-            V::splat(0.75) - d * d,
-            V::splat(0.5) * r * r,
-        ];
-        g[a] = [zero - l, V::splat(-2.0) * d, r];
+        let (l, r) = (half - d, half + d);
+        out[0][a] = [half * l * l, V::splat(0.75) - d * d, half * r * r];
+        out[1][a] = [zero - l, V::splat(-2.0) * d, r];
     }
+    out
+}
+
+/// Value, and slopes along each axis [1/cell].
+#[inline(always)]
+fn interpolate<V: Lanes>(field: &[F32x16; 27], w: &[[V; 3]; 3], g: &[[V; 3]; 3]) -> [V; 4] {
+    let zero = V::splat(0.0);
     let mut sums = [zero; 4];
     for x in 0..3 {
         let (mut value, mut along_y, mut along_z) = (zero, zero, zero);
         for y in 0..3 {
-            let row = &rows[9 * x + 3 * y..9 * x + 3 * y + 3];
+            let row = &field[9 * x + 3 * y..9 * x + 3 * y + 3];
             let (l, c, r) = (V::load(&row[0]), V::load(&row[1]), V::load(&row[2]));
             let here = l.mul_add(w[2][0], c.mul_add(w[2][1], r * w[2][2]));
             let slope = l.mul_add(g[2][0], c.mul_add(g[2][1], r * g[2][2]));
@@ -203,63 +269,37 @@ fn interpolate<V: Lanes>(rows: &[F32x16; 27], d: &[F32x16; 3]) -> [F32x16; 4] {
         sums[2] = along_y.mul_add(w[0][x], sums[2]);
         sums[3] = along_z.mul_add(w[0][x], sums[3]);
     }
-    let mut out = [F32x16::ZERO; 4];
-    for (sum, out) in sums.into_iter().zip(&mut out) {
-        sum.store(out);
-    }
-    out
+    sums
 }
 
-/// What is published of the particle in one half.
+/// Gradients of deformation and motion from slopes along the axes of the grid.
 #[inline(always)]
-fn finish(
-    model: &SolidModel,
-    axes: &Mat3<f32>,
-    state: &SolidState,
-    (pair, d): (&Pair, &[f64; 3]),
-    half: usize,
-    sums: &[F32x16; 4],
-    out: &mut Sampled,
-) {
-    let block = &model.node_blocks[model.point_blocks[pair.block as usize].nodes[0] as usize];
-    let cell = cell_of_number(pair.number);
-    let (mut slopes, mut rates) = ([[0.0_f32; 3]; 3], [[0.0_f32; 3]; 3]);
-    for a in 0..3 {
-        out.x[a] = f64::from(CELLS * block[a]) + cell[a] as f64 + 1.0 + d[a];
-    }
-    out.x = model.world_of(out.x);
-    for a in 0..3 {
-        let lane = HALF * half + a;
-        out.x[a] += state.shift[a] + model.dx * f64::from(sums[0].0[lane]);
-        out.v[a] = (state.velocity[a] + model.dx * f64::from(sums[0].0[lane + 3])) as f32;
-        for b in 0..3 {
-            slopes[a][b] = sums[1 + b].0[lane];
-            rates[a][b] = sums[1 + b].0[lane + 3];
-        }
-    }
+fn finish<V: Lanes>(slopes: &Mat3<V>, rates: &Mat3<V>, axes: &Mat3<V>, out: &mut Motions) {
+    let (zero, one) = (V::splat(0.0), V::splat(1.0));
     // Over rest positions in the world.
-    let (mut f, rate) = (
-        Mat3(slopes).mul_transposed(axes),
-        Mat3(rates).mul_transposed(axes),
-    );
+    let (mut f, rate) = (slopes.mul_transposed(axes), rates.mul_transposed(axes));
     for a in 0..3 {
-        f.0[a][a] += 1.0;
+        f.0[a][a] = f.0[a][a] + one;
     }
     let j = f.det();
-    // Over present positions, as other particles have it.
-    let gradient = match j > 0.0 {
-        true => rate.mul_transposed(&f.cofactor()),
-        false => rate,
-    };
-    let scale = if j > 0.0 { j.recip() } else { 1.0 };
-    for n in 0..9 {
-        out.f[n] = f.0[n / 3][n % 3];
-        out.gradient[n] = gradient.0[n / 3][n % 3] * scale;
+    // Over present positions, as other particles have it; as it is where those are inside out.
+    let present = rate.mul_transposed(&f.cofactor());
+    let right = zero.lt(j);
+    let scale = one / V::select(right, j, one);
+    for a in 0..3 {
+        for b in 0..3 {
+            let n = 3 * a + b;
+            f.0[a][b].store(&mut out.f[n]);
+            let gradient = V::select(right, present.0[a][b] * scale, rate.0[a][b]);
+            gradient.store(&mut out.gradient[n]);
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
     use super::*;
     use crate::tests::ball;
 
@@ -278,12 +318,12 @@ mod tests {
             })
             .collect();
         state.set_positions(&model, &bent);
-        let sampling = Sampling::new(&sites);
-        let mut seen = vec![false; sites.len()];
+        let sampling = Sampling::new(&model, &sites);
+        let seen: Vec<_> = sites.iter().map(|_| AtomicBool::new(false)).collect();
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
-            for sampled in sampling.sample(isa, &model, &sites, &state) {
+            sampling.sample(isa, &model, &state, |sampled| {
                 let n = sampled.particle as usize;
-                seen[n] = true;
+                assert!(!seen[n].fetch_xor(true, Relaxed), "told twice");
                 let exact = state.sample(&model, &sites[n]);
                 let f = Mat3(exact.f);
                 let (v, rate) = state.velocity_at(&model, &sites[n]);
@@ -299,8 +339,8 @@ mod tests {
                         assert!((f64::from(sampled.gradient[3 * a + b]) - expected).abs() < 1e-4);
                     }
                 }
-            }
+            });
+            assert!(seen.iter().all(|seen| seen.fetch_xor(true, Relaxed)));
         }
-        assert!(seen.into_iter().all(|seen| seen));
     }
 }

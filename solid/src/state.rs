@@ -203,10 +203,10 @@ impl SolidState {
             self.set_frame_velocity(model, mean);
         }
         let mut travel = [0.0; 3];
-        for slot in model.nodes() {
+        for (slot, &mass) in model.mass.iter().enumerate().filter(|one| *one.1 > 0.0) {
             let u = read(&self.nodes[slot / NODES].u, slot);
             for a in 0..3 {
-                travel[a] += f64::from(u[a]) * model.mass[slot] / model.total_mass;
+                travel[a] += f64::from(u[a]) * mass / model.total_mass;
             }
         }
         // In steps of an eighth: most of what is subtracted is then exact.
@@ -235,9 +235,9 @@ impl SolidState {
     /// Everything but elastic energy.
     pub fn momenta(&self, model: &SolidModel) -> Sums {
         let mut sums = Sums::default();
-        for slot in model.nodes() {
+        // Outer nodes have no mass.
+        for (slot, &mass) in model.mass.iter().enumerate().filter(|one| *one.1 > 0.0) {
             let (x, v) = (self.position(model, slot), self.velocity_of(model, slot));
-            let mass = model.mass[slot];
             let turn = cross(x, v);
             for a in 0..3 {
                 sums.moment[a] += mass * x[a];

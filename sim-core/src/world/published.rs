@@ -213,22 +213,28 @@ impl Published {
         solid: &SolidObject,
         state: &SolidState,
     ) {
-        let sampling = &solid.sampling;
-        let samples = sampling.sample(isa, &solid.grid, &solid.particles, state);
+        let per_cell = solid.grid.dx.recip();
+        let cells = Shared::new(&mut self.cells);
+        let position = Shared::new(&mut self.position);
+        let velocity = Shared::new(&mut self.velocity);
+        let affine = Shared::new(&mut self.affine);
         let apart = !self.elastic.is_empty();
-        for sample in &samples {
+        let deformation = Shared::new(&mut self.deformation);
+        let elastic = Shared::new(&mut self.elastic);
+        solid.sampling.sample(isa, &solid.grid, state, |sample| {
             let id = first + sample.particle as usize;
-            for a in 0..3 {
-                self.cells[id][a] = sample.x[a] / solid.grid.dx;
-                self.position[id][a] = sample.x[a] as f32;
+            // SAFETY: every particle is in one lane of one group.
+            unsafe {
+                cells.set(id, sample.x.map(|x| x * per_cell));
+                position.set(id, sample.x.map(|x| x as f32));
+                velocity.set(id, sample.v);
+                affine.set(id, sample.gradient);
+                deformation.set(id, sample.f);
+                if apart {
+                    elastic.set(id, sample.f);
+                }
             }
-            self.velocity[id] = sample.v;
-            self.affine[id] = sample.gradient;
-            self.deformation[id] = sample.f;
-            if apart {
-                self.elastic[id] = sample.f;
-            }
-        }
+        });
     }
 
     /// Writes a particle that is in no array and no body.

@@ -3,7 +3,7 @@
 use super::{World, frame::Frame};
 use crate::{
     mat3::cross,
-    moments::object_moments,
+    moments::object_shape,
     report::ObjectState,
     solid::{nodes::NODES, state::SolidState},
     substep::laws_of,
@@ -213,19 +213,20 @@ impl World {
         let state = self.state.solids[object].as_ref()?;
         let bodies = (self.model).bodies_of(object, &self.state.commanded.materials);
         let arrays = self.published.arrays();
-        let of_particles = object_moments(&arrays, &bodies, self.model.scene.dx);
         let sums = state.sums(self.model.isa, &solid.grid, &laws_of(&self.given(), object));
         let mass = solid.grid.total_mass;
         let com = sums.moment.map(|m| m / mass);
         let orbit = cross(com, sums.momentum);
+        let angular_momentum = std::array::from_fn(|a| sums.angular[a] - orbit[a]);
+        let shape = object_shape(&arrays, &bodies, self.model.scene.dx, angular_momentum);
         Some(ObjectState {
             mass,
             com,
             linear_velocity: sums.momentum.map(|p| p / mass),
-            angular_momentum: std::array::from_fn(|a| sums.angular[a] - orbit[a]),
+            angular_momentum,
             kinetic_energy: sums.kinetic,
             elastic_energy: sums.elastic,
-            ..of_particles
+            ..shape
         })
     }
 }
