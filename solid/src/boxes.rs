@@ -36,13 +36,13 @@ impl Boxes {
 }
 
 on_isa! {
-    /// Squared distance of a place [m] from the nearest box [m^2]; groups with a box nearer than `reach` [m] are added to `near`, by
-    /// their places in the list.
+    /// Squared distance of a place [m] from the nearest box [m^2]; groups with a box nearer than either of two distances [m] are added
+    /// to a list each, by their places.
     fn nearest_with_isa = nearest(
         boxes: &[Boxes],
         place: [f32; 3],
-        reach: f32,
-        near: &mut Vec<u32>,
+        within: [f32; 2],
+        lists: [&mut Vec<u32>; 2],
     ) -> f32
 }
 
@@ -77,15 +77,22 @@ fn smallest<V: Lanes>(of: V) -> f32 {
 }
 
 #[inline(always)]
-fn nearest<V: Lanes>(boxes: &[Boxes], place: [f32; 3], reach: f32, near: &mut Vec<u32>) -> f32 {
+fn nearest<V: Lanes>(
+    boxes: &[Boxes],
+    place: [f32; 3],
+    within: [f32; 2],
+    mut lists: [&mut Vec<u32>; 2],
+) -> f32 {
     let place = place.map(V::broadcast);
-    let within = V::broadcast(reach * reach);
+    let within = within.map(|reach| V::broadcast(reach * reach));
     let mut least = V::broadcast(f32::INFINITY);
     for (n, group) in boxes.iter().enumerate() {
         let squared = squared(group, &place);
         least = least.min(squared);
-        if V::any(squared.lt(within)) {
-            near.push(n as u32);
+        for (list, within) in lists.iter_mut().zip(within) {
+            if V::any(squared.lt(within)) {
+                list.push(n as u32);
+            }
         }
     }
     smallest(least)
@@ -127,30 +134,33 @@ fn distances<V: Lanes>(
 pub(super) struct NearBoxes<'a> {
     isa: Isa,
     boxes: &'a [Boxes],
-    /// Groups that are near.
+    /// Groups that are near, and of these those that places asked for may be near.
     pub groups: Vec<u32>,
+    close: Vec<u32>,
     /// Distance from the nearest of all [m].
     pub clear: f64,
 }
 
 impl<'a> NearBoxes<'a> {
-    /// Of a place [m], so far away at most [m].
-    pub fn new(isa: Isa, boxes: &'a [Boxes], place: [f64; 3], reach: f64) -> Self {
-        let mut groups = vec![];
-        let place = place.map(|x| x as f32);
-        let squared = nearest_with_isa(isa, boxes, place, reach as f32, &mut groups);
+    /// Of a place [m], so far away at most, the second time for places asked for [m].
+    pub fn new(isa: Isa, boxes: &'a [Boxes], place: [f64; 3], within: [f64; 2]) -> Self {
+        let (mut groups, mut close) = (vec![], vec![]);
+        let (place, within) = (place.map(|x| x as f32), within.map(|x| x as f32));
+        let squared = nearest_with_isa(isa, boxes, place, within, [&mut groups, &mut close]);
         Self {
             isa,
             boxes,
             groups,
+            close,
             clear: f64::from(squared).sqrt(),
         }
     }
 
-    /// Distances of places near that one from the nearest box, or `most` where that is less [m], and which box that is.
+    /// Distances of places from the nearest box, or `most` where that is less [m], and which box that is. Their distance from that place
+    /// and `most` come to no more than what was asked for.
     pub fn distances(&self, places: &[[f32; 3]], most: f64, out: &mut [(f32, u32)]) {
         let squared = (most * most) as f32;
-        distances_with_isa(self.isa, self.boxes, &self.groups, places, squared, out);
+        distances_with_isa(self.isa, self.boxes, &self.close, places, squared, out);
         for (distance, _) in out {
             *distance = distance.sqrt();
         }
@@ -183,7 +193,7 @@ mod tests {
         for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
             for n in 0..50 {
                 let (centre, most) = (place(100 + n), 0.7);
-                let near = NearBoxes::new(isa, &boxes, centre, most + 0.3);
+                let near = NearBoxes::new(isa, &boxes, centre, [most + 0.9, most + 0.3]);
                 // Single precision of coordinates of a few metres.
                 assert!((near.clear - least(centre, f64::INFINITY)).abs() < 1e-6);
                 let x = centre.map(|x| x + 0.1);

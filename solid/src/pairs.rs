@@ -21,6 +21,8 @@ const ENTRY: f64 = 1.0;
 const COVER: f64 = 0.5;
 /// How much farther than points are listed what moves by itself is known one by one [cells].
 const NEIGHBOURHOOD: f64 = 4.0;
+/// How much larger a distance may be than what single precision makes of it.
+const ROUNDING: f64 = 1e-5;
 /// Share of a distance at rest that is sure of a place where no matter tells of the deformation.
 const HALF_SURE: f64 = 0.5;
 /// Share of a surface's springs that each side of a pair has: both press.
@@ -129,7 +131,9 @@ impl<'a> Presence<'a> {
         let (centre, radius) = solid.ball(cluster);
         let most = solid.margin() + cover;
         let beyond = NEIGHBOURHOOD * self.inverse.model.dx;
-        let near = NearBoxes::new(isa, boxes, off(centre), radius + most + beyond);
+        // Rounding to single precision of coordinates of a body's size.
+        let close = (radius + most) * (1.0 + ROUNDING);
+        let near = NearBoxes::new(isa, boxes, off(centre), [close + beyond, close]);
         let holds = |grip: &Grip| grip.with == number;
         let points = &surface.clusters[cluster].points;
         let clear = near.clear - cover - radius;

@@ -75,16 +75,6 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// A point so far from what it may touch [m].
-    pub fn new(point: usize, clear: f64) -> Self {
-        Self {
-            point: point as u32,
-            until: clear.max(0.0),
-            part: 0,
-            known: None,
-        }
-    }
-
     /// Its cluster.
     pub fn cluster(&self) -> usize {
         self.point as usize / CLUSTER
@@ -102,6 +92,8 @@ pub struct CandidateList {
     of_clusters: Vec<ClusterWay>,
     /// In ascending order.
     pub points: Vec<Candidate>,
+    /// Memory for those before.
+    before: Vec<Candidate>,
 }
 
 /// How far a cluster and what is near it have moved towards each other, and when its points are looked for again.
@@ -203,8 +195,9 @@ impl CandidateList {
     /// Lists anew what was found in clusters that were due.
     pub fn renew(&mut self, due: &[usize], ways: &Ways<'_>, found: Vec<FoundInCluster>) {
         let farthest = ways.farthest();
-        let before = std::mem::take(&mut self.points);
-        let mut before = before.into_iter().peekable();
+        let mut known = std::mem::take(&mut self.before);
+        std::mem::swap(&mut self.points, &mut known);
+        let mut before = known.drain(..).peekable();
         for (&cluster, found) in due.iter().zip(found) {
             let of_cluster = &mut self.of_clusters[cluster];
             of_cluster.near = found.near;
@@ -214,25 +207,40 @@ impl CandidateList {
             while let Some(point) = before.next_if(|p| p.cluster() < cluster) {
                 self.points.push(point);
             }
-            for mut point in found.points {
-                while before.next_if(|p| p.point < point.point).is_some() {}
+            for near in found.points {
+                while before.next_if(|p| p.point < near.point).is_some() {}
                 // One that is listed still goes on from where it was.
-                let listed = before.next_if(|p| p.point == point.point);
-                point.known = listed.and_then(|p| p.known);
-                point.until += way;
-                self.points.push(point);
+                let listed = before.next_if(|p| p.point == near.point);
+                self.points.push(Candidate {
+                    point: near.point,
+                    until: way + near.clear,
+                    part: near.part,
+                    known: listed.and_then(|p| p.known),
+                });
             }
             while before.next_if(|p| p.cluster() == cluster).is_some() {}
             self.of_clusters[cluster].until = way + found.clear;
         }
         self.points.extend(before);
+        self.before = known;
     }
+}
+
+/// A point that was found to be near something.
+#[derive(Clone, Copy, Debug)]
+pub struct Near {
+    /// Its number.
+    pub point: u32,
+    /// Which part of another solid's clusters it is nearest to, counted through.
+    pub part: u32,
+    /// How far it is from what it may touch at least [m].
+    clear: f64,
 }
 
 /// Points of a cluster near something.
 pub struct FoundInCluster {
     /// The points.
-    pub points: Vec<Candidate>,
+    pub points: Vec<Near>,
     /// How far all others are at least [m].
     clear: f64,
     /// Groups of what may touch them that are near.
@@ -259,7 +267,11 @@ impl FoundInCluster {
         for n in points {
             let clear = clear(n);
             if clear < margin {
-                found.points.push(Candidate::new(n, clear));
+                found.points.push(Near {
+                    point: n as u32,
+                    part: 0,
+                    clear: clear.max(0.0),
+                });
             } else {
                 found.clear = found.clear.min(clear);
             }
