@@ -3,7 +3,6 @@
 use super::{
     bonds::Walls,
     frequency::{CONTACT, largest_squared_frequency},
-    grip::NOTHING,
     kernel::{Extremes, SolidLaw, Step, Tiles, substep},
     memory::remember,
     model::SolidModel,
@@ -139,6 +138,11 @@ impl Solid<'_> {
             .fold(0.0, f64::max)
     }
 
+    /// Speed that no wave in it at rest exceeds [m/s].
+    pub(super) fn sound_at_rest(&self) -> f64 {
+        self.tangent_at_rest().sqrt()
+    }
+
     /// Tangent at rest of the stiffest of it [Pa].
     pub fn modulus(&self) -> f64 {
         let laws = self.laws.iter();
@@ -222,8 +226,9 @@ impl Solid<'_> {
             self.scratch.search.restart();
         }
         // The first substep is chosen before anything is looked for: what was in contact last is taken for being so.
+        // Walls that bind hold no energy, and make nothing faster.
         let mut springs = self.state.springs.iter();
-        self.scratch.search.touched |= springs.any(|grip| grip.with != NOTHING);
+        self.scratch.search.touched |= springs.any(|grip| grip.energy > 0.0);
         if self.is_free() {
             if begins_frame {
                 self.state.recentre(self.model);

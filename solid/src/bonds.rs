@@ -2,11 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::{colliders::Placed, scene::Surface};
+use super::skyline::Skyline;
+use crate::{colliders::Placed, mat3::dot, scene::Surface};
 
-/// Share of its own answer that a point gives way by: points say the same where matter is one cell thick, and rounding lets them
-/// contradict each other.
-const SLACK: f64 = 1e-3;
 /// Distance from a wall below which a point is on it [cells].
 pub(super) const TOUCH: f64 = 1e-3;
 
@@ -14,11 +12,11 @@ pub(super) const TOUCH: f64 = 1e-3;
 #[derive(Clone, Debug)]
 pub(super) struct Bond {
     pub point: usize,
-    /// The collider, by its number.
-    pub collider: usize,
+    /// What holds it: a collider by its number, or a region of the scene as a [grip](crate::grip::Grip::on_region) names it.
+    pub with: u32,
     /// Where the point is [m].
     pub x: [f64; 3],
-    /// Unit normal out of the wall.
+    /// Unit normal out of the wall; none of a region.
     pub normal: [f64; 3],
     /// Signed distance from the wall [m].
     pub gap: f64,
@@ -26,45 +24,53 @@ pub(super) struct Bond {
     pub wall: [f64; 3],
     /// Whether it may slip along the wall.
     pub slips: bool,
-    /// How far it is from where it stuck along the wall, and how far in front of the wall it stays [m].
+    /// How far it is from where it stuck along the wall, and how far in front of the wall it stays: where it was when it met it [m].
     pub stretch: [f64; 3],
 }
 
-/// Nodes that bear a point, with weights, and the impulse that changes its velocity, alone [kg]; 0 where nothing does.
-#[derive(Clone, Debug)]
-pub(super) struct Borne {
-    pub nodes: Vec<(u32, f64)>,
-    pub answer: f64,
+impl Bond {
+    /// How far the point is from where it met the wall; along the wall only where it does not slip [m].
+    pub fn off(&self) -> [f64; 3] {
+        let in_front = dot(self.stretch, self.normal);
+        std::array::from_fn(|a| {
+            let across = match self.slips {
+                false => self.stretch[a] - in_front * self.normal[a],
+                true => 0.0,
+            };
+            across + (self.gap - in_front) * self.normal[a]
+        })
+    }
 }
 
-impl Borne {
-    /// What a point gives way by per impulse on it [1/kg].
-    pub fn slack(&self) -> f64 {
-        match self.answer > 0.0 {
-            true => SLACK / self.answer,
-            false => 0.0,
-        }
-    }
+/// Nodes that bear a point or some, with weights.
+pub(super) type Borne = Vec<(u32, f64)>;
 
-    /// Adds what an impulse makes of the velocities of nodes.
-    pub fn push(&self, mass: &[f64], impulse: [f64; 3], change: &mut [[f64; 3]]) {
-        for &(slot, w) in &self.nodes {
-            let share = w / mass[slot as usize];
-            for a in 0..3 {
-                change[slot as usize][a] += share * impulse[a];
-            }
-        }
-    }
+/// Points of one cell that one wall holds: it holds their mean, by area. The motion of a surface has one value per cell and axis, and
+/// more constraints would say the same again.
+#[derive(Clone, Debug)]
+pub(super) struct Patch {
+    /// Places among the bonds, with shares of the area.
+    pub bonds: Vec<(usize, f64)>,
+    pub borne: Borne,
+    pub with: u32,
+    /// Whether it may slip along the wall.
+    pub slips: bool,
+    /// Where it is [m].
+    pub x: [f64; 3],
+    /// Unit normal out of the wall.
+    pub normal: [f64; 3],
+    /// What its velocity has to change by [m/s].
+    pub missing: [f64; 3],
+    /// Impulse on it [N s].
+    pub impulse: [f64; 3],
+}
 
-    /// Velocity of the point where nodes have these.
-    pub fn velocity(&self, of_nodes: &[[f64; 3]]) -> [f64; 3] {
-        let mut v = [0.0; 3];
-        for &(slot, w) in &self.nodes {
-            for a in 0..3 {
-                v[a] += w * of_nodes[slot as usize][a];
-            }
-        }
-        v
+impl Patch {
+    /// Directions in which the wall decides, one after the other.
+    pub fn directions(&self) -> impl Iterator<Item = [f64; 3]> + Clone + use<> {
+        let unit = |axis: usize| std::array::from_fn(|a| if a == axis { 1.0 } else { 0.0 });
+        let (slips, normal) = (self.slips, self.normal);
+        (0..if slips { 1 } else { 3 }).map(move |axis| if slips { normal } else { unit(axis) })
     }
 }
 
@@ -74,13 +80,21 @@ pub struct Walls {
     pub(super) bonds: Vec<Bond>,
     /// Of every point that was held since nodes were last held or let go.
     pub(super) borne: BTreeMap<usize, Borne>,
-    /// Points and colliders of the latest bonds, those that are asked for, and the nodes that bear these.
-    pub(super) latest: Vec<(usize, usize)>,
-    pub(super) chosen: Vec<usize>,
+    /// Points of the latest bonds and what held them, their patches, and the nodes that bear these.
+    pub(super) latest: Vec<(usize, u32)>,
+    pub(super) patches: Vec<Patch>,
     pub(super) nodes: Vec<u32>,
-    /// Change of the velocity of every node [m/s], and that of a step towards it.
+    /// Constraints patch after patch: their patches and directions; the same in the order of the matrix.
+    pub(super) by_patch: Vec<(usize, [f64; 3])>,
+    pub(super) rows: Vec<(usize, [f64; 3])>,
+    /// Factor of what velocities along constraints answer to impulses along them.
+    pub(super) answers: Skyline,
+    /// Velocities that are missing, then impulses, by row.
+    pub(super) sought: Vec<f64>,
+    /// Change of the velocity of every node [m/s].
     pub(super) change: Vec<[f64; 3]>,
-    pub(super) slope: Vec<[f64; 3]>,
+    /// How far nodes were moved, by block [m].
+    pub(super) ways: Vec<f64>,
 }
 
 impl Walls {
@@ -89,6 +103,17 @@ impl Walls {
         self.borne.clear();
         self.latest.clear();
     }
+}
+
+/// Points of a surface that a region of the scene holds.
+#[derive(Clone, Copy, Debug)]
+pub struct HeldFace<'a> {
+    /// The region, by its number.
+    pub region: usize,
+    /// The points.
+    pub points: &'a [usize],
+    /// Their velocity [m/s].
+    pub velocity: [f64; 3],
 }
 
 /// Whether a collider holds what has met it by constraints. Coulomb's law wants the pressure at every point: springs know it, constraints

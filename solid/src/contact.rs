@@ -26,7 +26,7 @@ use super::{
 use crate::{
     colliders::{Placed, farthest, primitives::Distance},
     ledger::{ContactPartner, Ledger, Received},
-    mat3::length,
+    mat3::{dot, length},
     scene::Surface,
     simd::LANES,
 };
@@ -493,17 +493,22 @@ impl At {
         if stretch.is_none() && found.value >= self.touch {
             return None;
         }
-        // One that is in front of the wall stays so far from it: nothing draws it nearer.
-        let in_front = found.value.max(0.0);
+        // It stays as far from the wall as it met it: what pushed it out would do work on all that moves behind it.
+        let slips = placed.contact().surface == Surface::Slip;
+        let met = stretch.unwrap_or(found.normal.map(|n| found.value * n));
+        let in_front = dot(met, found.normal);
         Some(Bond {
             point,
-            collider: placed.id,
+            with: placed.id as u32,
             x: self.x,
             normal: found.normal,
             gap: found.value,
             wall: placed.velocity(self.x),
-            slips: placed.contact().surface == Surface::Slip,
-            stretch: stretch.unwrap_or(found.normal.map(|n| in_front * n)),
+            slips,
+            stretch: match slips {
+                true => found.normal.map(|n| in_front * n),
+                false => met,
+            },
         })
     }
 

@@ -10,7 +10,8 @@ pub(super) const OBJECTS: u32 = 1 << 31;
 /// The tangential spring of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grip {
-    /// What it holds on to: a collider by its number, an object by [`on_object`](Self::on_object), or nothing.
+    /// What it holds on to: a collider by its number, an object by [`on_object`](Self::on_object), a held region by
+    /// [`on_region`](Self::on_region), or nothing.
     pub with: u32,
     /// How much it is stretched [m].
     pub stretch: [f64; 3],
@@ -19,6 +20,11 @@ pub struct Grip {
 }
 
 impl Grip {
+    /// What a grip on a held region of the scene holds on to, by its number.
+    pub fn on_region(number: usize) -> u32 {
+        NOTHING - 1 - number as u32
+    }
+
     /// What a grip on an object holds on to.
     pub fn on_object(id: usize) -> u32 {
         OBJECTS + id as u32

@@ -2,6 +2,7 @@
 
 use super::{
     advance::{Outside, Shares, Solid},
+    bonds::HeldFace,
     grip::Grip,
     inverse::Start,
     object::SolidObject,
@@ -37,6 +38,8 @@ pub struct Mover<'a> {
     pub springs: Vec<SolidSpring<'a>>,
     /// Velocity of each held node [m/s].
     pub given: Vec<[f64; 3]>,
+    /// Parts of its surface that are held.
+    pub faces: Vec<HeldFace<'a>>,
 }
 
 /// Everything around solids.
@@ -172,6 +175,7 @@ fn find_forces(
         mover
             .solid
             .meet_colliders(surface, &near, times, (mover.id, ledger));
+        mover.solid.hold_faces(surface, &mover.faces);
     }
     if group.len() > 1 {
         meet_each_other(group, around, times, ledger);

@@ -41,6 +41,7 @@ mod penalty;
 pub mod rigid;
 pub mod sampling;
 pub mod search;
+mod skyline;
 pub mod springs;
 pub mod state;
 pub mod surface;

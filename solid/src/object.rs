@@ -32,8 +32,17 @@ pub struct SolidObject {
     pub sampling: Sampling,
     /// Mass of each of them [kg].
     masses: Vec<f64>,
-    /// Per held region of the scene the nodes that it holds.
-    pub regions: Vec<Vec<usize>>,
+    /// Per held region of the scene what it holds.
+    pub regions: Vec<HeldInRegion>,
+}
+
+/// What a held region of the scene has of a solid at rest.
+#[derive(Clone, Debug)]
+pub struct HeldInRegion {
+    /// Nodes that it holds.
+    pub nodes: Vec<usize>,
+    /// Points of the surface that it holds, where it reaches no particle.
+    pub points: Vec<usize>,
 }
 
 impl SolidObject {
@@ -59,13 +68,32 @@ impl SolidObject {
         };
         let regions = scene.pinned_regions.iter();
         solid.regions = regions
-            .map(|region| solid.nodes_of_region(region, &seeds))
+            .map(|region| solid.held_in(region, &seeds))
             .collect();
         Some(solid)
     }
 
+    /// What a region holds of it at rest.
+    fn held_in(&self, region: &PinnedRegion, seeds: &[Seed]) -> HeldInRegion {
+        if !(seeds.iter()).any(|seed| region.bounds.contains(seed.position)) {
+            let points = self.surface.points.iter().enumerate();
+            let points = points.filter(|(_, point)| region.bounds.contains(point.x));
+            let points: Vec<usize> = points.map(|(n, _)| n).collect();
+            if !points.is_empty() {
+                return HeldInRegion {
+                    nodes: vec![],
+                    points,
+                };
+            }
+        }
+        HeldInRegion {
+            nodes: self.nodes_in(region, seeds),
+            points: vec![],
+        }
+    }
+
     /// Nodes in a region at rest, and those of matter in it.
-    fn nodes_of_region(&self, region: &PinnedRegion, seeds: &[Seed]) -> Vec<usize> {
+    fn nodes_in(&self, region: &PinnedRegion, seeds: &[Seed]) -> Vec<usize> {
         let mut nodes = self.nodes_of(|n| region.bounds.contains(seeds[n].position));
         let inside = |&n: &usize| region.bounds.contains(self.grid.node_in_world(n));
         nodes.extend(self.grid.nodes().filter(inside));

@@ -1,40 +1,31 @@
-//! Walls that bind: slip and sticky colliders hold the points of a surface that have met them.
+//! Walls that bind: slip and sticky colliders hold the points of a surface that have met them, held regions those of a face in them.
 //!
 //! After the forces of a substep, velocities change by as little kinetic energy as keeps those points on the wall at its end: a constraint
-//! on positions, as SHAKE imposes it (Ryckaert, Ciccotti and Berendsen 1977), by conjugate gradients over the impulses at the points. It
-//! does no work on what stays on the wall. Penalty in its place gave way like two cells of matter.
+//! on positions, as SHAKE imposes it (Ryckaert, Ciccotti and Berendsen 1977). The factor of its matrix lasts as long as the same points are
+//! held in the same directions. It does no work on what stays on the wall. Penalty in its place gave way like two cells of matter.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
     advance::Solid,
-    bonds::{Bond, Borne, Walls},
+    bonds::{Bond, Borne, HeldFace, Patch, Walls},
     contact::ContactSurface,
+    grip::{Grip, OBJECTS},
     kernel::follow_again,
     model::Bears,
     nodes::{NODES, read, write},
+    skyline::Skyline,
 };
 use crate::{
     ledger::{ContactPartner, Ledger, Received},
     mat3::{dot, length},
 };
 
-/// Steps of conjugate gradients at most, and the share of the missing velocities at which they end.
-const STEPS: usize = 40;
-const DONE: f64 = 1e-4;
-/// Largest way back to the wall in a substep [cells].
+/// Share of its own answer that a patch gives way by: patches say the same where matter is one cell thick, and rounding lets them
+/// contradict each other.
+const SLACK: f64 = 1e-3;
+/// Largest speed of the way back to where points met the wall, over that of sound: what crushes matter shortens substeps, not the way.
 const RECOVERY: f64 = 0.05;
-
-/// A bond while its impulse is sought.
-struct Sought<'a> {
-    bond: &'a Bond,
-    borne: &'a Borne,
-    /// Velocity relative to the wall before, and the one that is asked for [m/s].
-    before: [f64; 3],
-    asked: [f64; 3],
-    /// Impulse on the point [N s].
-    impulse: [f64; 3],
-}
 
 impl Solid<'_> {
     /// Keeps points on the walls that hold them, after forces have acted for `kick` [s] and nodes have moved for `drift` [s] of that.
@@ -46,41 +37,55 @@ impl Solid<'_> {
     ) {
         let mut walls = std::mem::take(&mut self.scratch.walls);
         if !walls.bonds.is_empty() && kick > 0.0 {
-            self.prepare(surface, &mut walls);
-            let Walls {
-                bonds,
-                borne,
-                chosen,
-                nodes,
-                change,
-                slope,
-                ..
-            } = &mut walls;
-            let seek = |&n: &usize| {
-                let bond = &bonds[n];
-                self.sought(surface, bond, &borne[&bond.point], drift)
-            };
-            let mut all: Vec<Sought<'_>> = chosen.iter().map(seek).collect();
-            self.hold(&mut all, nodes, [change, slope]);
-            for one in &all {
+            self.join(surface, &mut walls);
+            let Walls { bonds, patches, .. } = &mut walls;
+            for patch in patches {
+                self.ask(surface, bonds, patch, drift);
+            }
+            walls.hold(&self.model.mass);
+            for one in &walls.patches {
                 // Pulls count as pushes do.
-                let along = dot(one.impulse, one.bond.normal);
+                let along = dot(one.impulse, one.normal);
                 let received = Received {
                     impulse: one.impulse,
-                    normal_impulse: one.bond.normal.map(|n| along * n),
+                    normal_impulse: one.normal.map(|n| along * n),
                     weight: along.abs(),
-                    moment: one.bond.x.map(|x| along.abs() * x),
+                    moment: one.x.map(|x| along.abs() * x),
                 };
-                ledger.add(
-                    object,
-                    ContactPartner::Collider(one.bond.collider),
-                    &received,
-                );
+                if one.with < OBJECTS {
+                    let collider = ContactPartner::Collider(one.with as usize);
+                    ledger.add(object, collider, &received);
+                }
             }
-            self.change(nodes, change, drift);
-            self.settle(surface, bonds, drift);
+            self.change(&mut walls, drift);
+            self.settle(surface, &walls.bonds, drift);
         }
         self.scratch.walls = walls;
+    }
+
+    /// Binds points of the surface to regions that hold them, each where it is when that begins.
+    pub(crate) fn hold_faces(&mut self, surface: &ContactSurface, faces: &[HeldFace<'_>]) {
+        for face in faces {
+            let with = Grip::on_region(face.region);
+            for &point in face.points {
+                let spring = &mut self.state.springs[point];
+                if spring.with != with {
+                    *spring = Grip { with, ..Grip::NONE };
+                }
+                let stretch = spring.stretch;
+                let [x, _] = self.motion(surface, point);
+                self.scratch.walls.bonds.push(Bond {
+                    point,
+                    with,
+                    x,
+                    normal: [0.0; 3],
+                    gap: 0.0,
+                    wall: face.velocity,
+                    slips: false,
+                    stretch,
+                });
+            }
+        }
     }
 
     /// Notes how far points are now from where they stuck.
@@ -88,7 +93,7 @@ impl Solid<'_> {
         for bond in bonds.iter().filter(|bond| !bond.slips) {
             let [_, v] = self.motion(surface, bond.point);
             let spring = &mut self.state.springs[bond.point];
-            if spring.with == bond.collider as u32 {
+            if spring.with == bond.with {
                 let v: [f64; 3] = std::array::from_fn(|a| v[a] - bond.wall[a]);
                 let along = dot(v, bond.normal);
                 spring.stretch = std::array::from_fn(|a| {
@@ -98,41 +103,57 @@ impl Solid<'_> {
         }
     }
 
-    /// Chooses the bonds that are asked for, one per cell of matter and wall, and finds what bears their points: the motion of a
-    /// surface has one value per cell and axis, and more would say the same again.
-    fn prepare(&self, surface: &ContactSurface, walls: &mut Walls) {
+    /// Joins bonds to patches and finds what bears these, if they are not those of the substep before.
+    fn join(&self, surface: &ContactSurface, walls: &mut Walls) {
         let Walls {
             bonds,
             borne,
             latest,
-            chosen,
+            patches,
             nodes,
-            change,
-            slope,
+            by_patch,
+            ..
         } = walls;
-        change.resize(self.model.mass.len(), [0.0; 3]);
-        slope.resize(self.model.mass.len(), [0.0; 3]);
-        let now = bonds.iter().map(|bond| (bond.point, bond.collider));
+        let now = bonds.iter().map(|bond| (bond.point, bond.with));
         if latest.iter().copied().eq(now.clone()) {
             return;
         }
         *latest = now.collect();
-        chosen.clear();
-        nodes.clear();
+        by_patch.clear();
         let held: BTreeSet<usize> = self.scratch.held.iter().copied().collect();
-        let mut taken = BTreeSet::new();
-        for (n, &(point, collider)) in latest.iter().enumerate() {
+        let mut members: BTreeMap<_, Vec<usize>> = BTreeMap::new();
+        for (n, &(point, with)) in latest.iter().enumerate() {
             let at = &surface.points[point];
-            let cell = at.x.map(|x| (x / self.model.dx).floor() as i64);
-            if !taken.insert((collider, cell)) {
-                continue;
-            }
-            let of_point = borne
+            borne
                 .entry(point)
                 .or_insert_with(|| self.borne(&held, &at.bears));
-            chosen.push(n);
-            nodes.extend(of_point.nodes.iter().map(|node| node.0));
+            let cell = at.x.map(|x| (x / self.model.dx).floor() as i64);
+            members.entry((with, cell)).or_default().push(n);
         }
+        let joined = members.into_iter().map(|((with, _), members)| {
+            let area = |&n: &usize| surface.points[latest[n].0].area;
+            let all: f64 = members.iter().map(area).sum();
+            let mut weights: BTreeMap<u32, f64> = BTreeMap::new();
+            for n in &members {
+                for (slot, w) in &borne[&latest[*n].0] {
+                    *weights.entry(*slot).or_default() += area(n) / all * w;
+                }
+            }
+            Patch {
+                bonds: members.iter().map(|n| (*n, area(n) / all)).collect(),
+                borne: weights.into_iter().collect(),
+                with,
+                slips: bonds[members[0]].slips,
+                x: [0.0; 3],
+                normal: [0.0; 3],
+                missing: [0.0; 3],
+                impulse: [0.0; 3],
+            }
+        });
+        *patches = joined.collect();
+        nodes.clear();
+        let all = patches.iter().flat_map(|patch| &patch.borne);
+        nodes.extend(all.map(|node| node.0));
         nodes.sort_unstable();
         nodes.dedup();
     }
@@ -143,114 +164,47 @@ impl Solid<'_> {
         let free = bears.map(|(slot, w)| (slot, if is_held(slot) { 0.0 } else { w }));
         let nodes = self.model.borne_by(&free).into_iter();
         let nodes = nodes.filter(|&(slot, w)| w != 0.0 && !is_held(slot));
-        let nodes: Vec<_> = nodes.map(|(slot, w)| (slot, f64::from(w))).collect();
-        let share = |&(slot, w): &(u32, f64)| w * w / self.model.mass[slot as usize];
-        let inverse_mass: f64 = nodes.iter().map(share).sum();
-        Borne {
-            answer: if inverse_mass > 0.0 {
-                1.0 / inverse_mass
-            } else {
-                0.0
-            },
-            nodes,
-        }
+        nodes.map(|(slot, w)| (slot, f64::from(w))).collect()
     }
 
-    fn sought<'a>(
-        &self,
-        surface: &ContactSurface,
-        bond: &'a Bond,
-        borne: &'a Borne,
-        drift: f64,
-    ) -> Sought<'a> {
-        let [_, v] = self.motion(surface, bond.point);
-        let most = RECOVERY * self.model.dx;
-        let in_front = dot(bond.stretch, bond.normal);
-        let mut back: [f64; 3] = std::array::from_fn(|a| {
-            let across = match bond.slips {
-                false => bond.stretch[a] - in_front * bond.normal[a],
-                true => 0.0,
-            };
-            -across - (bond.gap - in_front) * bond.normal[a]
-        });
-        let size = length(back);
-        if size > most {
-            back = back.map(|x| x * most / size);
+    /// Asks for what keeps the mean of a patch where it met the wall: across it and, where nothing slips, along it.
+    fn ask(&self, surface: &ContactSurface, bonds: &[Bond], patch: &mut Patch, drift: f64) {
+        let [mut x, mut normal, mut missing, mut back] = [[0.0; 3]; 4];
+        for (n, share) in &patch.bonds {
+            let bond = &bonds[*n];
+            let [_, v] = self.motion(surface, bond.point);
+            let off = bond.off();
+            for a in 0..3 {
+                x[a] += share * bond.x[a];
+                normal[a] += share * bond.normal[a];
+                missing[a] += share * (bond.wall[a] - v[a]);
+                back[a] -= share * off[a];
+            }
         }
-        let asked = match drift > 0.0 {
-            true => back.map(|x| x / drift),
-            false => [0.0; 3],
+        if drift > 0.0 {
+            let most = RECOVERY * self.sound_at_rest();
+            let share = drift.recip().min(most / length(back));
+            for a in 0..3 {
+                missing[a] += share * back[a];
+            }
+        }
+        let size = length(normal);
+        patch.normal = match size > 0.0 {
+            true => normal.map(|n| n / size),
+            false => bonds[patch.bonds[0].0].normal,
         };
-        Sought {
-            bond,
-            borne,
-            before: std::array::from_fn(|a| v[a] - bond.wall[a]),
-            asked,
-            impulse: [0.0; 3],
-        }
-    }
-
-    /// Gives all points the impulses that make their velocities those that are asked for; across walls they may slip.
-    fn hold(
-        &self,
-        all: &mut [Sought<'_>],
-        nodes: &[u32],
-        [change, slope]: [&mut Vec<[f64; 3]>; 2],
-    ) {
-        let missing =
-            |one: &Sought<'_>| one.bound(std::array::from_fn(|a| one.asked[a] - one.before[a]));
-        let mut residual: Vec<[f64; 3]> = all.iter().map(missing).collect();
-        let size_of = |all: &[Sought<'_>], r: &[[f64; 3]]| -> f64 {
-            let shares = all.iter().zip(r);
-            shares.map(|(one, r)| one.borne.answer * dot(*r, *r)).sum()
-        };
-        let first = size_of(all, &residual);
-        let (mut size, mut share) = (first, 0.0);
-        let mut along = vec![[0.0; 3]; all.len()];
-        for _ in 0..STEPS {
-            if size <= DONE * DONE * first {
-                break;
-            }
-            for ((one, along), r) in all.iter().zip(&mut along).zip(&residual) {
-                *along = std::array::from_fn(|a| one.borne.answer * r[a] + share * along[a]);
-                one.borne.push(&self.model.mass, *along, slope);
-            }
-            let answers = all.iter().zip(&along).map(|(one, along)| {
-                let v = one.bound(one.borne.velocity(slope));
-                let slack = one.borne.slack();
-                std::array::from_fn(|a| v[a] + slack * along[a])
-            });
-            let answers: Vec<[f64; 3]> = answers.collect();
-            let curvature: f64 = along.iter().zip(&answers).map(|(p, q)| dot(*p, *q)).sum();
-            let step = size / curvature;
-            if !step.is_finite() || step <= 0.0 {
-                nodes.iter().for_each(|&n| slope[n as usize] = [0.0; 3]);
-                break;
-            }
-            for &n in nodes {
-                let more = std::mem::take(&mut slope[n as usize]);
-                for a in 0..3 {
-                    change[n as usize][a] += step * more[a];
-                }
-            }
-            for (n, one) in all.iter_mut().enumerate() {
-                for a in 0..3 {
-                    one.impulse[a] += step * along[n][a];
-                    residual[n][a] -= step * answers[n][a];
-                }
-            }
-            let next = size_of(all, &residual);
-            (share, size) = (next / size, next);
-        }
+        (patch.x, patch.missing) = (x, missing);
     }
 
     /// Changes velocities of nodes, which have moved with them for `drift` [s], and forgets the changes.
-    fn change(&mut self, nodes: &[u32], change: &mut [[f64; 3]], drift: f64) {
-        let (mut ways, dx) = (vec![0.0_f64; self.state.nodes.len()], self.model.dx);
+    fn change(&mut self, walls: &mut Walls, drift: f64) {
+        let dx = self.model.dx;
+        walls.ways.clear();
+        walls.ways.resize(self.state.nodes.len(), 0.0);
         let tiles = &mut self.scratch.tiles;
-        for &slot in nodes {
+        for &slot in &walls.nodes {
             let at = slot as usize;
-            let more = std::mem::take(&mut change[at]).map(|v| v / dx);
+            let more = std::mem::take(&mut walls.change[at]).map(|v| v / dx);
             let block = &mut self.state.nodes[at / NODES];
             let (u, v) = (read(&block.u, at), read(&block.v, at));
             let u: [f32; 3] = std::array::from_fn(|a| u[a] + (drift * more[a]) as f32);
@@ -262,7 +216,7 @@ impl Solid<'_> {
             row[3..6].copy_from_slice(&v);
             let speed = &mut tiles.speeds[at / NODES];
             *speed = speed.max(v.iter().map(|v| v * v).sum::<f32>().sqrt());
-            let way = &mut ways[at / NODES];
+            let way = &mut walls.ways[at / NODES];
             *way = way.max(drift * dx * length(more));
         }
         follow_again(
@@ -271,19 +225,96 @@ impl Solid<'_> {
             &mut self.state.nodes,
             tiles,
         );
-        self.scratch.search.move_on(ways.into_iter());
+        self.scratch.search.move_on(walls.ways.iter().copied());
     }
 }
 
-impl Sought<'_> {
-    /// The part of a vector that the wall decides on: all of it where nothing slips.
-    fn bound(&self, v: [f64; 3]) -> [f64; 3] {
-        match self.bond.slips {
-            false => v,
-            true => {
-                let along = dot(v, self.bond.normal);
-                self.bond.normal.map(|n| along * n)
+impl Walls {
+    /// Finds the impulses on all patches that change their velocities by what is missing, and what they make of nodes of these masses [kg].
+    fn hold(&mut self, mass: &[f64]) {
+        self.order(mass);
+        self.change.resize(mass.len(), [0.0; 3]);
+        let missing = |(patch, along): &(usize, [f64; 3])| {
+            let patch: &Patch = &self.patches[*patch];
+            match patch.borne.is_empty() {
+                true => 0.0,
+                false => dot(patch.missing, *along),
+            }
+        };
+        self.sought.clear();
+        self.sought.extend(self.rows.iter().map(missing));
+        self.answers.solve(&mut self.sought);
+        for patch in &mut self.patches {
+            patch.impulse = [0.0; 3];
+        }
+        for ((patch, along), size) in self.rows.iter().zip(&self.sought) {
+            let patch = &mut self.patches[*patch];
+            for a in 0..3 {
+                patch.impulse[a] += size * along[a];
             }
         }
+        for patch in &self.patches {
+            for &(slot, w) in &patch.borne {
+                let share = w / mass[slot as usize];
+                for a in 0..3 {
+                    self.change[slot as usize][a] += share * patch.impulse[a];
+                }
+            }
+        }
+    }
+
+    /// Puts constraints in order and makes their matrix, if they are not those of the substep before.
+    fn order(&mut self, mass: &[f64]) {
+        let patches = self.patches.iter().enumerate();
+        let rows = patches.flat_map(|(n, patch)| patch.directions().map(move |along| (n, along)));
+        let is_same = |(row, known): ((usize, [f64; 3]), &(usize, [f64; 3]))| row == *known;
+        let known = self.by_patch.len();
+        if known == rows.clone().count() && rows.clone().zip(&self.by_patch).all(is_same) {
+            return;
+        }
+        self.by_patch = rows.clone().collect();
+        self.rows = rows.collect();
+        // Where all directions are axes, impulses along one do nothing along another: those of each are a matrix of their own.
+        let axis = |along: &[f64; 3]| along.iter().position(|x| x.abs() == 1.0);
+        if self.rows.iter().all(|(_, along)| axis(along).is_some()) {
+            self.rows.sort_by_key(|(n, along)| (axis(along), *n));
+        }
+        let mut at_node: BTreeMap<u32, Vec<(usize, f64)>> = BTreeMap::new();
+        for (row, (patch, _)) in self.rows.iter().enumerate() {
+            for &(slot, w) in &self.patches[*patch].borne {
+                at_node.entry(slot).or_default().push((row, w));
+            }
+        }
+        let rows = &self.rows;
+        let both = |a: usize, b: usize| dot(rows[a].1, rows[b].1);
+        let mut firsts: Vec<usize> = (0..rows.len()).collect();
+        for meet in at_node.values() {
+            for &(row, _) in meet {
+                let known = meet.iter().map(|m| m.0).find(|&c| both(row, c) != 0.0);
+                firsts[row] = firsts[row].min(known.unwrap_or(row));
+            }
+        }
+        let mut answers = Skyline::new(firsts.into_iter());
+        for (slot, meet) in &at_node {
+            for &(row, w) in meet {
+                for &(column, other) in meet.iter().take_while(|m| m.0 <= row) {
+                    let along = both(row, column);
+                    if along != 0.0 {
+                        *answers.entry(row, column) += w * other * along / mass[*slot as usize];
+                    }
+                }
+            }
+        }
+        for row in 0..rows.len() {
+            let own = answers.entry(row, row);
+            // Nothing that is free bears it.
+            *own = if *own > 0.0 {
+                (1.0 + SLACK) * *own
+            } else {
+                1.0
+            };
+        }
+        answers.factorise();
+        self.answers = answers;
     }
 }

@@ -6,11 +6,13 @@ use crate::{
     coupling::solids::NodeImpulses,
     ledger::Ledger,
     report::DtLimit,
+    scene::PinnedRegion,
     solid::{
         advance::{Outside, Scratch, Solid},
+        bonds::HeldFace,
         group::{Around, Mover, Passed, advance_group},
         kernel::SolidLaw,
-        object::{SolidObject, law_of},
+        object::{HeldInRegion, SolidObject, law_of},
         rigid::RigidPeers,
         state::{NodeLoad, SolidState},
     },
@@ -350,6 +352,7 @@ fn mover<'a>(given: &Given<'a>, one: &'a mut Taken, span: &Substep) -> Option<Mo
         object,
         id: one.id,
         given: velocities,
+        faces: held_faces(given, object, span),
     })
 }
 
@@ -364,7 +367,7 @@ pub(super) fn held_nodes(
     let regions = given.model.scene.pinned_regions.iter().zip(&solid.regions);
     for (region, nodes) in regions.filter(|(region, _)| span.is_in(&region.span)) {
         if region.span.start <= 0.0 {
-            held.extend(nodes.iter().map(|&n| (n, region.velocity)));
+            held.extend(nodes.nodes.iter().map(|&n| (n, region.velocity)));
             continue;
         }
         // One that begins later holds what is in it then, and what comes into it.
@@ -394,6 +397,20 @@ pub(super) fn held_nodes(
         }));
     }
     held.into_iter().unzip()
+}
+
+/// Faces of a solid that are held in a span.
+fn held_faces<'a>(given: &Given<'a>, solid: &'a SolidObject, span: &Substep) -> Vec<HeldFace<'a>> {
+    let regions = given.model.scene.pinned_regions.iter().zip(&solid.regions);
+    let holds = |(number, (region, held)): (usize, (&PinnedRegion, &'a HeldInRegion))| {
+        let from_rest = region.span.start <= 0.0 && !held.points.is_empty();
+        (from_rest && span.is_in(&region.span)).then_some(HeldFace {
+            region: number,
+            points: &held.points,
+            velocity: region.velocity,
+        })
+    };
+    regions.enumerate().filter_map(holds).collect()
 }
 
 /// Colliders that what stays in a box may touch within a span.
