@@ -567,10 +567,10 @@ impl At {
                 out.bonds.push(bond);
                 continue;
             }
-            let Some(spring) = self.spring(placed, &found, known) else {
+            let Some(mut spring) = self.spring(placed, &found, known) else {
                 continue;
             };
-            let (u, pressure) = (placed.velocity(self.x), spring.pressure);
+            let u = placed.velocity(self.x);
             let relative = std::array::from_fn(|a| self.v[a] - u[a]);
             let (force, stretch) = spring.pull(stretch, relative, self.moved);
             for a in 0..3 {
@@ -580,7 +580,7 @@ impl At {
             let impulse = force.map(|f| kick * f);
             out.received.push((
                 placed.id,
-                Received::at(self.x, found.normal, kick * pressure, impulse),
+                Received::at(self.x, found.normal, kick * spring.pressure, impulse),
             ));
             if out.grip.with == NOTHING || -found.value > deepest {
                 deepest = -found.value;

@@ -264,7 +264,7 @@ impl<'a> Presence<'a> {
         let stiffness = HALF * self.modulus.min(other.modulus) * self.surface.stiffness[n];
         // The force is the slope of a potential, of half the squared depth: amid matter, where the depth is at its largest, it ends.
         let effective_depth = depth * found.steepness;
-        let spring = Spring {
+        let mut spring = Spring {
             stiffness,
             depth,
             pressure: stiffness * effective_depth,

@@ -2,6 +2,9 @@
 
 use crate::mat3::dot;
 
+/// How far ahead the pressure of points that slide looks, over the substep.
+const SLIDING: f64 = 0.5;
+
 /// What presses and holds a point.
 pub struct Spring {
     /// Force per stretch, and per depth [N/m].
@@ -17,9 +20,10 @@ pub struct Spring {
 }
 
 impl Spring {
-    /// Force [N] and stretch [m] after a relative velocity [m/s] for `moved` [s]; a contact that begins has no stretch yet.
+    /// Force [N] and stretch [m] after a relative velocity [m/s] for `moved` [s]; a contact that begins has no stretch yet. The pressure
+    /// of what slides is damped: friction follows it, and feeds vibrations along the normal until points jump.
     pub fn pull(
-        &self,
+        &mut self,
         before: Option<[f64; 3]>,
         relative: [f64; 3],
         moved: f64,
@@ -32,6 +36,12 @@ impl Spring {
         let mut stretch: [f64; 3] = std::array::from_fn(|a| stretch[a] - along * self.normal[a]);
         let size = dot(stretch, stretch).sqrt();
         if size > self.most {
+            let ahead = SLIDING * moved * self.stiffness * dot(relative, self.normal);
+            let damped = (self.pressure - ahead).max(0.0);
+            if self.pressure > 0.0 {
+                self.most *= damped / self.pressure;
+                self.pressure = damped;
+            }
             stretch = stretch.map(|s| s * self.most / size);
         }
         let force =

@@ -161,7 +161,7 @@ impl Pressed<'_> {
             }
             let normal = rotate(body.rotation, shape.normal(local));
             let stiffness = scale * self.surface.stiffness[n];
-            let spring = Spring {
+            let mut spring = Spring {
                 stiffness,
                 depth,
                 pressure: stiffness * depth,
