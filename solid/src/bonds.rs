@@ -45,8 +45,8 @@ impl Bond {
 /// Nodes that bear a point or some, with weights.
 pub(super) type Borne = Vec<(u32, f64)>;
 
-/// Points of one cell that one wall holds: it holds their mean, by area. The motion of a surface has one value per cell and axis, and
-/// more constraints would say the same again.
+/// Points about a corner of cells that one wall holds: it holds their mean, by area. The motion of a surface has one value per cell and
+/// axis, and more constraints would say the same again; fewer, as means of the points of a cell, let it bulge between them.
 #[derive(Clone, Debug)]
 pub(super) struct Patch {
     /// Places among the bonds, with shares of the area.

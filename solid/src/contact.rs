@@ -215,7 +215,7 @@ struct Pressed {
     grip: Grip,
     force: [f64; 3],
     received: Vec<(usize, Received)>,
-    bonds: Vec<Bond>,
+    bond: Option<Bond>,
 }
 
 impl Solid<'_> {
@@ -272,10 +272,10 @@ impl Solid<'_> {
             .collect();
         self.keep(list);
         // A constraint makes no motion faster.
-        let presses = |one: &Pressed| one.bonds.is_empty() || one.force != [0.0; 3];
+        let presses = |one: &Pressed| one.bond.is_none() || one.force != [0.0; 3];
         self.scratch.search.touched |= pressed.iter().any(presses);
         for one in pressed {
-            self.scratch.walls.bonds.extend(one.bonds);
+            self.scratch.walls.bonds.extend(one.bond);
             self.state.springs[one.point] = one.grip;
             self.push(&surface.points[one.point].bears, one.force);
             for (collider, received) in &one.received {
@@ -543,8 +543,11 @@ impl At {
             grip: Grip::NONE,
             force: [0.0; 3],
             received: vec![],
-            bonds: vec![],
+            bond: None,
         };
+        // One holds it at a time: two would share its memory.
+        let holder = |placed: &Placed<'_>| before.with == placed.id as u32 && binds(placed);
+        let is_held = before.is_on_region() || colliders.iter().any(holder);
         let (mut deepest, mut energy) = (0.0, 0.0);
         for placed in colliders {
             let known = before.with == placed.id as u32;
@@ -552,19 +555,9 @@ impl At {
             clear = clear.min(found.value);
             let stretch = known.then_some(before.stretch);
             if binds(placed) {
-                let Some(bond) = self.bond(point, placed, &found, stretch) else {
-                    continue;
-                };
-                // One that holds is remembered, whatever presses besides.
-                if out.bonds.is_empty() || known {
-                    deepest = f64::INFINITY;
-                    out.grip = Grip {
-                        with: placed.id as u32,
-                        stretch: bond.stretch,
-                        energy: 0.0,
-                    };
+                if out.bond.is_none() && (known || !is_held) {
+                    out.bond = self.bond(point, placed, &found, stretch);
                 }
-                out.bonds.push(bond);
                 continue;
             }
             let Some(mut spring) = self.spring(placed, &found, known) else {
@@ -591,7 +584,13 @@ impl At {
                 };
             }
         }
-        let touches = out.grip.with != NOTHING;
+        let touches = out.grip.with != NOTHING || out.bond.is_some();
+        // What holds is remembered, whatever presses besides.
+        if let Some(bond) = &out.bond {
+            (out.grip.with, out.grip.stretch) = (bond.with, bond.stretch);
+        } else if before.is_on_region() {
+            out.grip = before;
+        }
         if touches {
             out.grip.energy = energy;
             clear = 0.0;

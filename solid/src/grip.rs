@@ -7,6 +7,9 @@ pub(super) const NOTHING: u32 = u32::MAX;
 /// From here on numbers of springs are those of objects, and before those of colliders.
 pub(super) const OBJECTS: u32 = 1 << 31;
 
+/// From here on numbers are those of held regions, the last first.
+const REGIONS: u32 = NOTHING - (1 << 16);
+
 /// The tangential spring of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grip {
@@ -28,6 +31,11 @@ impl Grip {
     /// What a grip on an object holds on to.
     pub fn on_object(id: usize) -> u32 {
         OBJECTS + id as u32
+    }
+
+    /// Whether it holds on to a held region.
+    pub fn is_on_region(&self) -> bool {
+        (REGIONS..NOTHING).contains(&self.with)
     }
 
     /// No contact.

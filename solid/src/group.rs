@@ -172,10 +172,10 @@ fn find_forces(
         let near = placed.iter().filter(|p| mover.colliders.contains(&p.id));
         let near: Vec<Placed<'_>> = near.map(|p| p.against(mover.friction)).collect();
         let surface = &mover.object.surface;
+        mover.solid.hold_faces(surface, &mover.faces);
         mover
             .solid
             .meet_colliders(surface, &near, times, (mover.id, ledger));
-        mover.solid.hold_faces(surface, &mover.faces);
     }
     if group.len() > 1 {
         meet_each_other(group, around, times, ledger);

@@ -20,6 +20,8 @@ pub(crate) const NO_BLOCK: u32 = u32::MAX;
 pub(crate) const GAUSS: f64 = 0.288_675_134_594_812_9;
 /// Largest deviation of an octant's volume from that of a full one, relative.
 const FULL: f64 = 1e-3;
+/// How near to the middle a place is amid two corners of a cell [cells].
+const AMID: f64 = 1e-6;
 
 /// Matter of one material in a cell: eight quadrature points at the places of Gauss.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -250,6 +252,18 @@ impl SolidModel {
             cell[a] = whole - i32::from(f64::from(whole) > at[a]);
         }
         (at, cell)
+    }
+
+    /// Corners of cells that a rest position [m] is nearest to, or amid: one or two along each axis.
+    pub(super) fn corners_about(&self, x: [f64; 3]) -> Vec<[i32; 3]> {
+        let at = self.cell_of(x).0;
+        let sides = at.map(|x| [x - AMID, x + AMID].map(|x| x.round() as i32));
+        let mut corners: Vec<[i32; 3]> = (0..8)
+            .map(|n| std::array::from_fn(|a| sides[a][n >> a & 1]))
+            .collect();
+        corners.sort_unstable();
+        corners.dedup();
+        corners
     }
 
     /// The site of a place [cells] in a cell; none where that has no matter.

@@ -228,7 +228,7 @@ impl CandidateList {
 
 /// A point that was found to be near something.
 #[derive(Clone, Copy, Debug)]
-pub struct Near {
+pub struct Listed {
     /// Its number.
     pub point: u32,
     /// Which part of another solid's clusters it is nearest to, counted through.
@@ -240,7 +240,7 @@ pub struct Near {
 /// Points of a cluster near something.
 pub struct FoundInCluster {
     /// The points.
-    pub points: Vec<Near>,
+    pub points: Vec<Listed>,
     /// How far all others are at least [m].
     clear: f64,
     /// Groups of what may touch them that are near.
@@ -267,7 +267,7 @@ impl FoundInCluster {
         for n in points {
             let clear = clear(n);
             if clear < margin {
-                found.points.push(Near {
+                found.points.push(Listed {
                     point: n as u32,
                     part: 0,
                     clear: clear.max(0.0),

@@ -121,29 +121,31 @@ impl Solid<'_> {
         *latest = now.collect();
         by_patch.clear();
         let held: BTreeSet<usize> = self.scratch.held.iter().copied().collect();
-        let mut members: BTreeMap<_, Vec<usize>> = BTreeMap::new();
+        let mut members: BTreeMap<_, Vec<(usize, f64)>> = BTreeMap::new();
         for (n, &(point, with)) in latest.iter().enumerate() {
             let at = &surface.points[point];
             borne
                 .entry(point)
                 .or_insert_with(|| self.borne(&held, &at.bears));
-            let cell = at.x.map(|x| (x / self.model.dx).floor() as i64);
-            members.entry((with, cell)).or_default().push(n);
+            let corners = self.model.corners_about(at.x);
+            let area = at.area / corners.len() as f64;
+            for corner in corners {
+                members.entry((with, corner)).or_default().push((n, area));
+            }
         }
         let joined = members.into_iter().map(|((with, _), members)| {
-            let area = |&n: &usize| surface.points[latest[n].0].area;
-            let all: f64 = members.iter().map(area).sum();
+            let all: f64 = members.iter().map(|one| one.1).sum();
             let mut weights: BTreeMap<u32, f64> = BTreeMap::new();
-            for n in &members {
+            for (n, area) in &members {
                 for (slot, w) in &borne[&latest[*n].0] {
-                    *weights.entry(*slot).or_default() += area(n) / all * w;
+                    *weights.entry(*slot).or_default() += area / all * w;
                 }
             }
             Patch {
-                bonds: members.iter().map(|n| (*n, area(n) / all)).collect(),
+                bonds: members.iter().map(|(n, area)| (*n, area / all)).collect(),
                 borne: weights.into_iter().collect(),
                 with,
-                slips: bonds[members[0]].slips,
+                slips: bonds[members[0].0].slips,
                 x: [0.0; 3],
                 normal: [0.0; 3],
                 missing: [0.0; 3],
