@@ -74,6 +74,9 @@ impl Patch {
     }
 }
 
+/// A patch and one of its directions.
+pub(super) type Constraint = (usize, [f64; 3]);
+
 /// What walls hold of a solid.
 #[derive(Clone, Debug, Default)]
 pub struct Walls {
@@ -84,9 +87,9 @@ pub struct Walls {
     pub(super) latest: Vec<(usize, u32)>,
     pub(super) patches: Vec<Patch>,
     pub(super) nodes: Vec<u32>,
-    /// Constraints patch after patch: their patches and directions; the same in the order of the matrix.
-    pub(super) by_patch: Vec<(usize, [f64; 3])>,
-    pub(super) rows: Vec<(usize, [f64; 3])>,
+    /// Constraints patch after patch; the same in the order of the matrix.
+    pub(super) by_patch: Vec<Constraint>,
+    pub(super) rows: Vec<Constraint>,
     /// Factor of what velocities along constraints answer to impulses along them.
     pub(super) answers: Skyline,
     /// Velocities that are missing, then impulses, by row.

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
     advance::Solid,
-    bonds::{Bond, Borne, HeldFace, Patch, Walls},
+    bonds::{Bond, Borne, Constraint, HeldFace, Patch, Walls},
     contact::ContactSurface,
     grip::{Grip, OBJECTS},
     kernel::follow_again,
@@ -236,7 +236,7 @@ impl Walls {
     fn hold(&mut self, mass: &[f64]) {
         self.order(mass);
         self.change.resize(mass.len(), [0.0; 3]);
-        let missing = |(patch, along): &(usize, [f64; 3])| {
+        let missing = |(patch, along): &Constraint| {
             let patch: &Patch = &self.patches[*patch];
             match patch.borne.is_empty() {
                 true => 0.0,
@@ -269,7 +269,7 @@ impl Walls {
     fn order(&mut self, mass: &[f64]) {
         let patches = self.patches.iter().enumerate();
         let rows = patches.flat_map(|(n, patch)| patch.directions().map(move |along| (n, along)));
-        let is_same = |(row, known): ((usize, [f64; 3]), &(usize, [f64; 3]))| row == *known;
+        let is_same = |(row, known): (Constraint, &Constraint)| row == *known;
         let known = self.by_patch.len();
         if known == rows.clone().count() && rows.clone().zip(&self.by_patch).all(is_same) {
             return;
