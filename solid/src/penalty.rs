@@ -36,9 +36,10 @@ impl Spring {
         let mut stretch: [f64; 3] = std::array::from_fn(|a| stretch[a] - along * self.normal[a]);
         let size = dot(stretch, stretch).sqrt();
         if size > self.most {
-            let ahead = SLIDING * moved * self.stiffness * dot(relative, self.normal);
-            let damped = (self.pressure - ahead).max(0.0);
-            if self.pressure > 0.0 {
+            // Without friction nothing is fed, and bounces keep their energy.
+            if self.most > 0.0 {
+                let ahead = SLIDING * moved * self.stiffness * dot(relative, self.normal);
+                let damped = (self.pressure - ahead).max(0.0);
                 self.most *= damped / self.pressure;
                 self.pressure = damped;
             }
@@ -52,5 +53,34 @@ impl Spring {
     /// What it holds [J]: the force is the slope of that.
     pub fn energy(&self, stretch: [f64; 3]) -> f64 {
         0.5 * self.stiffness * (self.depth * self.depth + dot(stretch, stretch))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pressure_is_damped_where_friction_slides_alone() {
+        let (stiffness, depth, moved) = (100.0, 0.01, 1e-3);
+        let pressed = |friction: f64, along: f64| {
+            let mut spring = Spring {
+                stiffness,
+                depth,
+                pressure: stiffness * depth,
+                normal: [0.0, 0.0, 1.0],
+                most: friction * depth,
+            };
+            let (force, _) = spring.pull(Some([0.0; 3]), [along, 0.0, 2.0], moved);
+            assert_eq!(force[2], spring.pressure);
+            // No more than Coulomb's law bears.
+            assert!(force[0].abs() <= friction * spring.pressure * (1.0 + 1e-12));
+            spring.pressure
+        };
+        // Frictionless, and stuck.
+        assert_eq!(pressed(0.0, 3.0), stiffness * depth);
+        assert_eq!(pressed(0.5, 3.0), stiffness * depth);
+        let damped = stiffness * (depth - SLIDING * moved * 2.0);
+        assert!((pressed(0.5, 6.0) - damped).abs() < 1e-12);
     }
 }
