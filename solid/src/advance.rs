@@ -134,7 +134,7 @@ impl Solid<'_> {
     /// Tangent over density at rest [m^2/s^2].
     fn tangent_at_rest(&self) -> f64 {
         let laws = self.laws.iter();
-        laws.map(|law| (3.0 * law.lambda + 2.0 * law.mu) / law.density)
+        laws.map(|law| law.tangent_at_rest() / law.density)
             .fold(0.0, f64::max)
     }
 
@@ -146,8 +146,7 @@ impl Solid<'_> {
     /// Tangent at rest of the stiffest of it [Pa].
     pub fn modulus(&self) -> f64 {
         let laws = self.laws.iter();
-        laws.map(|law| 3.0 * law.lambda + 2.0 * law.mu)
-            .fold(0.0, f64::max)
+        laws.map(SolidLaw::tangent_at_rest).fold(0.0, f64::max)
     }
 
     /// Present tangent over that at rest, at least 1.

@@ -234,6 +234,19 @@ impl SolidModel {
         self.lattice.world(x)
     }
 
+    /// Rest position of a site [m].
+    #[inline(always)]
+    pub fn place_of(&self, site: &CellPoint) -> [f64; 3] {
+        let blocks = &self.point_blocks[site.block as usize].nodes;
+        let (block, cell) = (
+            &self.node_blocks[blocks[0] as usize],
+            cell_of_number(site.number),
+        );
+        self.world_of(std::array::from_fn(|a| {
+            f64::from(CELLS * block[a]) + cell[a] as f64 + 1.0 + site.d[a]
+        }))
+    }
+
     /// Nodes with matter about them, inner and outer ones, by their numbers.
     pub fn nodes(&self) -> impl Iterator<Item = usize> + '_ {
         let has_matter = |&n: &usize| self.spread[n / NODES][n / 16 % 4].0[n % 16] > 0.0;

@@ -3,7 +3,6 @@
 use rayon::prelude::*;
 
 use super::{
-    cells::CELLS,
     model::{CellPoint, SolidModel, cell_of_number},
     nodes::{NodeBlock, place},
     state::SolidState,
@@ -87,13 +86,8 @@ impl Group {
             group.cells[half] = (first.block, first.number);
             for (n, &particle) in own.iter().enumerate() {
                 let (lane, site) = (HALF * half + n, &particles[particle as usize]);
-                let block =
-                    &model.node_blocks[model.point_blocks[site.block as usize].nodes[0] as usize];
-                let cell = cell_of_number(site.number);
                 group.particles[lane] = particle;
-                group.x[lane] = model.world_of(std::array::from_fn(|a| {
-                    f64::from(CELLS * block[a]) + cell[a] as f64 + 1.0 + site.d[a]
-                }));
+                group.x[lane] = model.place_of(site);
                 for a in 0..3 {
                     group.d[a].0[lane] = site.d[a] as f32;
                 }

@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     basis::weights_f64,
-    cells::CELLS,
     grip::Grip,
     kernel::{Moving, SolidLaw, elastic_energy},
     memory::BlockMemory,
@@ -267,18 +266,10 @@ impl SolidState {
     /// The same where displacement there and its slopes along each axis are known.
     #[inline(always)]
     pub fn sample_of(&self, model: &SolidModel, site: &CellPoint, sums: &[[f64; 3]; 4]) -> Sample {
-        let blocks = &model.point_blocks[site.block as usize].nodes;
-        let place = &model.node_blocks[blocks[0] as usize];
-        let cell = cell_of_number(site.number);
         let mut out = Sample {
-            x: [0.0; 3],
+            x: model.place_of(site),
             f: Mat3::identity().0,
         };
-        for a in 0..3 {
-            let first = f64::from(CELLS * place[a]) + cell[a] as f64;
-            out.x[a] = first + 1.0 + site.d[a];
-        }
-        out.x = model.world_of(out.x);
         let slopes = over_rest(model, sums);
         for a in 0..3 {
             out.x[a] += self.shift[a] + model.dx * sums[0][a];

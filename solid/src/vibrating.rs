@@ -72,7 +72,7 @@ impl VibratingBlock {
         }
         let mut memory = vec![vec![]; model.point_blocks.len()];
         remember(&model, &[law], &mut memory);
-        let dt = CFL * (law.density / (3.0 * law.lambda + 2.0 * law.mu)).sqrt();
+        let dt = CFL * (law.density / law.tangent_at_rest()).sqrt();
         Self {
             isa,
             laws: [law],

@@ -300,7 +300,7 @@ fn longest_part(given: &Given<'_>, island: &[Taken]) -> f64 {
         force.as_ref().is_some_and(|force| force.varies_in_time())
     });
     let squares = pushed.flat_map(|one| &one.laws);
-    let squares = squares.map(|law| (3.0 * law.lambda + 2.0 * law.mu) / law.density);
+    let squares = squares.map(|law| law.tangent_at_rest() / law.density);
     LONGEST.min(given.model.scene.dx / squares.fold(0.0, f64::max).sqrt())
 }
 
@@ -365,9 +365,9 @@ pub(super) fn held_nodes(
 ) -> (Vec<usize>, Vec<[f64; 3]>) {
     let mut held = std::collections::BTreeMap::new();
     let regions = given.model.scene.pinned_regions.iter().zip(&solid.regions);
-    for (region, nodes) in regions.filter(|(region, _)| span.is_in(&region.span)) {
+    for (region, at_rest) in regions.filter(|(region, _)| span.is_in(&region.span)) {
         if region.span.start <= 0.0 {
-            held.extend(nodes.nodes.iter().map(|&n| (n, region.velocity)));
+            held.extend(at_rest.nodes.iter().map(|&n| (n, region.velocity)));
             continue;
         }
         // One that begins later holds what is in it then, and what comes into it.

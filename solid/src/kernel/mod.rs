@@ -57,6 +57,11 @@ impl SolidLaw {
     pub fn coefficients(&self) -> Coefficients<f64> {
         Coefficients::of_law(self.law, self.lambda, self.mu)
     }
+
+    /// Tangent at rest that no direction exceeds [Pa].
+    pub fn tangent_at_rest(&self) -> f64 {
+        3.0 * self.lambda + 2.0 * self.mu
+    }
 }
 
 /// What a substep changes.
