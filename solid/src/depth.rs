@@ -1,8 +1,8 @@
 //! Signed distance from the surface of a solid at rest, on the lattice of its matter.
 
 use super::{
+    facets::{Facet, Pieces},
     lattice::{Lattice, Seed},
-    surface::{Filling, WHOLE, filling, plane_of},
 };
 use crate::mat3::{dot, length};
 
@@ -19,93 +19,51 @@ pub struct DepthField {
     values: Vec<f32>,
 }
 
-/// A part of the surface: a square face, or the plane in a cut piece.
-struct Patch {
-    center: [f64; 3],
-    normal: [f64; 3],
-    /// Half an edge of a square across this axis, or else the radius of a disc [m].
-    square: Option<usize>,
-    reach: f64,
-}
-
-impl Patch {
+impl Facet {
     /// Signed distance of a point [m].
     fn distance(&self, x: [f64; 3]) -> f64 {
         let r: [f64; 3] = std::array::from_fn(|a| x[a] - self.center[a]);
         let height = dot(r, self.normal);
-        let beyond = match self.square {
+        let beyond = match self.face {
+            // A square.
             Some(axis) => {
+                let half = 0.5 * self.area.sqrt();
                 let off: [f64; 3] = std::array::from_fn(|a| match a == axis {
                     true => 0.0,
-                    false => (r[a].abs() - self.reach).max(0.0),
+                    false => (r[a].abs() - half).max(0.0),
                 });
                 length(off)
             }
+            // A disc.
             None => {
                 let across = std::array::from_fn(|a| r[a] - height * self.normal[a]);
-                (length(across) - self.reach).max(0.0)
+                (length(across) - (self.area / std::f64::consts::PI).sqrt()).max(0.0)
             }
         };
         height.signum() * height.hypot(beyond)
     }
 }
 
-fn patches(edge: f64, first: [f64; 3], filling: &Filling) -> Vec<([i64; 3], Patch)> {
-    let mut out = vec![];
-    for (index, (filled, _)) in filling {
-        let center: [f64; 3] = std::array::from_fn(|a| first[a] + edge * (index[a] as f64 + 0.5));
-        if *filled < WHOLE {
-            if let Some((height, normal, area)) = plane_of(filling, index, *filled) {
-                let patch = Patch {
-                    center: std::array::from_fn(|a| center[a] + edge * height * normal[a]),
-                    normal,
-                    square: None,
-                    reach: edge * (area / std::f64::consts::PI).sqrt(),
-                };
-                out.push((*index, patch));
-            }
-            continue;
-        }
-        for face in 0..6 {
-            let (axis, side) = (face / 2, 2 * (face as i64 % 2) - 1);
-            let mut next = *index;
-            next[axis] += side;
-            if filling.contains_key(&next) {
-                continue;
-            }
-            let mut normal = [0.0; 3];
-            normal[axis] = side as f64;
-            let patch = Patch {
-                center: std::array::from_fn(|a| center[a] + 0.5 * edge * normal[a]),
-                normal,
-                square: Some(axis),
-                reach: 0.5 * edge,
-            };
-            out.push((*index, patch));
-        }
-    }
-    out
-}
-
 impl DepthField {
     /// Of some matter, at least one piece, on its lattice.
     pub fn new(lattice: &Lattice, seeds: &[Seed]) -> Self {
-        let filling = filling(lattice, seeds);
+        let pieces = Pieces::new(lattice, seeds);
         let &Lattice {
             edge,
             corner: first,
             ..
         } = lattice;
         let bound = |a: usize, pick: fn(i64, i64) -> i64, none: i64| {
-            filling.keys().map(|index| index[a]).fold(none, pick)
+            pieces.places().map(|index| index[a]).fold(none, pick)
         };
-        let min: [i64; 3] = std::array::from_fn(|a| bound(a, i64::min, i64::MAX) - BAND);
-        let max: [i64; 3] = std::array::from_fn(|a| bound(a, i64::max, i64::MIN) + 1 + BAND);
+        // Facets are in pieces and in those beside them.
+        let min: [i64; 3] = std::array::from_fn(|a| bound(a, i64::min, i64::MAX) - 1 - BAND);
+        let max: [i64; 3] = std::array::from_fn(|a| bound(a, i64::max, i64::MIN) + 2 + BAND);
         let size: [usize; 3] = std::array::from_fn(|a| (max[a] - min[a] + 1) as usize);
         let inside = |corner: [i64; 3]| {
             (0..8).any(|n| {
                 let o = [n / 4, n / 2 % 2, n % 2];
-                filling.contains_key(&std::array::from_fn(|a| corner[a] - o[a]))
+                pieces.has(&std::array::from_fn(|a| corner[a] - o[a]))
             })
         };
         let at = |corner: [i64; 3]| -> usize {
@@ -113,14 +71,14 @@ impl DepthField {
             (x * size[1] + y) * size[2] + z
         };
         let mut values = vec![f32::INFINITY; size.iter().product()];
-        for (index, patch) in patches(edge, first, &filling) {
-            // Corners of the piece, and BAND beyond; those are in the box around all pieces.
+        for facet in pieces.facets() {
+            // Corners of the piece, and BAND beyond; those are in the box around all of them.
             let side = 2 * BAND + 2;
             for n in 0..side.pow(3) {
                 let o = [n / side.pow(2), n / side % side, n % side];
-                let corner: [i64; 3] = std::array::from_fn(|a| index[a] + o[a] - BAND);
+                let corner: [i64; 3] = std::array::from_fn(|a| facet.index[a] + o[a] - BAND);
                 let x = std::array::from_fn(|a| first[a] + edge * corner[a] as f64);
-                let distance = patch.distance(x) as f32;
+                let distance = facet.distance(x) as f32;
                 let known = &mut values[at(corner)];
                 if distance.abs() < known.abs() {
                     *known = distance;

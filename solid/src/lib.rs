@@ -26,6 +26,7 @@ mod cells;
 pub mod contact;
 pub mod depth;
 mod extension;
+mod facets;
 mod frequency;
 pub mod grip;
 pub mod group;
