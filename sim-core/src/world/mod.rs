@@ -207,7 +207,7 @@ impl World {
         &self.published.position
     }
 
-    /// Particle velocities [m/s] in scene order: of half a substep before, where a particle is not part of a body.
+    /// Particle velocities [m/s] in scene order: of half a substep before, where a particle is not part of a body or a solid.
     pub fn velocities(&self) -> &[[f32; 3]] {
         &self.published.velocity
     }
