@@ -472,3 +472,29 @@ fn undo_makes_a_solid_of_it_again_and_redo_does_not() {
     world.step(0.0, &act(Action::Reset));
     assert!(world.model.lagrangian[0].is_some());
 }
+
+#[test]
+fn what_holds_a_solid_holds_it_after_it_went_over() {
+    let mut world = World::new(solid()).expect("valid scene");
+    let pin = Action::Pin {
+        object: 0,
+        point: [0.0; 3],
+        radius: f64::INFINITY,
+    };
+    world.step(FRAME, &act(pin));
+    let held = world.positions().to_vec();
+    world.step(FRAME, &order(Some(HALF), snow()));
+    for _ in 0..10 {
+        world.step(FRAME, &[]);
+    }
+    for (a, b) in held.iter().zip(world.positions()) {
+        // Places in single precision.
+        assert!((0..3).all(|i| (a[i] - b[i]).abs() < 1e-6), "{a:?} {b:?}");
+    }
+    // Let go, it falls.
+    world.step(FRAME, &act(Action::Release { object: 0 }));
+    for _ in 0..5 {
+        world.step(FRAME, &[]);
+    }
+    assert!(world.report().objects[0].linear_velocity[2] < -0.5);
+}
