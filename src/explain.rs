@@ -83,7 +83,10 @@ struct Asset {
 impl Explanation {
     fn new(loaded: &LoadedScene) -> Self {
         let LoadedScene { scene, report, .. } = loaded;
-        let summary = SceneSummary::new(scene);
+        let mut summary = SceneSummary::new(scene);
+        for (object, why) in summary.objects.iter_mut().zip(&report.why_spatial) {
+            object.why_spatial.clone_from(why);
+        }
         let refusal = World::check_scene(scene).err();
         let refusal = refusal.map(|error| format!("this scene cannot be simulated: {error}"));
         Self {
@@ -230,5 +233,12 @@ fn object_text(o: &ObjectSummary) -> String {
         b.sound_speed,
         b.dt
     );
+    let on = match (o.solver, &o.why_spatial) {
+        (Some("lagrangian"), _) => "on a grid of its own".to_owned(),
+        (Some(_), Some(why)) => format!("on the spatial grid: {why}"),
+        (Some(_), None) => "on the spatial grid".to_owned(),
+        (None, _) => return text,
+    };
+    let _ = writeln!(text, "           {on}");
     text
 }

@@ -11,14 +11,17 @@ use std::{
 
 use anyhow::{Context, bail};
 use cosplat_reference::ReferenceWorld;
-use cosplat_scene::load::load_scene_with;
+use cosplat_scene::{
+    load::{LoadedScene, load_scene_with},
+    scene_file::ObjectSpec,
+};
 use cosplat_sim_core::{
     ContactEpisode, DtLimit, Isa, ObjectState, Scene, StepReport, Work,
     moments::{Matter, matter},
     notices::Notices,
     probe::{Measured, Probes},
     report::{GoneOver, Timings, Torn},
-    scene::{Object, Part, Solver},
+    scene::{Part, Solver},
 };
 use serde::Serialize;
 
@@ -191,7 +194,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         state_hash: None,
         warnings,
     };
-    let mut world = World::new(args, scene)?;
+    let mut world = World::new(args, &loaded)?;
     let mut pool = rayon::ThreadPoolBuilder::new();
     if let Some(threads) = args.threads.or(args.f64.then_some(1)) {
         pool = pool.num_threads(threads.into());
@@ -385,13 +388,15 @@ enum World {
 }
 
 impl World {
-    fn new(args: &Args, scene: &Scene) -> anyhow::Result<Self> {
+    fn new(args: &Args, loaded: &LoadedScene) -> anyhow::Result<Self> {
+        let scene = &loaded.scene;
         if args.f64 {
             if scene.conditions.settle > 0.0 {
                 bail!("--f64 cannot let a scene come to rest: add --set settle=0");
             }
-            let solid = |o: &&Object| o.solver == Solver::Lagrangian;
-            if let Some(object) = scene.objects.iter().find(solid) {
+            // What is on a grid of its own by choice is spatial matter here.
+            let solid = |o: &&ObjectSpec| o.solver == Some(Solver::Lagrangian);
+            if let Some(object) = loaded.file.objects.iter().find(solid) {
                 let name = &object.name;
                 bail!(
                     "--f64 has no solver = \"lagrangian\", which object `{name}` has: set it to \"spatial\""

@@ -12,7 +12,7 @@ use std::{
 use anyhow::{Context, ensure};
 use cosplat_console::{note, say, seconds};
 use cosplat_scene::load::{LoadedScene, load_text};
-use cosplat_sim_core::{Scene, World, scene::Solver};
+use cosplat_sim_core::{Scene, scene::Solver};
 
 use crate::{machine::Run, page, progress};
 use kernel_rate::KernelRates;
@@ -34,9 +34,9 @@ pub struct Args {
     /// Threads.
     #[arg(long, value_delimiter = ',', default_values = ["1", "2"], value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Vec<u16>,
-    /// Run every scene also with all objects on grids of their own that may be, each right after its run as it is.
+    /// Run every scene also with all matter on the spatial grid, each right after its run as it is.
     #[arg(long)]
-    lagrangian: bool,
+    spatial: bool,
     /// Print one JSON object per scene and number of threads.
     #[arg(long)]
     json: bool,
@@ -97,14 +97,11 @@ fn load(path: &Path, text: &str, data: Option<&Path>) -> anyhow::Result<LoadedSc
     Ok(load_text(text.to_owned(), &data.join(name))?)
 }
 
-/// The scene with all objects on grids of their own that may be.
-fn on_grids_of_their_own(scene: &Scene) -> Scene {
+/// The scene with all matter on the spatial grid.
+fn on_the_spatial_grid(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
-    for object in 0..scene.objects.len() {
-        let before = std::mem::replace(&mut scene.objects[object].solver, Solver::Lagrangian);
-        if World::check_scene(&scene).is_err() {
-            scene.objects[object].solver = before;
-        }
+    for object in &mut scene.objects {
+        object.solver = Solver::Spatial;
     }
     scene
 }
@@ -126,9 +123,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     for (file, text) in &files {
         bar.set_message(file.display().to_string());
         let scene = load(file, text, args.data.as_deref())?.scene;
-        let own = args.lagrangian.then(|| on_grids_of_their_own(&scene));
+        let spatial = args.spatial.then(|| on_the_spatial_grid(&scene));
         for &threads in &args.threads {
-            for (scene, suffix) in [(Some(&scene), ""), (own.as_ref(), ", lagrangian")] {
+            for (scene, suffix) in [(Some(&scene), ""), (spatial.as_ref(), ", spatial")] {
                 let Some(scene) = scene else { continue };
                 let row = Row {
                     scene: format!("{}{suffix}", file.display()),

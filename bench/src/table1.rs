@@ -210,7 +210,7 @@ fn body(method: &str, k: u64, edge: f64, at: [f64; 3], velocity: f64) -> String 
     };
     format!(
         "[[objects]]\nname = \"{k}\"\nshape = {{ kind = \"box\", size = [{edge:?}, {edge:?}, {edge:?}], gaussian_spacing = {edge:?} }}\n\
-         translation = {at:?}\nlinear_velocity = [{velocity:?}, 0, 0]\nmaterial = \"soft_rubber\"\nfidelity = \"mpm\"\n{coherence}"
+         translation = {at:?}\nlinear_velocity = [{velocity:?}, 0, 0]\nmaterial = \"soft_rubber\"\nsolver = \"spatial\"\nfidelity = \"mpm\"\n{coherence}"
     )
 }
 

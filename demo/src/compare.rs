@@ -12,7 +12,7 @@ use cosplat_renderer::{
     Camera, Harmonics, Image, camera::up_from_gravity, drawing::BACKGROUND, mp4::Mp4Writer,
     picture, png::write_png,
 };
-use cosplat_scene::{load::load_text, settings};
+use cosplat_scene::{load::load_text, scene_file::SceneFile, settings};
 use cosplat_server::publish::Output;
 use cosplat_sim_core::{Scene, World};
 use glam::Vec3;
@@ -159,10 +159,15 @@ impl Comparison<'_> {
     }
 
     fn start(&self, text: &str, folder: &Path, method: &str) -> anyhow::Result<Run> {
-        let text = match method {
-            "own" => text.to_owned(),
-            _ => settings::apply(text, &[format!("contact={method}")])?,
-        };
+        // Methods are of the grid that objects share.
+        let objects = 0..SceneFile::parse(text)?.objects.len();
+        let mut settings: Vec<String> = objects
+            .map(|n| format!("objects.{n}.solver=spatial"))
+            .collect();
+        if method != "own" {
+            settings.push(format!("contact={method}"));
+        }
+        let text = settings::apply(text, &settings)?;
         let path = folder.join(format!("scene_{method}.toml"));
         std::fs::write(&path, &text).with_context(|| format!("cannot write {}", path.display()))?;
         let scene: Scene = load_text(text, &path)?.scene;

@@ -186,6 +186,15 @@ impl Object {
         }
     }
 
+    /// Whether it is simulated, and some of it deforms.
+    pub fn is_matter(&self) -> bool {
+        let regions = self.regions.iter().map(|region| &region.material);
+        let mut materials = std::iter::once(&self.material).chain(regions);
+        matches!(self.fidelity, Fidelity::Mpm | Fidelity::Auto)
+            && !self.particles.is_empty()
+            && materials.any(|material| !material.law.is_rigid())
+    }
+
     /// Whether some of it moves as a body.
     pub fn has_rigid_matter(&self) -> bool {
         let regions = self.regions.iter().map(|region| &region.material);

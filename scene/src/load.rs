@@ -8,7 +8,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use cosplat_sim_core::{Scene, scene::TriangleMesh};
+use cosplat_sim_core::{
+    Scene,
+    scene::{Solver, TriangleMesh},
+};
 
 use crate::{
     assets::{
@@ -27,7 +30,8 @@ pub struct LoadedScene {
     pub scene: Scene,
     /// The file as parsed.
     pub file: SceneFile,
-    /// The file's text.
+    /// The file's text, with the grid of each object that was chosen because the file does not say: what it means is so the same
+    /// in every version.
     pub text: String,
     /// Warnings and what became of the assets.
     pub report: BuildReport,
@@ -104,7 +108,8 @@ pub fn load_scene_with(path: &Path, settings: &[String]) -> Result<LoadedScene, 
 /// Everything that is wrong with the text or its assets.
 pub fn load_text(text: String, path: &Path) -> Result<LoadedScene, LoadError> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    build(text, path, &|name| {
+    let file = parse(&text, path)?;
+    build(text, file, path, &|name| {
         let path = folder.join(name);
         let content = fs::read(&path);
         (path, content)
@@ -112,7 +117,7 @@ pub fn load_text(text: String, path: &Path) -> Result<LoadedScene, LoadError> {
 }
 
 /// Builds a scene from a text and from files that are held in memory, by the names in the text; `path` names it in
-/// messages. No other file is opened.
+/// messages. No other file is opened. Such a text says which objects have grids of their own: nothing is chosen.
 ///
 /// # Errors
 /// As [`load_text`]; a file that is not among `files` counts as one that cannot be read.
@@ -121,18 +126,30 @@ pub fn load_held(
     path: &Path,
     files: &BTreeMap<String, HeldFile>,
 ) -> Result<LoadedScene, LoadError> {
-    build(text, path, &|name| match files.get(name) {
+    let mut file = parse(&text, path)?;
+    for object in &mut file.objects {
+        object.solver.get_or_insert(Solver::Spatial);
+    }
+    build(text, file, path, &|name| match files.get(name) {
         Some(file) => (file.path.clone(), Ok(file.content.to_vec())),
         None => (name.into(), Err(io::ErrorKind::NotFound.into())),
+    })
+}
+
+fn parse(text: &str, path: &Path) -> Result<SceneFile, LoadError> {
+    SceneFile::parse(text).map_err(|errors| LoadError::Scene {
+        path: path.into(),
+        errors,
     })
 }
 
 /// Where a file was looked for, and its content.
 type Opened = (PathBuf, io::Result<Vec<u8>>);
 
-/// Builds a scene with what `open` finds by a name in its text: a path and the content there.
+/// Builds the scene of a text that was parsed, with what `open` finds by a name in it: a path and the content there.
 fn build(
     text: String,
+    file: SceneFile,
     path: &Path,
     open: &dyn Fn(&str) -> Opened,
 ) -> Result<LoadedScene, LoadError> {
@@ -140,7 +157,6 @@ fn build(
         path: path.into(),
         errors,
     };
-    let file = SceneFile::parse(&text).map_err(wrong)?;
     let sources = RefCell::new(Vec::<SourceFile>::new());
     let read = |name: &str| {
         let (path, content) = open(name);
@@ -164,6 +180,11 @@ fn build(
         },
     )
     .map_err(wrong)?;
+    let stated = chosen_as_settings(&file, &report);
+    let text = match stated.is_empty() {
+        true => text,
+        false => settings::apply(&text, &stated)?,
+    };
     Ok(LoadedScene {
         scene,
         file,
@@ -171,6 +192,17 @@ fn build(
         report,
         sources: sources.into_inner(),
     })
+}
+
+/// What was chosen as values of the file. A text that does not say means the spatial grid, but a clone says what its source says.
+fn chosen_as_settings(file: &SceneFile, report: &BuildReport) -> Vec<String> {
+    let entries = file.objects.iter().zip(&report.chosen).enumerate();
+    let stated = entries.filter_map(|(n, (entry, chosen))| {
+        let chosen = (*chosen)?;
+        let says = chosen == Solver::Lagrangian || entry.is_clone;
+        says.then(|| format!("objects.{n}.solver=\"{}\"", chosen.name()))
+    });
+    stated.collect()
 }
 
 /// A file's path and content, or its path and why it has none.
@@ -252,6 +284,62 @@ fidelity = "static"
             words.contains("cannot read asset assets/vase.ply"),
             "{words}"
         );
+    }
+
+    /// The objects of the next test as tables.
+    const TABLES: &str = r#"version = 1 # with a remark
+dx = 0.05
+[[objects]]
+name = "a"
+shape = { kind = "box", size = [0.2, 0.2, 0.2] }
+[objects.material]
+preset = "jelly"
+[[objects]]
+name = "b"
+clone = "a"
+translation = [1, 0, 0]
+[[objects]]
+name = "c"
+clone = "a"
+translation = [2, 0, 0]
+restitution = 0.5
+[[objects]]
+name = "d"
+clone = "a"
+translation = [3, 0, 0]
+solver = "spatial"
+"#;
+
+    #[test]
+    fn the_text_of_a_scene_keeps_what_was_chosen() {
+        let text = "version = 1 # with a remark\ndx = 0.05\n\
+            objects = [{ name = \"a\", shape = { kind = \"box\", size = [0.2, 0.2, 0.2] }, material = \"jelly\" },\n\
+            { name = \"b\", clone = \"a\", translation = [1, 0, 0] },\n\
+            { name = \"c\", clone = \"a\", translation = [2, 0, 0], restitution = 0.5 },\n\
+            { name = \"d\", clone = \"a\", translation = [3, 0, 0], solver = \"spatial\" }]\n";
+        let own = [
+            Solver::Lagrangian,
+            Solver::Lagrangian,
+            Solver::Spatial,
+            Solver::Spatial,
+        ];
+        let solvers = |loaded: &LoadedScene| -> Vec<Solver> {
+            loaded.scene.objects.iter().map(|o| o.solver).collect()
+        };
+        let path = Path::new("scene.toml");
+        for text in [text, TABLES].map(str::to_owned) {
+            let loaded = load_text(text.clone(), path).unwrap_or_else(|e| panic!("{text}{e}"));
+            assert_eq!(solvers(&loaded), own);
+            assert!(loaded.text.starts_with("version = 1 # with a remark\n"));
+            let none = BTreeMap::new();
+            let again = load_held(loaded.text.clone(), path, &none);
+            let again = again.unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(solvers(&again), own, "{}", loaded.text);
+            assert_eq!(again.text, loaded.text);
+            // A recording of a time when nothing was chosen.
+            let before = load_held(text, path, &none).unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(solvers(&before), [Solver::Spatial; 4]);
+        }
     }
 
     #[test]

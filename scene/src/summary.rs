@@ -89,6 +89,10 @@ pub struct ObjectSummary {
     pub name: String,
     /// `static` or `mpm`.
     pub fidelity: &'static str,
+    /// Which grid its matter is on; none where it is no matter.
+    pub solver: Option<&'static str>,
+    /// Why that is the spatial grid, where it is and somebody says; [`SceneSummary::new`] knows no reason.
+    pub why_spatial: Option<String>,
     /// Gaussians.
     pub gaussians: usize,
     /// Box of their centres; none without Gaussians.
@@ -182,6 +186,8 @@ fn object_summary(scene: &Scene, object: &Object) -> ObjectSummary {
     ObjectSummary {
         name: object.name.clone(),
         fidelity: object.fidelity.name(),
+        solver: object.is_matter().then(|| object.solver.name()),
+        why_spatial: None,
         gaussians: object.gaussians.len(),
         gaussian_box: gaussian_box.map(Extent::from),
         body: body_summary(scene, object),

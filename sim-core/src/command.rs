@@ -50,7 +50,8 @@ pub enum Action {
         angular: [f64; 3],
     },
     /// Replaces the material of an object, of one of its regions, or of a patch of these; mass is kept (the density of the
-    /// new material is ignored while running), and so is the visible shape.
+    /// new material is ignored while running), and so is the visible shape. A solid goes over to the spatial grid where the law is
+    /// none for solids, or the patch is no part of the scene.
     SetMaterial {
         /// Object id.
         object: usize,
@@ -301,24 +302,6 @@ pub enum CommandError {
     /// The object is only shown.
     #[error("object {object} is static and cannot be moved or changed")]
     StaticObject {
-        /// The id sent.
-        object: usize,
-    },
-    /// The object is a solid on a grid of its own, which keeps its shape.
-    #[error(
-        "object {object} has solver = \"lagrangian\" and cannot become {law}; expected fixed_corotated, neo_hookean, hencky, von_mises, foam or plasticine"
-    )]
-    NotElastic {
-        /// The id sent.
-        object: usize,
-        /// The law sent.
-        law: &'static str,
-    },
-    /// The object is a solid on a grid of its own, whose points have the materials of the scene's parts.
-    #[error(
-        "object {object} has solver = \"lagrangian\" and no patch of it can be painted; expected all of it, or a region"
-    )]
-    NotPaintable {
         /// The id sent.
         object: usize,
     },

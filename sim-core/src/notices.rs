@@ -2,7 +2,7 @@
 
 use crate::{
     materials::limits::bridged_stretch,
-    report::{Level, StepReport},
+    report::{Level, OverReason, StepReport},
     scene::Scene,
 };
 
@@ -56,9 +56,16 @@ impl Notices {
         }
         for gone in &report.gone_over {
             if let Some(object) = scene.objects.get(gone.object) {
+                let why = match gone.reason {
+                    OverReason::Flow => {
+                        format!("its largest plastic strain is {:.2}", gone.plastic_strain)
+                    }
+                    OverReason::Law => "a command gave it a law that no solid has".into(),
+                    OverReason::Patch => "a command painted a patch of it".into(),
+                };
+                let name = &object.name;
                 sentences.push(format!(
-                    "object `{}` goes over to the spatial grid at {time:.3} s: its largest plastic strain is {:.2}",
-                    object.name, gone.plastic_strain
+                    "object `{name}` goes over to the spatial grid at {time:.3} s: {why}"
                 ));
             }
         }

@@ -175,11 +175,26 @@ pub enum Level {
     Removed = 7,
 }
 
-/// A solid that flowed so far that it went over to the spatial grid, with its momentum.
+/// Why a solid went over to the spatial grid.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OverReason {
+    /// Some point has a plastic strain of more than 2.
+    #[default]
+    Flow,
+    /// A command gave it, or a region of it, a law that no solid has.
+    Law,
+    /// A command gave a patch of it another material.
+    Patch,
+}
+
+/// A solid that went over to the spatial grid, with its momentum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct GoneOver {
     /// Object id.
     pub object: usize,
+    /// Why it did.
+    pub reason: OverReason,
     /// Largest equivalent plastic strain of any of its points.
     pub plastic_strain: f64,
     /// Angular momentum about the world origin that it has more than before [kg m^2/s].

@@ -62,6 +62,56 @@ fn the_reference_solver_takes_one_thread_and_no_more() {
 }
 
 #[test]
+fn explain_says_which_grid_objects_are_on_and_why() {
+    let floor = "[[colliders]]\nname = \"floor\"\npoint = [0, -1, 0]\nnormal = [0, 1, 0]\n";
+    let cases = [
+        (BALL.to_owned(), "lagrangian", None),
+        (
+            format!("{BALL}{floor}restitution = 0.5\n"),
+            "spatial",
+            Some("the restitution of collider `floor` does not go with a grid of its own"),
+        ),
+        (
+            BALL.replace("jelly", "water"),
+            "spatial",
+            Some("the law fluid does not go with a grid of its own"),
+        ),
+        (
+            format!("{BALL}solver = \"spatial\"\n"),
+            "spatial",
+            Some("its entry says so"),
+        ),
+    ];
+    for (scene, solver, why) in cases {
+        let said = explain(&scene, &[]);
+        let ball = &said["objects"][0];
+        assert_eq!(ball["solver"], solver, "{said}");
+        assert_eq!(ball["why_spatial"].as_str(), why, "{said}");
+        let text = cosplat("explain", &scene, &[]).stdout;
+        let text = String::from_utf8_lossy(&text);
+        let line = match why {
+            Some(why) => format!("on the spatial grid: {why}\n"),
+            None => "on a grid of its own\n".into(),
+        };
+        assert!(text.contains(&line), "{text}");
+    }
+    let said = explain(&BALL.replace("jelly", "rigid"), &[]);
+    assert!(said["objects"][0]["solver"].is_null(), "a body has no grid");
+}
+
+#[test]
+fn the_reference_solver_takes_chosen_solids_for_spatial_matter() {
+    let chosen = simulate(BALL, 0.05, &["--f64"]);
+    let spatial = simulate(&format!("{BALL}solver = \"spatial\"\n"), 0.05, &["--f64"]);
+    assert_eq!(chosen.last(), spatial.last());
+    let stated = format!("{BALL}solver = \"lagrangian\"\n");
+    let refused = cosplat_simulate(&stated, 0.05, &["--f64"]);
+    assert!(!refused.status.success());
+    let reason = String::from_utf8_lossy(&refused.stderr);
+    assert!(reason.contains("object `ball` has"), "{reason}");
+}
+
+#[test]
 fn a_report_says_how_much_of_each_object_there_is() {
     let exact = 4.0 / 3.0 * PI * 1e-3;
     let said = explain(BALL, &[]);

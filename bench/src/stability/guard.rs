@@ -49,12 +49,12 @@ pub const CLASSES: [(&str, &str, usize); 4] = [
 ];
 
 const DROP: &str = "version = 1\ndx = 0.05\n[[objects]]\nname = \"block\"\nshape = { kind = \"box\", size = [0.2, 0.2, 0.2], gaussian_spacing = 0.1 }\n\
-    material = { law = \"neo_hookean\", youngs_modulus_pa = 1e5, poisson_ratio = 0.3, density_kg_m3 = 1000 }\n\
+    material = { law = \"neo_hookean\", youngs_modulus_pa = 1e5, poisson_ratio = 0.3, density_kg_m3 = 1000 }\nsolver = \"spatial\"\n\
     translation = [0, 0.2, 0]\nlinear_velocity = [0, -3, 0]\n\
     [[colliders]]\nname = \"floor\"\nshape = \"half_space\"\nnormal = [0, 1, 0]\nsurface = \"separate\"\n";
 const PAIR: &str = "version = 1\ngravity = [0, 0, 0]\ndx = 0.05\n[[objects]]\nname = \"left\"\n\
     shape = { kind = \"sphere\", radius = 0.12, gaussian_spacing = 0.1 }\n\
-    material = { law = \"neo_hookean\", youngs_modulus_pa = 1e5, poisson_ratio = 0.3, density_kg_m3 = 1000 }\n\
+    material = { law = \"neo_hookean\", youngs_modulus_pa = 1e5, poisson_ratio = 0.3, density_kg_m3 = 1000 }\nsolver = \"spatial\"\n\
     translation = [-0.15, 0.02, 0]\nlinear_velocity = [3, 0, 0]\n\
     [[objects]]\nname = \"right\"\nclone = \"left\"\ntranslation = [0.15, -0.02, 0]\nlinear_velocity = [-3, 0, 0]\n";
 

@@ -271,6 +271,7 @@ fn object(parts: &Parts, notes: &mut Notes) -> String {
         return text;
     }
     text += &particles(config, notes);
+    text += "solver = \"spatial\" # as the original: its conditions are those of grid nodes, and its matter tears\n";
     let elastic = Elastic {
         youngs_modulus: base.youngs_modulus,
         nu: base.nu,

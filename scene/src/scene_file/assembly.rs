@@ -57,7 +57,7 @@ pub(super) fn push(scene: &mut Scene, part: &Part, sampled: &Sampled, body_from_
         coherence: spec.coherence,
         present: spec.present,
         fidelity: spec.fidelity,
-        solver: spec.solver,
+        solver: spec.solver.unwrap_or_default(),
         particles: first_particle..scene.particles.position.len(),
         gaussians: first_gaussian..scene.gaussians.len(),
         world_from_asset: (rotation * body_from_asset)

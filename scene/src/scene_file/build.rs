@@ -18,6 +18,7 @@ use super::{
     report::{AssetReport, BuildReport},
     sampling::{self, Body, Looks, Rest, Sampled},
     select::{Placed, longest_side},
+    solver,
     spec::*,
 };
 use crate::assets::{Gaussians, ReadReport, generate, objects::Objects};
@@ -112,7 +113,9 @@ pub fn build_with_files(
     scene.conditions = boundaries::build_conditions(&file.conditions, &ids, errors);
     SceneErrors::check(std::mem::take(&mut builder.errors))?;
     let mut report = builder.report;
-    let places: Vec<&At> = builder.parts.iter().map(|p| &p.spec.at).collect();
+    let specs: Vec<&ObjectSpec> = builder.parts.iter().map(|p| p.spec).collect();
+    solver::choose(&mut scene, file, &specs, &mut report);
+    let places: Vec<&At> = specs.iter().map(|spec| &spec.at).collect();
     checks::check(&scene, file, &places, &mut report)?;
     Ok((scene, report))
 }

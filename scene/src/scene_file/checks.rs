@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use cosplat_sim_core::{
     distance::SignedDistance,
+    materials::limits::bridged_stretch,
     scene::{Aabb, Collider, ContactMethod, Fidelity, Object, Scene, Selection, Solver},
 };
 
@@ -20,6 +21,8 @@ const TOUCHING: f64 = 0.03;
 /// Cells across the thinnest side of what bends. A bar 2 cells thick swings 5 % too slowly and loses 3.9 % of its way each
 /// period, one of 4 cells 2 % and 1.6 %.
 const FEW_CELLS: f64 = 4.0;
+/// Particles per cell below which it is said what that tears: those of all presets of quality.
+const FEW_PARTICLES: f64 = 8.0;
 /// Largest component of an initial velocity [m/s].
 const MAX_SPEED: f64 = 1e4;
 /// Largest component of a body force per mass at time 0 [m/s^2].
@@ -59,6 +62,11 @@ pub(super) fn check(
     }
     for (i, shared) in overlaps(scene) {
         warn(at[i], shared);
+    }
+    if let Some(at) = &file.particles_per_cell_at
+        && let Some(message) = tearing(scene, file.particles_per_cell)
+    {
+        warn(at, message);
     }
     for (at, message) in idle(scene, file) {
         warn(&at, message);
@@ -216,6 +224,25 @@ fn thin(scene: &Scene, object: &Object, file: &SceneFile) -> Option<String> {
          the work",
         count * finer.powi(3),
         finer.powi(4)
+    ))
+}
+
+/// The warning about elastic matter of few particles on the spatial grid, if there is some.
+fn tearing(scene: &Scene, particles_per_cell: f64) -> Option<String> {
+    let tears = |object: &&Object| {
+        object.fidelity != Fidelity::Static
+            && object.solver == Solver::Spatial
+            && object.material.law.keeps_elastic()
+    };
+    let few = particles_per_cell < FEW_PARTICLES;
+    let object = scene.objects.iter().find(tears).filter(|_| few)?;
+    Some(format!(
+        "elastic matter, as that of `{}`, tears with {particles_per_cell} particles per cell where it is stretched \
+         beyond {:.1}; with 8 beyond {:.1}, with 27 beyond {:.1}",
+        object.name,
+        bridged_stretch(particles_per_cell),
+        bridged_stretch(8.0),
+        bridged_stretch(27.0)
     ))
 }
 

@@ -10,7 +10,7 @@ use super::{SceneFile, build};
 
 const BOX: &str = "version = 1\ndx = 0.1\ngravity = [0, 0, 0]\nframe_rate = 10\njitter = 0\n\
     [[objects]]\nname = \"box\"\nshape = { kind = \"box\", size = [0.4, 0.4, 0.4] }\n\
-    translation = [0.25, 0, 0]\n\
+    translation = [0.25, 0, 0]\nsolver = \"spatial\"\n\
     material = { law = \"neo_hookean\", youngs_modulus_pa = 1e4, poisson_ratio = 0.3, density_kg_m3 = 1000 }\n";
 
 fn scene(more: &str) -> Result<Scene, String> {
@@ -103,7 +103,7 @@ fn mistakes_in_formulas_are_errors_with_a_place() {
     for (more, expected) in [
         (
             "velocity = [\"sin(X\", 0, 0]\n",
-            "line 11, column 13: objects[0].velocity[0]: ",
+            "line 12, column 13: objects[0].velocity[0]: ",
         ),
         ("velocity = [\"2*x\", 0, 0]\n", "found `x`"),
         ("velocity = [0, 0]\n", "has 2 elements, expected 3"),

@@ -29,6 +29,7 @@ mod sampling;
 mod select;
 mod shapes;
 mod solids;
+mod solver;
 mod spec;
 mod view;
 mod words;

@@ -164,7 +164,7 @@ fn object(
         coherence,
         present: present.unwrap_or(true),
         fidelity,
-        solver: solver.unwrap_or_default(),
+        solver,
         particles: particles.unwrap_or(filled),
         linear_velocity: linear_velocity.unwrap_or_default(),
         angular_velocity: angular_velocity.unwrap_or_default(),

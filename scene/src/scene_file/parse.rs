@@ -1,6 +1,5 @@
 //! Text to [`SceneFile`]: the top level, assets, colliders and probes.
 
-use cosplat_sim_core::{materials::limits::bridged_stretch, scene::Fidelity};
 use toml::de::DeTable;
 
 use super::{
@@ -13,15 +12,13 @@ use super::{
     quality::Quality,
     reader::{Context, Entry, Table},
     shapes::JITTER,
-    spec::{AssetSource, AssetSpec, ObjectSpec, ProbeKindSpec, ProbeSpec, Resolution, SceneFile},
+    spec::{AssetSource, AssetSpec, ProbeKindSpec, ProbeSpec, Resolution, SceneFile},
     view,
 };
 use crate::assets::generate::BUILTINS;
 
 /// The one version of the format.
 const VERSION: u64 = 1;
-/// Particles per cell below which it is said what that tears: those of all presets of quality.
-const FEW_PARTICLES: f64 = 8.0;
 
 /// Parses and checks a scene file; see [`SceneFile::parse`].
 pub(super) fn parse(text: &str) -> Result<SceneFile, SceneErrors> {
@@ -79,10 +76,6 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
     let mut assets = assets(table);
     let mut object_names = Names::default();
     let objects = objects::read(table, &mut assets, &mut object_names, warnings);
-    if let Some(entry) = table.get("particles_per_cell") {
-        let tearing = tearing(&objects, particles_per_cell);
-        warnings.extend(tearing.map(|message| Finding::new(&entry.at, message)));
-    }
     let mut collider_names = Names::default();
     let colliders = table.tables("colliders");
     let colliders = colliders
@@ -108,6 +101,7 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         resolution,
         resolution_at,
         particles_per_cell,
+        particles_per_cell_at: table.get("particles_per_cell").map(|entry| entry.at),
         frame_rate,
         cfl,
         tolerance,
@@ -143,23 +137,6 @@ fn beyond_the_limit(cfl: f64) -> String {
     format!(
         "{cfl} of the stability limit blows up what flies alone, and leaves it to the guard; expected 1 or less"
     )
-}
-
-/// The warning about elastic matter of few particles, if there is some.
-fn tearing(objects: &[ObjectSpec], particles_per_cell: f64) -> Option<String> {
-    let tears = |object: &&ObjectSpec| {
-        object.fidelity != Fidelity::Static && object.material.law.keeps_elastic()
-    };
-    let few = particles_per_cell < FEW_PARTICLES;
-    let object = objects.iter().find(tears).filter(|_| few)?;
-    Some(format!(
-        "elastic matter, as that of `{}`, tears with {particles_per_cell} particles per cell where it is stretched \
-         beyond {:.1}; with 8 beyond {:.1}, with 27 beyond {:.1}",
-        object.name,
-        bridged_stretch(particles_per_cell),
-        bridged_stretch(8.0),
-        bridged_stretch(27.0)
-    ))
 }
 
 fn resolution(table: &Table, preset: Resolution) -> (Resolution, At) {

@@ -1,6 +1,6 @@
 //! What building a scene found out.
 
-use cosplat_sim_core::scene::Aabb;
+use cosplat_sim_core::scene::{Aabb, Solver};
 
 use super::{error::Finding, spec::AssetSource};
 use crate::fill::FillReport;
@@ -14,6 +14,10 @@ pub struct BuildReport {
     pub assets: Vec<AssetReport>,
     /// One entry per object of the scene: what filling found, for simulated splat objects.
     pub fills: Vec<Option<FillReport>>,
+    /// One entry per entry of [`SceneFile::objects`](super::SceneFile::objects): the grid that was chosen where it does not say.
+    pub chosen: Vec<Option<Solver>>,
+    /// One entry per object of the scene: why its matter is on the spatial grid, where it is.
+    pub why_spatial: Vec<Option<String>>,
 }
 
 /// An asset as it was read and placed.

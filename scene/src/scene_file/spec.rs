@@ -30,6 +30,8 @@ pub struct SceneFile {
     pub resolution_at: At,
     /// Particles per filled grid cell, 1..=64.
     pub particles_per_cell: f64,
+    /// Where [`particles_per_cell`](Self::particles_per_cell) stands, if it does.
+    pub particles_per_cell_at: Option<At>,
     /// Published frames per simulated second [1/s].
     pub frame_rate: f64,
     /// Fraction of the stability limit, 0 < cfl <= 1.5.
@@ -183,8 +185,8 @@ pub struct ObjectSpec {
     pub present: bool,
     /// Whether it is simulated.
     pub fidelity: Fidelity,
-    /// Which grid its matter is on.
-    pub solver: Solver,
+    /// Which grid its matter is on; chosen for the finished scene when absent.
+    pub solver: Option<Solver>,
     /// Where its particles come from.
     pub particles: ParticleMode,
     /// Initial velocity of the centre of mass [m/s].

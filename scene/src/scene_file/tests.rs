@@ -415,15 +415,16 @@ fn a_rigid_object_does_not_meet_as_a_sphere() {
 
 #[test]
 fn a_bar_of_two_cells_is_told_what_four_would_cost() {
-    let bar = |numbers: &str| {
+    let bar_on = |solver: &str, numbers: &str| {
         let text = format!(
-            "version = 1\n{numbers}\n[[objects]]\nname = \"bar\"\n\
+            "version = 1\n{numbers}\n[[objects]]\nname = \"bar\"\n{solver}\n\
              shape = {{ kind = \"box\", size = [0.8, 0.1, 0.1], gaussian_spacing = 0.1 }}\nmaterial = \"jelly\"\n"
         );
         let (scene, report) = built(&text);
         let warnings: Vec<String> = report.warnings.iter().map(ToString::to_string).collect();
         (scene, warnings)
     };
+    let bar = |numbers: &str| bar_on("solver = \"spatial\"", numbers);
     let (scene, warnings) = bar("");
     let [warning] = warnings.as_slice() else {
         panic!("{warnings:?}")
@@ -446,6 +447,8 @@ fn a_bar_of_two_cells_is_told_what_four_would_cost() {
     let remedy = warnings[0].split('`').nth(3).expect("in marks");
     let (_, warnings) = bar(remedy);
     assert_eq!(warnings, [""; 0]);
+    // On a grid of its own two cells are enough to bend.
+    assert_eq!(bar_on("", "").1, [""; 0]);
 }
 
 #[test]
@@ -455,10 +458,12 @@ fn few_particles_are_told_the_stretch_that_tears_them() {
             "dx = 0.05",
             &format!("dx = 0.05\nparticles_per_cell = {count}"),
         );
-        let (_, report) = built(&text.replace("jelly", material));
+        let text = text.replace("\"jelly\"", material);
+        let (_, report) = built(&text);
         report.warnings.iter().map(ToString::to_string).collect()
     };
-    let found = warnings(4.0, "jelly");
+    let spatial = "\"jelly\"\nsolver = \"spatial\"";
+    let found = warnings(4.0, spatial);
     let [warning] = found.as_slice() else {
         panic!("{found:?}")
     };
@@ -472,6 +477,8 @@ fn few_particles_are_told_the_stretch_that_tears_them() {
     ] {
         assert!(warning.contains(words), "{words:?} not in {warning:?}");
     }
-    assert_eq!(warnings(8.0, "jelly"), [""; 0]);
-    assert_eq!(warnings(4.0, "dry_sand"), [""; 0]);
+    assert_eq!(warnings(8.0, spatial), [""; 0]);
+    assert_eq!(warnings(4.0, "\"dry_sand\""), [""; 0]);
+    // On a grid of its own it does not tear.
+    assert_eq!(warnings(4.0, "\"jelly\""), [""; 0]);
 }

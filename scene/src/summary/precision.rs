@@ -121,7 +121,7 @@ impl fmt::Display for PrecisionHint {
         } else {
             let _ = writeln!(
                 text,
-                "           errors measured there, see docs/precision.md: {now}"
+                "           errors measured there on the spatial grid, see docs/precision.md: {now}"
             );
         }
         let _ = write!(

@@ -15,6 +15,7 @@ particles_per_cell = {particles_per_cell}
 name = "bar"
 shape = {{ kind = "box", size = [0.4, 0.1, 0.1], gaussian_spacing = 0.1 }}
 material = {{ {material}, density_kg_m3 = 1000 }}
+solver = "spatial"
 [[prescribed]]
 box = {{ min = [-1, -1, -1], max = [-0.15, 1, 1] }}
 linear_velocity = [-0.5, 0, 0]

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use super::{
     World,
     bounds::{MAX_LENGTH, finite, within},
+    frame::Frame,
     grab::Grasp,
 };
 use crate::{
@@ -100,7 +101,7 @@ impl World {
     }
 
     /// Applies commands in their order; one that is refused changes nothing.
-    pub(super) fn apply(&mut self, commands: &[Command]) {
+    pub(super) fn apply(&mut self, commands: &[Command], frame: &mut Frame) {
         let mut order: Vec<&Command> = commands.iter().collect();
         order.sort_by_key(|c| (c.apply_at_step, c.client, c.sequence));
         for command in order {
@@ -108,7 +109,7 @@ impl World {
                 if command.action.is_edit() {
                     self.remember();
                 }
-                self.enact(effect);
+                self.enact(effect, frame);
             }
         }
     }
@@ -419,7 +420,7 @@ impl World {
         touched.map(|d| d.0).collect()
     }
 
-    fn enact(&mut self, effect: Effect<'_>) {
+    fn enact(&mut self, effect: Effect<'_>, frame: &mut Frame) {
         match effect {
             Effect::Push { object, .. }
             | Effect::Velocity { object, .. }
@@ -452,7 +453,10 @@ impl World {
                 region,
                 particles,
                 material,
-            } => self.change_material(object, region, particles.as_deref(), &material),
+            } => {
+                self.go_over_for(object, particles.as_deref(), &material, frame);
+                self.change_material(object, region, particles.as_deref(), &material);
+            }
             Effect::Gravity(gravity) => self.state.commanded.gravity = gravity,
             Effect::Path { collider, path } => {
                 self.state.commanded.paths[collider] = Some(path);
@@ -486,7 +490,7 @@ impl World {
             Effect::Reset => {
                 self.model.rules.commanded.clear();
                 self.reset();
-                self.report = self.measure(&super::Frame::new(0.0));
+                self.report = self.measure(&Frame::new(0.0));
             }
         }
     }

@@ -33,10 +33,6 @@ impl World {
             min: found.min,
             max: found.max,
         })?;
-        if self.model.lagrangian[object].is_some() && !material.law.may_be_solid() {
-            let law = material.law.name();
-            return Err(CommandError::NotElastic { object, law });
-        }
         let current = &self.model.scene.objects[object].material;
         let (density, dx) = (current.density, self.model.scene.dx);
         let room = self.model.scene.cfl * self.model.scene.frame_rate * MATERIAL_SUBSTEPS;

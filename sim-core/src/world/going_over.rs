@@ -1,4 +1,5 @@
-//! Solids that have flowed too far go over to the spatial grid, once: their particles become matter there.
+//! Solids that have flowed too far, or are to be what solids cannot be, go over to the spatial grid, once: their particles
+//! become matter there.
 //!
 //! Position, velocity and visible deformation of a particle are those of the nodal fields at its place. What its law knows of elastic
 //! strain comes from the nearest quadrature point of its part, so that strain and what it is strained from belong together. All
@@ -7,8 +8,8 @@
 use super::{World, frame::Frame};
 use crate::{
     mat3::{Mat3, cross, dot},
-    materials::Coefficients,
-    report::GoneOver,
+    materials::{Coefficients, Material},
+    report::{GoneOver, OverReason},
     solid::{
         memory::{LARGEST_STRAIN, PartMemory, largest_strain},
         model::{CellPoint, gauss_point},
@@ -36,15 +37,49 @@ impl World {
                 None => continue,
             };
             if strain > LARGEST_STRAIN && self.is_moving_solid(object) {
-                let change = self.go_over(object);
-                frame.gone_over.push(GoneOver {
-                    object,
-                    plastic_strain: strain,
-                    angular_momentum: change.angular,
-                    energy: change.energy,
-                });
+                self.report_going_over(object, OverReason::Flow, frame);
             }
         }
+        // Undone in the same frame is not done.
+        let gone_over = &self.state.gone_over;
+        frame.gone_over.retain(|gone| gone_over[gone.object]);
+        frame.gone_over.sort_by_key(|gone| gone.object);
+    }
+
+    /// Takes an object that is awake over to the spatial grid where a material for all of it, a region, or these particles, a
+    /// sorted list, is none for a solid.
+    pub(super) fn go_over_for(
+        &mut self,
+        object: usize,
+        particles: Option<&[u32]>,
+        material: &Material,
+        frame: &mut Frame,
+    ) {
+        if self.model.lagrangian[object].is_none() {
+            return;
+        }
+        let reason = match particles {
+            _ if !material.law.may_be_solid() => OverReason::Law,
+            Some(particles) if self.splits_parts(particles, material) => OverReason::Patch,
+            _ => return,
+        };
+        // Of a body that commands made of it come nodes first.
+        self.loosen(object);
+        self.report_going_over(object, reason, frame);
+    }
+
+    fn report_going_over(&mut self, object: usize, reason: OverReason, frame: &mut Frame) {
+        let state = self.state.solids[object].as_ref();
+        let plastic_strain = state.map_or(0.0, |state| largest_strain(&state.memory));
+        let change = self.go_over(object);
+        frame.gone_over.retain(|gone| gone.object != object);
+        frame.gone_over.push(GoneOver {
+            object,
+            reason,
+            plastic_strain,
+            angular_momentum: change.angular,
+            energy: change.energy,
+        });
     }
 
     /// Makes spatial matter of a solid; what its balance changes by.

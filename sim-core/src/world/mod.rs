@@ -154,7 +154,7 @@ impl World {
 
         // The one place where the outside acts on the state.
         self.workspace.edited = [0.0; 2];
-        self.apply(commands);
+        self.apply(commands, &mut frame);
         frame.tally.timings.commands = start.elapsed().as_secs_f64();
 
         // Model no more than the scene needs, and no solid that has flowed too far for its grid.
@@ -207,7 +207,7 @@ impl World {
         &self.published.position
     }
 
-    /// Particle velocities [m/s] in scene order: of half a substep before, where a particle is not part of a body.
+    /// Particle velocities [m/s] in scene order: of half a substep before, where a particle is not part of a body or a solid.
     pub fn velocities(&self) -> &[[f32; 3]] {
         &self.published.velocity
     }

@@ -31,9 +31,6 @@ impl World {
         patch: &Patch,
         material: &Material,
     ) -> Result<Vec<u32>, CommandError> {
-        if self.model.lagrangian[object].is_some() {
-            return Err(CommandError::NotPaintable { object });
-        }
         let (Patch::Ball { point, .. } | Patch::Box { centre: point, .. }) = *patch;
         finite("point", &point)?;
         for x in point {
@@ -127,6 +124,12 @@ impl World {
             particles,
         });
         strokes.collect()
+    }
+
+    /// Whether painting particles leaves some part of its material and some of another.
+    pub(super) fn splits_parts(&self, particles: &[u32], material: &Material) -> bool {
+        let strokes = self.strokes(particles, material);
+        strokes.iter().any(|stroke| !stroke.is_whole)
     }
 
     /// Gives particles of an object, a sorted list, another material.

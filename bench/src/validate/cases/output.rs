@@ -116,10 +116,6 @@ const SPIN: SceneText = scene_text!("validate/gaussian_spin");
 const SHEAR: SceneText = scene_text!("validate/gaussian_shear");
 const STRETCH: SceneText = scene_text!("validate/gaussian_stretch");
 
-const EDGES: &str = "the covariance is that of the F of the particles, and that F is off: APIC keeps a velocity gradient C as it was \
-     before its matter moved, where C (1 + dt C)^-1 is that of matter that flies apart. Inside, averaging over \
-     neighbours makes up for it; at free edges F is 2 % too large after a stretch of 1.5, whatever dt is.";
-
 type Matrix = [[f64; 3]; 3];
 
 /// 19: covariances that a client receives, of a body that spins and of matter that is sheared and stretched.
@@ -156,8 +152,7 @@ pub fn covariance(_size: Size) -> Vec<Case> {
             &STRETCH,
             stretched,
             10,
-        )
-        .fails(EDGES),
+        ),
     ]
 }
 

@@ -4,7 +4,8 @@ use super::*;
 use crate::{
     command::{Action, CommandError, Patch},
     materials::Material,
-    scene::{MaterialRegion, Solver},
+    report::OverReason,
+    scene::{Fidelity, MaterialRegion, Solver},
     world::paint::MAX_PAINTED,
 };
 
@@ -233,14 +234,6 @@ fn bad_strokes_are_refused_and_change_no_bit() {
     again.restore(&before).expect("a checkpoint of this scene");
     assert_eq!(world.step(FRAME, &[]).dt_min, again.step(FRAME, &[]).dt_min);
     assert_eq!(world.positions(), again.positions());
-    let mut scene = block();
-    scene.objects[0].solver = Solver::Lagrangian;
-    let solid = World::new(scene).expect("valid scene");
-    let stroke = &order(Some(HALF), elastic(Law::NeoHookean, 2e5, 0.3))[0].action;
-    assert_eq!(
-        solid.check(stroke),
-        Err(CommandError::NotPaintable { object: 0 })
-    );
 }
 
 #[test]
@@ -299,4 +292,209 @@ fn forged_strokes_in_checkpoints_are_refused() {
         assert!(error.is_err(), "{n}");
         assert_eq!(world.checkpoint(), sound, "{n}");
     }
+}
+
+/// The block on a grid of its own.
+fn solid() -> Scene {
+    let mut scene = block();
+    scene.objects[0].solver = Solver::Lagrangian;
+    scene
+}
+
+fn act(action: Action) -> [Command; 1] {
+    [Command {
+        client: 1,
+        sequence: 9,
+        apply_at_step: 0,
+        action,
+    }]
+}
+
+#[test]
+fn a_solid_goes_over_for_what_only_spatial_matter_can_be() {
+    let stiff = elastic(Law::NeoHookean, 4e6, 0.4);
+    let sand = Law::DruckerPrager {
+        friction_angle: 30.0,
+        cohesion: 0.0,
+    };
+    let rigid = elastic(Law::Rigid, 0.0, 0.0);
+    for (patch, material, reason) in [
+        (Some(HALF), stiff, OverReason::Patch),
+        (Some(HALF), snow(), OverReason::Law),
+        (None, elastic(sand, 1e5, 0.3), OverReason::Law),
+        (None, water(), OverReason::Law),
+        (None, rigid, OverReason::Law),
+    ] {
+        let mut world = World::new(solid()).expect("valid scene");
+        for _ in 0..8 {
+            world.step(FRAME, &[]);
+        }
+        let before = world.report().clone();
+        let stroke = order(patch, material);
+        assert_eq!(world.check(&stroke[0].action), Ok(()));
+        // No time passes: what is left is the change itself.
+        let after = world.step(0.0, &stroke);
+        let [gone] = after.gone_over.as_slice() else {
+            panic!("{:?}", after.gone_over);
+        };
+        assert_eq!((gone.object, gone.reason), (0, reason));
+        assert_eq!(gone.plastic_strain, 0.0, "it never flowed");
+        assert!(world.model.lagrangian[0].is_none());
+        let (a, b) = (&before.objects[0], &after.objects[0]);
+        assert!((a.mass / b.mass - 1.0).abs() < 1e-12);
+        // Single precision of velocities.
+        let slip = distance(before.linear_momentum, after.linear_momentum);
+        assert!(slip < 1e-6 * norm(before.linear_momentum), "{slip:e}");
+        for _ in 0..20 {
+            let report = world.step(FRAME, &[]);
+            assert!(report.gone_over.is_empty(), "once");
+            assert!(report.quarantined.is_empty() && report.left_domain.is_empty());
+            assert!(report.objects[0].kinetic_energy.is_finite());
+        }
+    }
+}
+
+#[test]
+fn what_a_change_of_grids_takes_is_booked() {
+    let mut scene = solid();
+    scene.objects[0].velocity_gradient = [[0.0, 4.0, 0.0], [-4.0, 0.0, 0.0], [0.0; 3]];
+    let mut world = World::new(scene).expect("valid scene");
+    for _ in 0..8 {
+        world.step(FRAME, &[]);
+    }
+    let before = world.report().clone();
+    // As stiff as it was, in one half: what energy changes by is the change of grids.
+    let twin = Material {
+        density: 1.0,
+        ..soft()
+    };
+    let after = world.step(0.0, &order(Some(HALF), twin));
+    let gone = after.gone_over[0];
+    let energy = |r: &StepReport| r.kinetic_energy + r.elastic_energy;
+    let missing = energy(&after) - energy(&before) - gone.energy;
+    // Velocities, deformations and places in single precision.
+    assert!(missing.abs() < 1e-5 * energy(&before), "{missing:e}");
+    assert!(gone.energy.abs() < 0.02 * energy(&before), "{gone:?}");
+    let turned: [f64; 3] = std::array::from_fn(|a| {
+        after.angular_momentum[a] - before.angular_momentum[a] - gone.angular_momentum[a]
+    });
+    assert!(norm(turned) < 1e-5 * norm(before.angular_momentum));
+}
+
+#[test]
+fn strokes_over_whole_parts_leave_a_solid_what_it_is() {
+    let mut world = World::new(solid()).expect("valid scene");
+    world.step(FRAME, &[]);
+    let stiff = elastic(Law::NeoHookean, 4e6, 0.4);
+    for material in [stiff, soft()] {
+        let report = world.step(FRAME, &order(ball([0.0; 3], 9.0), material.clone()));
+        assert!(report.gone_over.is_empty());
+        assert_eq!(*world.material(0), material);
+    }
+    // A stroke of the material that is there already is none.
+    let report = world.step(FRAME, &order(Some(HALF), soft()));
+    assert!(report.gone_over.is_empty() && world.model.lagrangian[0].is_some());
+}
+
+#[test]
+fn solids_asleep_and_solids_as_bodies_go_over_too() {
+    let stiff = elastic(Law::NeoHookean, 4e6, 0.4);
+    for fidelity in [Fidelity::Rigid, Fidelity::Static, Fidelity::Auto] {
+        let mut scene = solid();
+        scene.conditions.damping = 20.0;
+        let mut world = World::new(scene).expect("valid scene");
+        world.step(
+            FRAME,
+            &act(Action::SetFidelity {
+                object: 0,
+                fidelity,
+            }),
+        );
+        for _ in 0..120 {
+            world.step(FRAME, &[]);
+        }
+        if fidelity == Fidelity::Auto {
+            assert!(world.state.sleeps(0));
+        }
+        let before = world.report().objects[0];
+        let report = world.step(FRAME, &order(Some(HALF), stiff.clone()));
+        assert_eq!(report.gone_over.len(), 1, "{fidelity:?}");
+        let after = report.objects[0];
+        assert!(
+            (after.mass / before.mass - 1.0).abs() < 1e-6,
+            "{fidelity:?}"
+        );
+        assert!(distance(after.com, before.com) < 0.01, "{fidelity:?}");
+        let is_body = fidelity != Fidelity::Auto;
+        assert_eq!(world.is_one_body(0), is_body, "{fidelity:?}");
+        let saved = world.checkpoint();
+        let hash = world.step(FRAME, &[]).state_hash;
+        world.restore(&saved).expect("a checkpoint of this scene");
+        assert_eq!(world.step(FRAME, &[]).state_hash, hash, "{fidelity:?}");
+    }
+}
+
+#[test]
+fn undo_makes_a_solid_of_it_again_and_redo_does_not() {
+    let run = |world: &mut World| -> Vec<u64> {
+        let hashes = (0..8).map(|_| world.step(FRAME, &[]).state_hash);
+        hashes.collect()
+    };
+    let mut world = World::new(solid()).expect("valid scene");
+    run(&mut world);
+    let before = world.checkpoint();
+    world.step(0.0, &order(Some(HALF), snow()));
+    let painted = world.checkpoint();
+    let expected = run(&mut world);
+    // The same commands on the same scene are the same bits: what a replay does.
+    let mut again = World::new(solid()).expect("valid scene");
+    run(&mut again);
+    again.step(0.0, &order(Some(HALF), snow()));
+    assert_eq!(run(&mut again), expected);
+    let mut other = World::new(solid()).expect("valid scene");
+    other.restore(&painted).expect("a checkpoint of this scene");
+    assert_eq!(run(&mut other), expected);
+
+    let steps = |world: &mut World, steps| world.state.progress.steps = steps;
+    world.step(0.0, &act(Action::Undo));
+    assert!(world.model.lagrangian[0].is_some() && world.state.solids[0].is_some());
+    other.restore(&before).expect("a checkpoint of this scene");
+    steps(&mut other, world.state.progress.steps);
+    assert_eq!(run(&mut world), run(&mut other));
+    // Undoing it in the step that does it: nothing is reported.
+    let [stroke] = order(Some(HALF), snow());
+    let [undo] = act(Action::Undo);
+    let report = world.step(0.0, &[stroke, undo]);
+    assert!(report.gone_over.is_empty());
+    let report = world.step(0.0, &act(Action::Redo));
+    assert!(world.model.lagrangian[0].is_none() && report.gone_over.is_empty());
+    assert_eq!(world.model.parts.len(), 2);
+    world.step(0.0, &act(Action::Reset));
+    assert!(world.model.lagrangian[0].is_some());
+}
+
+#[test]
+fn what_holds_a_solid_holds_it_after_it_went_over() {
+    let mut world = World::new(solid()).expect("valid scene");
+    let pin = Action::Pin {
+        object: 0,
+        point: [0.0; 3],
+        radius: f64::INFINITY,
+    };
+    world.step(FRAME, &act(pin));
+    let held = world.positions().to_vec();
+    world.step(FRAME, &order(Some(HALF), snow()));
+    for _ in 0..10 {
+        world.step(FRAME, &[]);
+    }
+    for (a, b) in held.iter().zip(world.positions()) {
+        // Places in single precision.
+        assert!((0..3).all(|i| (a[i] - b[i]).abs() < 1e-6), "{a:?} {b:?}");
+    }
+    // Let go, it falls.
+    world.step(FRAME, &act(Action::Release { object: 0 }));
+    for _ in 0..5 {
+        world.step(FRAME, &[]);
+    }
+    assert!(world.report().objects[0].linear_velocity[2] < -0.5);
 }
