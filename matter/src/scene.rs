@@ -18,7 +18,10 @@ pub use gaussians::*;
 pub use pose::pose_at;
 pub use turned::*;
 
-use crate::{expression::VectorField, materials::Material};
+use crate::{
+    expression::VectorField,
+    materials::{Law, Material},
+};
 
 /// How many particles each Gaussian is bound to.
 pub const BINDING_NEIGHBORS: usize = 8;
@@ -188,11 +191,16 @@ impl Object {
 
     /// Whether it is simulated, and some of it deforms.
     pub fn is_matter(&self) -> bool {
-        let regions = self.regions.iter().map(|region| &region.material);
-        let mut materials = std::iter::once(&self.material).chain(regions);
         matches!(self.fidelity, Fidelity::Mpm | Fidelity::Auto)
             && !self.particles.is_empty()
-            && materials.any(|material| !material.law.is_rigid())
+            && self.laws().any(|law| !law.is_rigid())
+    }
+
+    /// Laws of its material and of those of its regions.
+    pub fn laws(&self) -> impl Iterator<Item = Law> + '_ {
+        let regions = self.regions.iter().map(|region| &region.material);
+        let materials = std::iter::once(&self.material).chain(regions);
+        materials.map(|material| material.law)
     }
 
     /// Whether some of it moves as a body.

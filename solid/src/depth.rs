@@ -19,9 +19,12 @@ pub struct DepthField {
     values: Vec<f32>,
 }
 
+/// Share by which a facet may be farther than the nearest and still tell on which side a point is.
+const NEAR: f64 = 1.2;
+
 impl Facet {
-    /// Signed distance of a point [m].
-    fn distance(&self, x: [f64; 3]) -> f64 {
+    /// Distance of a point, and its height over the facet's plane [m].
+    fn distance(&self, x: [f64; 3]) -> [f64; 2] {
         let r: [f64; 3] = std::array::from_fn(|a| x[a] - self.center[a]);
         let height = dot(r, self.normal);
         let beyond = match self.face {
@@ -40,7 +43,7 @@ impl Facet {
                 (length(across) - (self.area / std::f64::consts::PI).sqrt()).max(0.0)
             }
         };
-        height.signum() * height.hypot(beyond)
+        [height.hypot(beyond), height]
     }
 }
 
@@ -70,21 +73,32 @@ impl DepthField {
             let [x, y, z] = [0, 1, 2].map(|a| (corner[a] - min[a]) as usize);
             (x * size[1] + y) * size[2] + z
         };
-        let mut values = vec![f32::INFINITY; size.iter().product()];
-        for facet in pieces.facets() {
-            // Corners of the piece, and BAND beyond; those are in the box around all of them.
+        // Of every facet the corners of its piece, and BAND beyond; those are in the box around all of them.
+        let facets = pieces.facets();
+        let mut near = vec![];
+        for facet in &facets {
             let side = 2 * BAND + 2;
             for n in 0..side.pow(3) {
                 let o = [n / side.pow(2), n / side % side, n % side];
                 let corner: [i64; 3] = std::array::from_fn(|a| facet.index[a] + o[a] - BAND);
                 let x = std::array::from_fn(|a| first[a] + edge * corner[a] as f64);
-                let distance = facet.distance(x) as f32;
-                let known = &mut values[at(corner)];
-                if distance.abs() < known.abs() {
-                    *known = distance;
-                }
+                near.push((at(corner), facet.distance(x).map(|d| d as f32)));
             }
         }
+        let mut least = vec![f32::INFINITY; size.iter().product()];
+        for (corner, [distance, _]) in &near {
+            least[*corner] = least[*corner].min(*distance);
+        }
+        // Beyond an edge a point is as far from both faces, and level with one: the other tells that it is outside.
+        let mut tells = vec![0.0_f32; least.len()];
+        for &(corner, [distance, height]) in &near {
+            let is_near = f64::from(distance) <= NEAR * f64::from(least[corner]);
+            if is_near && height.abs() > tells[corner].abs() {
+                tells[corner] = height;
+            }
+        }
+        let signed = least.iter().zip(&tells);
+        let mut values: Vec<f32> = signed.map(|(d, height)| d.copysign(*height)).collect();
         let far = (BAND as f64 * edge) as f32;
         for x in min[0]..=max[0] {
             for y in min[1]..=max[1] {
@@ -140,6 +154,37 @@ impl DepthField {
 mod tests {
     use super::*;
     use crate::tests::{ball, lattice};
+
+    #[test]
+    fn beyond_its_edges_a_box_is_outside() {
+        let field = DepthField::new(
+            &Lattice::of(0.1, &lattice(0.1, [0.0; 3], [4, 4, 4], |_| true)),
+            &lattice(0.1, [0.0; 3], [4, 4, 4], |_| true),
+        );
+        let (edge, mut looked) = (0.05, 0);
+        for n in 0..30_usize.pow(3) {
+            let x = [n / 900, n / 30 % 30, n % 30].map(|k| -0.1 + 0.02 * (k as f64 + 0.37));
+            let beyond = x.map(|x| (x - 0.2).abs() - 0.2);
+            let outside = length(beyond.map(|b| b.max(0.0)));
+            let exact = match outside > 0.0 {
+                true => outside,
+                false => beyond.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            };
+            let Some((value, _)) = field.at(x) else {
+                continue;
+            };
+            if exact.abs() < 0.1 {
+                looked += 1;
+                assert!(value * exact >= 0.0, "{x:?}: {value} {exact}");
+                // What is linear between corners is `t^3` for `t` inside a corner: 0.385 edges.
+                assert!(
+                    (value - exact).abs() < 0.39 * edge,
+                    "{x:?}: {value} {exact}"
+                );
+            }
+        }
+        assert!(looked > 10_000);
+    }
 
     #[test]
     fn depth_in_a_box_and_a_ball_is_that_of_the_shape() {

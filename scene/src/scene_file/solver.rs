@@ -2,7 +2,7 @@
 
 use cosplat_sim_core::{
     World, WorldError,
-    scene::{Conditions, Object, Scene, Solver, Transfer},
+    scene::{Fidelity, Object, Scene, Solver, Transfer},
 };
 
 use super::{
@@ -21,7 +21,7 @@ pub(super) fn choose(
     let checked = World::check_lagrangian(scene);
     let objects = scene.objects.iter().zip(specs).zip(checked);
     let mut reasons: Vec<Option<String>> = objects
-        .map(|((object, spec), checked)| why_spatial(&scene.conditions, object, spec, checked))
+        .map(|((object, spec), checked)| why_spatial(scene, object, spec, checked))
         .collect();
     for entry in &file.objects {
         let own = |&id: &usize| std::ptr::eq(specs[id], entry);
@@ -47,7 +47,7 @@ pub(super) fn choose(
 
 /// Why an object is on the spatial grid; none where it may have a grid of its own, is said to have one, or is no matter.
 fn why_spatial(
-    conditions: &Conditions,
+    scene: &Scene,
     object: &Object,
     spec: &ObjectSpec,
     checked: Result<(), WorldError>,
@@ -62,12 +62,30 @@ fn why_spatial(
             Some(format!("{what} does not go with a grid of its own"))
         }
         (None, Err(other)) => Some(other.to_string()),
-        (None, Ok(())) if conditions.transfer == Transfer::Pic => {
-            Some("transfer = \"pic\" acts on the spatial grid alone".into())
-        }
-        (None, Ok(())) => (conditions.rpic_damping > 0.0)
-            .then(|| "rpic_damping acts on the spatial grid alone".into()),
+        (None, Ok(())) => why_better(scene, object),
     }
+}
+
+/// Why an object that may have a grid of its own is better off on the spatial one.
+fn why_better(scene: &Scene, object: &Object) -> Option<String> {
+    let conditions = &scene.conditions;
+    if conditions.transfer == Transfer::Pic {
+        return Some("transfer = \"pic\" acts on the spatial grid alone".into());
+    }
+    if conditions.rpic_damping > 0.0 {
+        return Some("rpic_damping acts on the spatial grid alone".into());
+    }
+    // What vibrates without loss does not come to rest.
+    if object.fidelity == Fidelity::Auto {
+        return Some("fidelity = \"auto\" is for what comes to rest, which it does there".into());
+    }
+    // Its contact with solids is less exact than what is lost by sharing the grid with it.
+    let mut others = scene.objects.iter().filter(|object| object.is_matter());
+    let flowing = others.find(|other| other.laws().any(|law| !law.may_be_solid()))?;
+    Some(format!(
+        "`{}` needs that grid, and both share it",
+        flowing.name
+    ))
 }
 
 #[cfg(test)]
@@ -99,13 +117,11 @@ mod tests {
             "\"clay\"",
             "\"shaving_foam\"",
         ] {
-            for fidelity in ["mpm", "auto"] {
-                let material = format!("fidelity = {fidelity:?}\nmaterial = {law}");
-                let (scene, report) = built(&BLOCK.replace("material = \"jelly\"", &material));
-                assert_eq!(solvers(&scene), [Solver::Lagrangian], "{law}");
-                assert_eq!(report.why_spatial, [None]);
-                assert_eq!(World::check_scene(&scene), Ok(()), "{law}");
-            }
+            let material = format!("material = {law}");
+            let (scene, report) = built(&BLOCK.replace("material = \"jelly\"", &material));
+            assert_eq!(solvers(&scene), [Solver::Lagrangian], "{law}");
+            assert_eq!(report.why_spatial, [None]);
+            assert_eq!(World::check_scene(&scene), Ok(()), "{law}");
         }
         // What is no matter has no grid, and no reason.
         for words in [
@@ -150,6 +166,10 @@ mod tests {
                 "single_field",
             ),
             (format!("contact = \"com_sphere\"\n{BLOCK}"), "com_sphere"),
+            (
+                format!("{BLOCK}fidelity = \"auto\"\n"),
+                "fidelity = \"auto\"",
+            ),
             (format!("transfer = \"pic\"\n{BLOCK}"), "transfer = \"pic\""),
             (format!("rpic_damping = 0.1\n{BLOCK}"), "rpic_damping"),
             (
@@ -165,6 +185,12 @@ mod tests {
             }
             assert_eq!(World::check_scene(&scene), Ok(()), "{text}");
         }
+        // Beside sand it shares the grid with that.
+        let beside = format!("{BLOCK}{OTHER}material = \"dry_sand\"\n");
+        let (scene, report) = built(&beside);
+        assert_eq!(solvers(&scene), [Solver::Spatial; 2]);
+        let why = report.why_spatial[0].as_ref().expect("a reason");
+        assert!(why.contains("`other` needs that grid"), "{why}");
         // Alone, objects that share one grid are the only ones on it.
         let (scene, _) = built(&format!("contact = \"single_field\"\n{BLOCK}"));
         assert_eq!(solvers(&scene), [Solver::Lagrangian]);

@@ -17,6 +17,10 @@ const DISKS_SPEED: f64 = 0.282_842_712;
 /// Moment of contact: `(0.6 sqrt 2 - 0.4) / 0.2 sqrt 2` [s].
 const DISKS_CONTACT: f64 = 1.585_786_438;
 
+/// Why disks on grids of their own part slowly.
+const THIN: &str = "the disks are two cells thick and soft: a point deeper than a quarter of a cell is nearer to the faces on the plates than to \
+     the rim that it came through, and is pressed along the plates' normal. Of disks four cells thick 0.90 and 0.92 is left";
+
 /// 5: two elastic disks: when they meet, and how much of their speed they keep.
 pub fn disks(size: Size) -> Vec<Case> {
     let all: &[(u32, f64)] = size.pick(
@@ -70,7 +74,8 @@ pub fn disks(size: Size) -> Vec<Case> {
                         parting,
                     )
                     .against(1.0, "an elastic collision")
-                    .within(Gate::AtLeast(least)),
+                    .within(Gate::AtLeast(least))
+                    .fails((method == "two_scale").then_some(THIN)),
                 );
             }
             cases.extend([
@@ -239,9 +244,11 @@ const HERTZ_BETWEEN: f64 = 2.5248;
 /// theory leaves out waves and that strains are finite.
 const ELEMENTS: [f64; 2] = [0.9480, 0.9449];
 
-/// Why a coarse ball gives way too far.
+/// Why a coarse ball stays too long.
 const COARSE_FOOT: &str =
     "the radius of the contact is less than three cells; the gate is meant for four and more";
+/// Why it gives way too far with any number of cells, and its approach is of less than first order.
+const SOFT_PENALTY: &str = "the penalty is soft where pressure is greatest: it gives way by a part of a cell there, which has to be small beside what the ball does";
 
 /// Contact time and largest approach of the first object, over Hertz's.
 fn hertz_contact(outcome: &Outcome) -> anyhow::Result<[f64; 2]> {
@@ -297,7 +304,10 @@ pub fn hertz(size: Size) -> Vec<Case> {
                 )
                 .against(ELEMENTS[n], "finite elements")
                 .within(Gate::Relative(gate))
-                .fails((n == 1 && cells < 20).then_some(COARSE_FOOT)),
+                .fails(match n {
+                    0 => (cells < 12).then_some(COARSE_FOOT),
+                    _ => (what == "plane").then_some(SOFT_PENALTY),
+                }),
             );
         }
     }
@@ -311,7 +321,8 @@ pub fn hertz(size: Size) -> Vec<Case> {
                 move |run| Ok((hertz_contact(run)?[n] - ELEMENTS[n]).abs()),
             )
             .against(1.0, "at least as contact at the nearest particle")
-            .within(Gate::AtLeast(0.9)),
+            .within(Gate::AtLeast(0.9))
+            .fails((n == 1).then_some(SOFT_PENALTY)),
         );
     }
     cases
@@ -330,7 +341,7 @@ const TURNED: f64 = 23.0;
 /// What the spin may be off by, over what presses: normals that lean by half a degree.
 const LEAN_GATE: f64 = 0.01;
 
-const LEANS: &str = "normals between deformable objects lean towards the nearest axis by up to a degree, with any number of cells";
+const LEANS: &str = "normals between deformable objects lean towards the nearest axis by up to a degree; with twice the cells by less than half of that";
 const LAGS: &str = "contact lags behind where balls move past each other; with twice the cells less than half of it is left";
 
 /// A run with a coefficient of friction, turned by some degrees.
@@ -394,9 +405,10 @@ pub fn oblique(size: Size) -> Vec<Case> {
                     // What was given has a part along the surface as well.
                     .against(friction / friction.hypot(1.0), "Coulomb")
                     .within(Gate::Absolute(LEAN_GATE))
-                    .fails(match (turn > 0.0, cells < 24.0) {
-                        (true, coarse) => (coarse || friction > 0.0).then_some(LEANS),
-                        (false, coarse) => coarse.then_some(LAGS),
+                    .fails(match (turn > 0.0, friction > 0.0) {
+                        (true, false) if cells < 24.0 => Some(LEANS),
+                        (false, true) if cells < 24.0 => Some(LAGS),
+                        _ => None,
                     }),
                 );
             }

@@ -120,17 +120,21 @@ pub fn spinning_cube(size: Size) -> Vec<Case> {
     };
     let mut cases = Vec::new();
     for (precision, gate) in [("f32", 2e-5), ("f64", 1e-12)] {
-        let mut trial = Trial::new(&SPINNING_CUBE, duration).set("dx", dx);
-        if precision == "f64" {
-            trial = trial.option("--f64");
-        }
+        let trial = |duration: f64| Trial::new(&SPINNING_CUBE, duration).set("dx", dx);
+        // On a grid of its own it takes few substeps, over which single precision alone is seen.
+        let (trial, long) = match precision {
+            "f64" => [trial(duration), trial(duration)]
+                .map(|t| t.option("--f64"))
+                .into(),
+            _ => (trial(duration), trial(75.0)),
+        };
         cases.extend([
             Case::new(
                 "drift of angular momentum per 1e4 substeps, f32 and f64",
                 format!(
                     "{precision}: largest drift of angular momentum, relative, per 1e4 substeps"
                 ),
-                &trial,
+                &long,
                 drift,
             )
             .against(0.0, "conservation")
@@ -145,7 +149,8 @@ pub fn spinning_cube(size: Size) -> Vec<Case> {
                 0.0,
                 "conservation; the tests of Matter (larsblatny) admit as much",
             )
-            .within(Gate::Between(0.0, 1e-3)),
+            // Single precision may gain that much.
+            .within(Gate::Between(-1e-6, 1e-3)),
         ]);
     }
     cases
@@ -155,6 +160,8 @@ const BAR: SceneText = scene_text!("validate/bar");
 /// Length of the bar [m], period `4 L / c` [s].
 const BAR_LENGTH: f64 = 25.0;
 const BAR_PERIOD: f64 = 10.0;
+/// Why a bar of few cells vibrates too slowly.
+const HELD_FACE: &str = "its face is held by means over corners of cells, between which it gives way: like a tenth of a cell more of bar";
 /// Largest speed of its centre of mass, `0.1 * 2 / pi` [m/s].
 const BAR_SPEED: f64 = 0.2 / std::f64::consts::PI;
 
@@ -189,7 +196,8 @@ pub fn bar(size: Size) -> Vec<Case> {
                 move |run| Ok(period(&speed(run))),
             )
             .against(BAR_PERIOD, "4 L / sqrt(E / rho)")
-            .within(Gate::Relative(0.005)),
+            .within(Gate::Relative(0.005))
+            .fails((cells < 25).then_some(HELD_FACE)),
             Case::new(
                 "amplitude after 10 periods, 13 to 100 cells",
                 format!("amplitude after 10 periods with {cells} cells, relative"),
