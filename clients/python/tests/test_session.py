@@ -229,7 +229,8 @@ def test_a_checkpoint_is_answered_with_its_path(launch: Launch, tmp_path: object
 
 def test_a_reset_is_marked_on_its_frame(session: LaunchedSession) -> None:
     reader = session.frames(64)
-    session.send(Resume(), Reset(at_step=5))
+    # No more frames than the reader keeps.
+    session.send(Reset(at_step=5), Pause(at_step=21), Resume())
     assert next(frame.step for frame in reader if frame.is_reset) == 5
 
 
