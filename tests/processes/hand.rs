@@ -154,7 +154,8 @@ fn a_click_with_the_tool_push_pushes_where_it_hits() {
     let client = page.stage.client();
     let mut journal = client.journal().expect("a journal");
     browser.press(" ");
-    wait_for_status(&client, |s| s.server_state == SERVER_PAUSED);
+    let paused = wait_for_status(&client, |s| s.server_state == SERVER_PAUSED);
+    browser.wait_for(&format!("return cosplat.state.step === {}", paused.step));
     let pixels = seen_by_page(&browser, 9);
     let hit = pixels
         .iter()

@@ -6,7 +6,7 @@ use std::net::TcpStream;
 use cosplat_ipc::schema::{SERVER_PAUSED, SERVER_RUNNING, Status};
 use serde_json::{Value, json};
 
-use crate::stage::{PATIENCE, Process, Stage, wait_for_status, watchdog};
+use crate::stage::{PATIENCE, Process, SMALL_SCENE, Stage, wait_for_status, watchdog};
 
 /// A session, and its page.
 pub struct Page {
@@ -23,7 +23,9 @@ pub struct Answer(pub u16, pub String, pub Vec<u8>);
 impl Page {
     pub fn open(arguments: &[&str]) -> Page {
         let stage = Stage::new();
-        let server = stage.serve(&["--pace", "realtime"]);
+        // What a hand aims at comes to rest: on grids of their own both would bounce on.
+        let scene = SMALL_SCENE.replace("[[objects]]", "[[objects]]\nsolver = \"spatial\"");
+        let server = stage.serve_scene(&scene, &["--pace", "realtime"]);
         Page::of(stage, server, arguments)
     }
 
