@@ -1,6 +1,6 @@
 //! The surface of a solid at rest as points with areas and normals, found from the volumes of its matter.
 //!
-//! Whole pieces of a lattice show their [facets](super::facets), at whose corners points sit, so that edges and corners of a box are
+//! Whole pieces of a lattice show their facets (`facets.rs`), at whose corners points sit, so that edges and corners of a box are
 //! among them. Every other piece that the surface goes through has one point.
 
 use std::collections::BTreeMap;
