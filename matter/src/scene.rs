@@ -18,10 +18,7 @@ pub use gaussians::*;
 pub use pose::pose_at;
 pub use turned::*;
 
-use crate::{
-    expression::VectorField,
-    materials::{Law, Material},
-};
+use crate::{expression::VectorField, materials::Material};
 
 /// How many particles each Gaussian is bound to.
 pub const BINDING_NEIGHBORS: usize = 8;
@@ -193,27 +190,23 @@ impl Object {
     pub fn is_matter(&self) -> bool {
         matches!(self.fidelity, Fidelity::Mpm | Fidelity::Auto)
             && !self.particles.is_empty()
-            && self.laws().any(|law| !law.is_rigid())
+            && self.materials().any(|material| !material.law.is_rigid())
     }
 
-    /// Laws of its material and of those of its regions.
-    pub fn laws(&self) -> impl Iterator<Item = Law> + '_ {
+    /// Its material and those of its regions.
+    pub fn materials(&self) -> impl Iterator<Item = &Material> {
         let regions = self.regions.iter().map(|region| &region.material);
-        let materials = std::iter::once(&self.material).chain(regions);
-        materials.map(|material| material.law)
+        std::iter::once(&self.material).chain(regions)
     }
 
     /// Whether some of it moves as a body.
     pub fn has_rigid_matter(&self) -> bool {
-        let regions = self.regions.iter().map(|region| &region.material);
-        let mut materials = std::iter::once(&self.material).chain(regions);
-        self.fidelity == Fidelity::Rigid || materials.any(|material| material.law.is_rigid())
+        self.fidelity == Fidelity::Rigid || self.materials().any(|material| material.law.is_rigid())
     }
 
     /// The first of its materials that is not elastic without bound.
     pub fn yielding_matter(&self) -> Option<&Material> {
-        let regions = self.regions.iter().map(|region| &region.material);
-        let mut materials = std::iter::once(&self.material).chain(regions);
+        let mut materials = self.materials();
         materials.find(|material| !material.law.keeps_elastic())
     }
 

@@ -2,7 +2,7 @@
 
 use super::{
     facets::{Facet, Pieces},
-    lattice::{Lattice, Seed},
+    lattice::Lattice,
 };
 use crate::mat3::{dot, length};
 
@@ -49,8 +49,8 @@ impl Facet {
 
 impl DepthField {
     /// Of some matter, at least one piece, on its lattice.
-    pub fn new(lattice: &Lattice, seeds: &[Seed]) -> Self {
-        let pieces = Pieces::new(lattice, seeds);
+    pub(super) fn new(pieces: &Pieces<'_>) -> Self {
+        let lattice = pieces.lattice;
         let &Lattice {
             edge,
             corner: first,
@@ -73,27 +73,29 @@ impl DepthField {
             let [x, y, z] = [0, 1, 2].map(|a| (corner[a] - min[a]) as usize);
             (x * size[1] + y) * size[2] + z
         };
-        // Of every facet the corners of its piece, and BAND beyond; those are in the box around all of them.
-        let facets = pieces.facets();
+        let mut least = vec![f32::INFINITY; size.iter().product()];
+        let is_near = |distance: f32, least: f32| f64::from(distance) <= NEAR * f64::from(least);
+        // What is near the least so far: few, and all that are near it in the end.
         let mut near = vec![];
-        for facet in &facets {
-            let side = 2 * BAND + 2;
+        let side = 2 * BAND + 2;
+        for facet in &pieces.facets {
+            // Corners of its piece, and BAND beyond; those are in the box around all of them.
             for n in 0..side.pow(3) {
                 let o = [n / side.pow(2), n / side % side, n % side];
                 let corner: [i64; 3] = std::array::from_fn(|a| facet.index[a] + o[a] - BAND);
                 let x = std::array::from_fn(|a| first[a] + edge * corner[a] as f64);
-                near.push((at(corner), facet.distance(x).map(|d| d as f32)));
+                let [distance, height] = facet.distance(x).map(|d| d as f32);
+                let corner = at(corner);
+                least[corner] = least[corner].min(distance);
+                if is_near(distance, least[corner]) {
+                    near.push((corner, distance, height));
+                }
             }
-        }
-        let mut least = vec![f32::INFINITY; size.iter().product()];
-        for (corner, [distance, _]) in &near {
-            least[*corner] = least[*corner].min(*distance);
         }
         // Beyond an edge a point is as far from both faces, and level with one: the other tells that it is outside.
         let mut tells = vec![0.0_f32; least.len()];
-        for &(corner, [distance, height]) in &near {
-            let is_near = f64::from(distance) <= NEAR * f64::from(least[corner]);
-            if is_near && height.abs() > tells[corner].abs() {
+        for (corner, distance, height) in near {
+            if is_near(distance, least[corner]) && height.abs() > tells[corner].abs() {
                 tells[corner] = height;
             }
         }
@@ -153,14 +155,15 @@ impl DepthField {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{ball, lattice};
+    use crate::{
+        lattice::Seed,
+        tests::{ball, lattice},
+    };
 
     #[test]
     fn beyond_its_edges_a_box_is_outside() {
-        let field = DepthField::new(
-            &Lattice::of(0.1, &lattice(0.1, [0.0; 3], [4, 4, 4], |_| true)),
-            &lattice(0.1, [0.0; 3], [4, 4, 4], |_| true),
-        );
+        let seeds = lattice(0.1, [0.0; 3], [4, 4, 4], |_| true);
+        let field = DepthField::new(&Pieces::new(&Lattice::of(0.1, &seeds), &seeds));
         let (edge, mut looked) = (0.05, 0);
         for n in 0..30_usize.pow(3) {
             let x = [n / 900, n / 30 % 30, n % 30].map(|k| -0.1 + 0.02 * (k as f64 + 0.37));
@@ -188,7 +191,7 @@ mod tests {
 
     #[test]
     fn depth_in_a_box_and_a_ball_is_that_of_the_shape() {
-        let of = |seeds: &[Seed]| DepthField::new(&Lattice::of(0.1, seeds), seeds);
+        let of = |seeds: &[Seed]| DepthField::new(&Pieces::new(&Lattice::of(0.1, seeds), seeds));
         let field = of(&lattice(0.1, [0.0; 3], [4, 4, 4], |_| true));
         for (x, expected) in [
             ([0.2, 0.2, 0.02], -0.02),

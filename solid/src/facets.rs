@@ -46,10 +46,11 @@ pub(super) struct Facet {
     pub owner: [f64; 3],
 }
 
-/// The matter of a solid on its lattice.
+/// The matter of a solid on its lattice, and its surface.
 pub(super) struct Pieces<'a> {
-    lattice: &'a Lattice,
+    pub lattice: &'a Lattice,
     filling: Filling,
+    pub facets: Vec<Facet>,
 }
 
 /// A plane through a piece.
@@ -76,7 +77,13 @@ impl<'a> Pieces<'a> {
             let piece = filling.entry(index).or_insert((0.0, seed.position));
             piece.0 += seed.volume / edge.powi(3);
         }
-        Self { lattice, filling }
+        let mut pieces = Self {
+            lattice,
+            filling,
+            facets: vec![],
+        };
+        pieces.facets = pieces.find_facets();
+        pieces
     }
 
     /// Places of all pieces.
@@ -93,8 +100,7 @@ impl<'a> Pieces<'a> {
         self.filling.get(index).map_or(0.0, |piece| piece.0)
     }
 
-    /// All facets.
-    pub fn facets(&self) -> Vec<Facet> {
+    fn find_facets(&self) -> Vec<Facet> {
         let mut seen = BTreeSet::new();
         for index in self.filling.keys() {
             let open = beside(index).any(|next| !self.has(&next) || self.filled(&next) < WHOLE);

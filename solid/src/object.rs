@@ -3,6 +3,7 @@
 use super::{
     contact::ContactSurface,
     depth::DepthField,
+    facets::Pieces,
     kernel::SolidLaw,
     lattice::Seed,
     model::{CellPoint, SolidModel},
@@ -10,7 +11,7 @@ use super::{
     surface::surface,
 };
 use crate::{
-    materials::{Law, Material},
+    materials::Material,
     scene::{Fidelity, Object, PinnedRegion, Scene, Solver},
 };
 
@@ -57,9 +58,10 @@ impl SolidObject {
         // At the border of a cell round-off may put a particle into the next one, which may have no matter.
         let points = seeds.iter().map(|seed| grid.site_near(seed.position));
         let particles = points.collect::<Option<Vec<CellPoint>>>()?;
+        let pieces = Pieces::new(&grid.lattice, &seeds);
         let mut solid = Self {
-            surface: ContactSurface::new(&grid, surface(&grid, &seeds)),
-            depth: has_others(scene).then(|| DepthField::new(&grid.lattice, &seeds)),
+            surface: ContactSurface::new(&grid, surface(&grid, &pieces)),
+            depth: has_others(scene).then(|| DepthField::new(&pieces)),
             sampling: Sampling::new(&grid, &particles),
             particles,
             masses: seeds.iter().map(|s| s.volume * s.density).collect(),
@@ -161,13 +163,7 @@ impl SolidObject {
 
 /// Whether an object moves as a solid: it says so, and is no rigid body whatever its material.
 pub fn is_solid(object: &Object) -> bool {
-    let is_matter = matches!(object.fidelity, Fidelity::Mpm | Fidelity::Auto);
-    let regions = object.regions.iter().map(|region| &region.material);
-    let deforms = std::iter::once(&object.material)
-        .chain(regions)
-        .any(|material| material.law != Law::Rigid);
-    let is_asked_for = object.solver == Solver::Lagrangian && !object.particles.is_empty();
-    is_matter && deforms && is_asked_for
+    object.is_matter() && object.solver == Solver::Lagrangian
 }
 
 /// Whether a scene has more than one object that moves.

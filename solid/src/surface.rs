@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use super::{
     facets::{Facet, Pieces},
-    lattice::{Lattice, Seed},
+    lattice::Lattice,
     model::{Bears, SolidModel},
 };
 use crate::mat3::length;
@@ -31,19 +31,20 @@ struct Found {
 }
 
 /// Points of the surface of matter.
-pub fn surface(model: &SolidModel, seeds: &[Seed]) -> Vec<SurfacePoint> {
+pub(super) fn surface(model: &SolidModel, pieces: &Pieces<'_>) -> Vec<SurfacePoint> {
     let lattice = &model.lattice;
-    let facets = Pieces::new(lattice, seeds).facets();
-    let on_grid = points(lattice, &facets).into_iter().filter_map(|point| {
-        let (x, owner) = (lattice.world(point.x), lattice.world(point.owner));
-        let site = model.site(x, owner);
-        let site = site.or_else(|| model.site_near(x))?;
-        Some(SurfacePoint {
-            bears: model.bears(&site),
-            x,
-            area: point.area,
-        })
-    });
+    let on_grid = points(lattice, &pieces.facets)
+        .into_iter()
+        .filter_map(|point| {
+            let (x, owner) = (lattice.world(point.x), lattice.world(point.owner));
+            let site = model.site(x, owner);
+            let site = site.or_else(|| model.site_near(x))?;
+            Some(SurfacePoint {
+                bears: model.bears(&site),
+                x,
+                area: point.area,
+            })
+        });
     on_grid.collect()
 }
 
@@ -88,13 +89,16 @@ fn points(lattice: &Lattice, facets: &[Facet]) -> Vec<Found> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::{DENSITY, ball, lattice};
+    use crate::{
+        lattice::Seed,
+        tests::{DENSITY, ball, lattice},
+    };
 
     #[test]
     fn points_of_a_box_have_its_area_and_corners() {
         let seeds = lattice(0.1, [0.0; 3], [2, 3, 2], |_| true);
         let model = SolidModel::new(0.1, &seeds);
-        let points = surface(&model, &seeds);
+        let points = surface(&model, &Pieces::new(&model.lattice, &seeds));
         let area: f64 = points.iter().map(|p| p.area).sum();
         assert!((area - 2.0 * (0.06 + 0.06 + 0.04)).abs() < 1e-12, "{area}");
         let corners = [[0.0, 0.0, 0.0], [0.2, 0.3, 0.2]];
@@ -155,7 +159,7 @@ mod tests {
             let model = SolidModel::new(dx, &seeds);
             let mass: f64 = seeds.iter().map(|s| s.volume * DENSITY).sum();
             assert!((model.total_mass / mass - 1.0).abs() < 1e-6);
-            let points = surface(&model, &seeds);
+            let points = surface(&model, &Pieces::new(&model.lattice, &seeds));
             let area: f64 = points.iter().map(|p| p.area).sum();
             let exact = 4.0 * std::f64::consts::PI * radius * radius;
             let off = points.iter().map(|point| {

@@ -81,7 +81,11 @@ fn why_better(scene: &Scene, object: &Object) -> Option<String> {
     }
     // Its contact with solids is less exact than what is lost by sharing the grid with it.
     let mut others = scene.objects.iter().filter(|object| object.is_matter());
-    let flowing = others.find(|other| other.laws().any(|law| !law.may_be_solid()))?;
+    let flowing = others.find(|other| {
+        other
+            .materials()
+            .any(|material| !material.law.may_be_solid())
+    })?;
     Some(format!(
         "`{}` needs that grid, and both share it",
         flowing.name

@@ -46,9 +46,7 @@ pub(super) fn check_all(scene: &Scene) -> Vec<Result<(), WorldError>> {
 
 /// Of the object itself.
 fn of_object(scene: &Scene, object: &Object) -> Option<Refused> {
-    let regions = object.regions.iter().map(|region| &region.material);
-    let mut materials = std::iter::once(&object.material).chain(regions);
-    if let Some(material) = materials.find(|m| !m.law.may_be_solid()) {
+    if let Some(material) = object.materials().find(|m| !m.law.may_be_solid()) {
         let law = material.law.name();
         return Some((format!("the law {law}"), SOLID_LAWS));
     }

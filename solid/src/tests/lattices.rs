@@ -2,6 +2,7 @@
 
 use super::{
     super::{
+        facets::Pieces,
         lattice::{Lattice, Seed},
         model::SolidModel,
         surface::surface,
@@ -55,7 +56,7 @@ fn a_turned_box_has_the_cells_and_surface_of_one_that_is_not() {
             let model = SolidModel::new(0.1, &seeds);
             let lattice = &model.lattice;
             assert_eq!(model.cells.len(), 4 * 5 * 3, "{angles:?} {lattice:?}");
-            let points = surface(&model, &seeds);
+            let points = surface(&model, &Pieces::new(&model.lattice, &seeds));
             let found: f64 = points.iter().map(|p| p.area).sum();
             assert!((found - area).abs() < 1e-9, "{angles:?}: {found}");
             // A corner of the box is among them.

@@ -120,21 +120,22 @@ pub fn spinning_cube(size: Size) -> Vec<Case> {
     };
     let mut cases = Vec::new();
     for (precision, gate) in [("f32", 2e-5), ("f64", 1e-12)] {
-        let trial = |duration: f64| Trial::new(&SPINNING_CUBE, duration).set("dx", dx);
-        // On a grid of its own it takes few substeps, over which single precision alone is seen.
-        let (trial, long) = match precision {
-            "f64" => [trial(duration), trial(duration)]
-                .map(|t| t.option("--f64"))
-                .into(),
-            _ => (trial(duration), trial(75.0)),
+        let trial = |duration: f64| {
+            let trial = Trial::new(&SPINNING_CUBE, duration).set("dx", dx);
+            match precision {
+                "f64" => trial.option("--f64"),
+                _ => trial,
+            }
         };
+        // On a grid of its own it takes few substeps, over which single precision alone is seen.
+        let long = if precision == "f64" { duration } else { 75.0 };
         cases.extend([
             Case::new(
                 "drift of angular momentum per 1e4 substeps, f32 and f64",
                 format!(
                     "{precision}: largest drift of angular momentum, relative, per 1e4 substeps"
                 ),
-                &long,
+                &trial(long),
                 drift,
             )
             .against(0.0, "conservation")
@@ -142,7 +143,7 @@ pub fn spinning_cube(size: Size) -> Vec<Case> {
             Case::new(
                 "loss of energy in a turn, f32 and f64",
                 format!("{precision}: loss of energy, relative"),
-                &trial,
+                &trial(duration),
                 loss,
             )
             .against(
