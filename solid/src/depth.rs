@@ -125,6 +125,11 @@ impl DepthField {
         BAND as f64 * self.lattice.edge
     }
 
+    /// Length of a piece of the lattice, between corners of which it is linear [m].
+    pub fn edge(&self) -> f64 {
+        self.lattice.edge
+    }
+
     /// Distance at a rest position [m], and its gradient; none far outside.
     pub fn at(&self, x: [f64; 3]) -> Option<(f64, [f64; 3])> {
         let (x, edge) = (self.lattice.place(x), self.lattice.edge);

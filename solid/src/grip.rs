@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::mat3::dot;
+
 /// Nothing is touched.
 pub(super) const NOTHING: u32 = u32::MAX;
 /// From here on numbers of springs are those of objects, and before those of colliders.
@@ -31,6 +33,12 @@ impl Grip {
     /// What a grip on an object holds on to.
     pub fn on_object(id: usize) -> u32 {
         OBJECTS + id as u32
+    }
+
+    /// How deep the point was pressed in [m], by a spring of some stiffness [N/m].
+    pub fn depth(&self, stiffness: f64) -> f64 {
+        let squared = 2.0 * self.energy / stiffness - dot(self.stretch, self.stretch);
+        squared.max(0.0).sqrt()
     }
 
     /// Whether it holds on to a held region.

@@ -6,8 +6,9 @@ use super::{
     model::{Bears, CellPoint, SolidModel, cell_of_number},
     nodes::{NodeRow, place, slot},
     state::SolidState,
+    surface::SurfacePoint,
 };
-use crate::mat3::{Mat3, length};
+use crate::mat3::{Mat3, dot, length};
 
 /// Steps of Newton's method at most.
 const STEPS: usize = 12;
@@ -21,6 +22,10 @@ const OUTSIDE: f64 = 3.0;
 pub(crate) const SURE: f64 = 0.7;
 /// Volume ratios within which an inverse is trusted.
 const TRUSTED: [f64; 2] = [0.1, 4.0];
+/// Least cosine between the normal of a surface and the opposite of that of a point which it faces.
+pub(crate) const FACING: f64 = 0.5;
+/// Shortest way between looks for the surface [pieces of the lattice].
+const STRIDE: f64 = 0.25;
 /// Nodes that a search begins with, at least, where there are as many.
 const FITTED: usize = 512;
 
@@ -230,6 +235,45 @@ impl<'a> LocalInverse<'a> {
         })
     }
 
+    /// Unit normal outwards of its own surface at a point of that, where it is now.
+    pub fn normal_now(&self, point: &SurfacePoint) -> Option<[f64; 3]> {
+        let site = self.model.site_near(point.x)?;
+        unit(self.cofactor(&site).0.mul_vec(point.normal))
+    }
+
+    /// Depth under the surface that a point inside with unit normal `own` faces, and the normal of that, where it is less than `most` [m]:
+    /// what is met against `own`, by the deformation of one place.
+    pub fn faced(&self, seen: &SeenSurface, own: [f64; 3], most: f64) -> Option<(f64, [f64; 3])> {
+        let (cofactor, j) = self.cofactor(&seen.site);
+        let way = cofactor.transpose().mul_vec(own).map(|w| -w / j);
+        let (speed, least) = (length(way), STRIDE * self.depth.edge());
+        let (mut at, mut before) = (0.0, seen.distance);
+        // What faces obliquely is nearer than the way to it.
+        while at < most / FACING {
+            let next = at + (SURE * -before).max(least) / speed;
+            let mut rest = seen.rest;
+            for a in 0..3 {
+                rest[a] += next * way[a];
+            }
+            let (value, slope) = self.depth.at(rest)?;
+            if value >= 0.0 {
+                let normal = unit(cofactor.mul_vec(slope))?;
+                let facing = -dot(normal, own);
+                let depth = facing * (at + (next - at) * before / (before - value));
+                return (facing > FACING && depth < most).then_some((depth, normal));
+            }
+            (at, before) = (next, value);
+        }
+        None
+    }
+
+    /// Cofactor and determinant of the deformation gradient at a site.
+    fn cofactor(&self, site: &CellPoint) -> (Mat3<f64>, f64) {
+        let displacement = self.displacement(site);
+        let f = Mat3(self.state.sample_of(self.model, site, &displacement).f);
+        (f.cofactor(), f.det())
+    }
+
     /// Newton's method from a material point on, which ends close to the place [m], or where `enough` says so of what is seen from
     /// roughly there, so far off [m].
     #[inline(always)]
@@ -308,6 +352,12 @@ impl<'a> LocalInverse<'a> {
             false => Err(Missing::Lost),
         }
     }
+}
+
+/// A vector of length 1; none of none.
+fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
+    let size = length(v);
+    (size > 0.0 && size.is_finite()).then(|| v.map(|v| v / size))
 }
 
 impl Start {

@@ -8,15 +8,23 @@ use super::{
     contact::{ContactSurface, middle},
     depth::DepthField,
     grip::Grip,
-    inverse::{KnownPlace, LocalInverse, Missing, SURE, SeenSurface, Start},
+    inverse::{FACING, KnownPlace, LocalInverse, Missing, SURE, SeenSurface, Start},
     model::Bears,
     penalty::Spring,
     search::{CLUSTER, Candidate, CandidateList, FoundInCluster, PARTS, TASK, find_near},
 };
-use crate::{ledger::Received, simd::Isa};
+use crate::{ledger::Received, mat3::dot, simd::Isa};
 
 /// Largest depth at which a point may begin to touch [cells]: what is deeper came by way of a false root.
 const ENTRY: f64 = 1.0;
+/// How many times as far as what is beside a point what it faces may be.
+const LATERAL: f64 = 2.0;
+/// How much deeper than it came a point may be found to be in a substep [cells].
+const GOES_ON: f64 = 0.02;
+/// Steepness from which on the nearest surface is on one side.
+const FLAT: f64 = 0.95;
+/// Cosine between a normal and the opposite of a point's from which on the point faces that surface.
+const FACED: f64 = 0.9;
 /// How far a place of a surface may be from the boxes around its points [cells]: they are half a cell apart at rest.
 const COVER: f64 = 0.5;
 /// How much farther than points are listed what moves by itself is known one by one [cells].
@@ -35,6 +43,16 @@ pub(crate) struct Presence<'a> {
     surface: &'a ContactSurface,
     /// Tangent at rest [Pa].
     modulus: f64,
+}
+
+/// What presses on a point.
+struct Contact {
+    /// [m]
+    depth: f64,
+    /// Change of it per way along the normal.
+    slope: f64,
+    /// Unit normal towards the point.
+    normal: [f64; 3],
 }
 
 /// A point of one solid that another presses on.
@@ -246,35 +264,84 @@ impl<'a> Presence<'a> {
         self.inverse.back(x, [now, rest])
     }
 
+    /// What of the other presses on a point that is in it: the nearest surface, or one that the point faces and that is little farther. A
+    /// point amid thin matter is nearer to what is beside it than to what it came in by. `reached` tells the depth along a normal
+    /// that the point may have come to since it was looked at last [m].
+    fn contact_at(
+        &self,
+        other: &Self,
+        n: usize,
+        nearest: &SeenSurface,
+        reached: impl Fn([f64; 3]) -> f64,
+    ) -> Contact {
+        let depth = -nearest.distance;
+        // The force is the slope of a potential, of half the squared depth: amid matter, where the depth is at its largest, it ends.
+        let nearest_at = |farther: f64| Contact {
+            depth: depth * farther,
+            slope: nearest.steepness * farther,
+            normal: nearest.normal,
+        };
+        let Some(own) = self.inverse.normal_now(&self.surface.points[n]) else {
+            return nearest_at(1.0);
+        };
+        let facing = -dot(own, nearest.normal);
+        if nearest.steepness > FLAT && facing > FACED {
+            return nearest_at(1.0);
+        }
+        let farther = 1.0 + (LATERAL - 1.0) * (1.0 - facing / FACING).clamp(0.0, 1.0);
+        let faced = other.inverse.faced(nearest, own, depth * farther);
+        let found = match faced {
+            Some((depth, normal)) => Contact {
+                depth,
+                slope: 1.0,
+                normal,
+            },
+            None => nearest_at(farther),
+        };
+        // What a point faces may change at once, and what it holds must not.
+        let most = depth.max(reached(found.normal));
+        match found.depth > most {
+            true => Contact {
+                depth: most,
+                slope: 1.0,
+                ..found
+            },
+            false => found,
+        }
+    }
+
     fn press(
         &self,
         other: &Self,
         n: usize,
-        (found, x): (&SeenSurface, [f64; 3]),
+        (nearest, x): (&SeenSurface, [f64; 3]),
         before: Option<Grip>,
         [friction, moved]: [f64; 2],
     ) -> Option<PointContact> {
-        if found.distance >= 0.0 {
-            return None;
-        }
-        let (depth, normal) = (-found.distance, found.normal);
-        if before.is_none() && depth > ENTRY * other.inverse.model.dx {
+        if nearest.distance >= 0.0 {
             return None;
         }
         let stiffness = HALF * self.modulus.min(other.modulus) * self.surface.stiffness[n];
-        // The force is the slope of a potential, of half the squared depth: amid matter, where the depth is at its largest, it ends.
-        let effective_depth = depth * found.steepness;
-        let mut spring = Spring {
-            stiffness,
-            depth,
-            pressure: stiffness * effective_depth,
-            normal,
-            most: friction * effective_depth,
-        };
-        let bears = found.bears(other.inverse.model);
+        let bears = nearest.bears(other.inverse.model);
         let u = other.inverse.velocity_of(&bears);
         let [_, v] = self.solid.motion(self.surface, n);
         let relative = std::array::from_fn(|a| v[a] - u[a]);
+        let was = before.map_or(0.0, |grip| grip.depth(stiffness));
+        let dx = other.inverse.model.dx;
+        let found = self.contact_at(other, n, nearest, |normal| {
+            was + LATERAL * (-moved * dot(relative, normal)).max(0.0) + GOES_ON * dx
+        });
+        if before.is_none() && found.depth > ENTRY * dx {
+            return None;
+        }
+        let effective_depth = found.depth * found.slope;
+        let mut spring = Spring {
+            stiffness,
+            depth: found.depth,
+            pressure: stiffness * effective_depth,
+            normal: found.normal,
+            most: friction * effective_depth,
+        };
         let (force, stretch) = spring.pull(before.map(|grip| grip.stretch), relative, moved);
         Some(PointContact {
             point: n,
@@ -284,7 +351,7 @@ impl<'a> Presence<'a> {
                 energy: spring.energy(stretch),
             },
             force,
-            at: [x, normal],
+            at: [x, found.normal],
             pressure: spring.pressure,
             bears: Some(bears),
         })

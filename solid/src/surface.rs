@@ -19,14 +19,17 @@ pub struct SurfacePoint {
     pub x: [f64; 3],
     /// Area that it stands for [m^2].
     pub area: f64,
+    /// Unit normal outwards at rest; between those of the faces that meet at an edge.
+    pub normal: [f64; 3],
     /// Nodes that bear what acts on it, with weights of sum 1 that reproduce linear fields.
     pub bears: Bears,
 }
 
-/// A point before it is on a grid, along the axes of the lattice: its place [m], area [m^2], the matter behind it.
+/// A point before it is on a grid, along the axes of the lattice: its place [m], area [m^2], unit normal, the matter behind it.
 struct Found {
     x: [f64; 3],
     area: f64,
+    normal: [f64; 3],
     owner: [f64; 3],
 }
 
@@ -43,6 +46,7 @@ pub(super) fn surface(model: &SolidModel, pieces: &Pieces<'_>) -> Vec<SurfacePoi
                 bears: model.bears(&site),
                 x,
                 area: point.area,
+                normal: lattice.world(point.normal),
             })
         });
     on_grid.collect()
@@ -62,6 +66,7 @@ fn points(lattice: &Lattice, facets: &[Facet]) -> Vec<Found> {
             found.push(Found {
                 x: facet.center,
                 area: facet.area,
+                normal: facet.normal,
                 owner: facet.owner,
             });
             continue;
@@ -78,9 +83,10 @@ fn points(lattice: &Lattice, facets: &[Facet]) -> Vec<Found> {
     }
     let corners = corners.into_iter();
     let corners = corners.filter(|(_, (_, sum, _))| length(*sum) > 0.0);
-    found.extend(corners.map(|(at, (area, _, owner))| Found {
+    found.extend(corners.map(|(at, (area, sum, owner))| Found {
         x: std::array::from_fn(|a| first[a] + edge * at[a] as f64),
         area,
+        normal: sum.map(|n| n / length(sum)),
         owner,
     }));
     found
