@@ -87,6 +87,8 @@ pub struct Walls {
     pub(super) latest: Vec<(usize, u32)>,
     pub(super) patches: Vec<Patch>,
     pub(super) nodes: Vec<u32>,
+    /// Outer nodes that follow those, by their places in the list.
+    pub(super) outer: Vec<u32>,
     /// Constraints patch after patch; the same in the order of the matrix.
     pub(super) by_patch: Vec<Constraint>,
     pub(super) rows: Vec<Constraint>,

@@ -4,21 +4,20 @@
 //! A point that is too deep is pushed out with a pressure in proportion to its depth. Penalty keeps more energy than impulses
 //! that end a substep without approach: those are inelastic impacts of the surface layer.
 
-use std::ops::Range;
-
 use rayon::prelude::*;
 
 use super::{
     advance::{Scratch, Solid},
     bonds::{Bond, TOUCH, binds},
+    clusters::{Cluster, bounds_of, curve, parts_of},
     frequency::CONTACT,
     grip::{Grip, NOTHING, OBJECTS},
     model::SolidModel,
-    nodes::{NODES, NodeRow},
+    nodes::NodeRow,
     penalty::Spring,
     search::{
-        Bounds, CLUSTER, CandidateList, ClusterBox, FoundInCluster, LOOSE, MARGIN, NOWHERE, PART,
-        PARTS, Search, Stand, TASK, Ways, find_near, joined,
+        Bounds, CLUSTER, CandidateList, ClusterBox, FoundInCluster, LOOSE, MARGIN, NOWHERE, PARTS,
+        Search, Stand, TASK, Ways, find_near, joined,
     },
     state::SolidState,
     surface::SurfacePoint,
@@ -45,45 +44,6 @@ pub struct ContactSurface {
     pub stiffness: Vec<f64>,
     /// Their clusters.
     pub clusters: Vec<Cluster>,
-}
-
-/// Points that follow each other in the list, `CLUSTER` of them but for the last, and are near each other.
-#[derive(Clone, Debug)]
-pub struct Cluster {
-    /// Their places in the list.
-    pub points: Range<usize>,
-    /// Middle of every part of them at rest [m].
-    pub middles: [[f64; 3]; PARTS],
-    /// Blocks of the nodes that move them.
-    blocks: Vec<u32>,
-    /// Largest sum of magnitudes of a point's weights: how much farther than nodes it may move.
-    spread: f64,
-}
-
-impl Cluster {
-    fn new(all: &[SurfacePoint], first: usize) -> Self {
-        let points = first..all.len().min(first + CLUSTER);
-        let here = &all[points.clone()];
-        let nodes = here.iter().flat_map(|point| &point.bears);
-        let mut blocks: Vec<u32> = nodes.map(|node| node.0 / NODES as u32).collect();
-        blocks.sort_unstable();
-        blocks.dedup();
-        let spread = |point: &SurfacePoint| -> f64 {
-            point.bears.iter().map(|b| f64::from(b.1.abs())).sum()
-        };
-        Self {
-            spread: here.iter().map(spread).fold(1.0, f64::max),
-            middles: parts_of(here, |point| point.x).map(middle),
-            points,
-            blocks,
-        }
-    }
-
-    /// How far its points may have moved where the nodes of every block have moved so far [m].
-    fn way(&self, ways: &[f64]) -> f64 {
-        let of_blocks = self.blocks.iter().map(|&block| ways[block as usize]);
-        self.spread * of_blocks.fold(0.0, f64::max)
-    }
 }
 
 impl ContactSurface {
@@ -156,45 +116,6 @@ impl ContactSurface {
         let bounds = bounds_of(&self.points, |point| place(model, &rows, point));
         bounds.map(|x| std::array::from_fn(|a| x[a] + state.shift[a]))
     }
-}
-
-/// Box around some points [m].
-#[inline(always)]
-fn bounds_of(points: &[SurfacePoint], place: impl Fn(&SurfacePoint) -> [f64; 3]) -> Bounds {
-    let [mut min, mut max] = NOWHERE;
-    for point in points {
-        let x = place(point);
-        for a in 0..3 {
-            min[a] = min[a].min(x[a]);
-            max[a] = max[a].max(x[a]);
-        }
-    }
-    [min, max]
-}
-
-/// Boxes around the parts of a cluster [m].
-#[inline(always)]
-fn parts_of(points: &[SurfacePoint], place: impl Fn(&SurfacePoint) -> [f64; 3]) -> [Bounds; PARTS] {
-    let mut parts = [NOWHERE; PARTS];
-    for (points, part) in points.chunks(PART).zip(&mut parts) {
-        *part = bounds_of(points, &place);
-    }
-    parts
-}
-
-/// Middle of a box.
-pub(super) fn middle([min, max]: Bounds) -> [f64; 3] {
-    std::array::from_fn(|a| 0.5 * (min[a] + max[a]))
-}
-
-/// Place of a cell along a curve that visits blocks of two, four and so on as wholes (Morton 1966).
-fn curve(cell: [i64; 3]) -> u64 {
-    const BITS: usize = 21;
-    let at = cell.map(|c| (c + (1 << (BITS - 1))) as u64);
-    (0..BITS).fold(0, |sum, bit| {
-        let here = (0..3).map(|a| (at[a] >> bit & 1) << (3 * bit + a));
-        sum + here.sum::<u64>()
-    })
 }
 
 /// Place of a point of the surface, from the solid's frame [m].
@@ -361,8 +282,11 @@ impl Search {
                 .map(|list| list.clear(n, own))
                 .fold(f64::INFINITY, f64::min)
         };
-        all.filter(|(n, one)| own[*n] - one.own > loose + 0.5 * clear(*n))
-            .for_each(|(n, one)| *one = look(n));
+        all.filter(|(n, one)| {
+            let grown = own[*n] - one.own;
+            grown > loose && grown > loose + 0.5 * clear(*n)
+        })
+        .for_each(|(n, one)| *one = look(n));
     }
 }
 

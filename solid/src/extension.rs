@@ -141,6 +141,19 @@ impl Extension {
         &self.weights[start as usize..end as usize]
     }
 
+    /// Places in the list of outer nodes that follow some inner ones, ascending.
+    pub fn followers_of(&self, inner: &[u32]) -> Vec<u32> {
+        let known = |slot: &u32| self.inner.binary_search_by_key(slot, |one| one.0).ok();
+        let lists = inner.iter().filter_map(known).map(|at| {
+            let Range { start, end } = self.inner[at].1;
+            &self.followers[start as usize..end as usize]
+        });
+        let mut all: Vec<u32> = lists.flatten().map(|follower| follower.0).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
     /// Displacement and velocity of the outer node `n` of the list.
     #[inline(always)]
     pub fn follow(&self, n: usize, rows: &[NodeRow]) -> NodeRow {

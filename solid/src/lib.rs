@@ -23,6 +23,7 @@ mod basis;
 pub mod bonds;
 mod boxes;
 mod cells;
+pub mod clusters;
 pub mod contact;
 pub mod depth;
 mod extension;

@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use super::{
     advance::Solid,
     boxes::{Boxes, NearBoxes},
-    contact::{ContactSurface, middle},
+    clusters::middle,
+    contact::ContactSurface,
     depth::DepthField,
     grip::Grip,
     inverse::{FACING, KnownPlace, LocalInverse, Missing, SURE, SeenSurface, Start},
@@ -21,6 +22,8 @@ const ENTRY: f64 = 1.0;
 const LATERAL: f64 = 2.0;
 /// How much deeper than it came a point may be found to be in a substep [cells].
 const GOES_ON: f64 = 0.02;
+/// Depth up to which it hardly matters which surface a point came in by [cells].
+const SHALLOW: f64 = 0.02;
 /// Steepness from which on the nearest surface is on one side.
 const FLAT: f64 = 0.95;
 /// Cosine between a normal and the opposite of a point's from which on the point faces that surface.
@@ -281,6 +284,9 @@ impl<'a> Presence<'a> {
             slope: nearest.steepness * farther,
             normal: nearest.normal,
         };
+        if depth < SHALLOW * other.inverse.model.dx {
+            return nearest_at(1.0);
+        }
         let Some(own) = self.inverse.normal_now(&self.surface.points[n]) else {
             return nearest_at(1.0);
         };

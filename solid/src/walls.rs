@@ -111,6 +111,7 @@ impl Solid<'_> {
             latest,
             patches,
             nodes,
+            outer,
             by_patch,
             ..
         } = walls;
@@ -158,6 +159,7 @@ impl Solid<'_> {
         nodes.extend(all.map(|node| node.0));
         nodes.sort_unstable();
         nodes.dedup();
+        *outer = self.model.extension.followers_of(nodes);
     }
 
     /// What bears a point of nodes that are free to move: outer ones that are held follow nobody.
@@ -226,6 +228,7 @@ impl Solid<'_> {
             &self.scratch.conditions,
             &mut self.state.nodes,
             tiles,
+            &walls.outer,
         );
         self.scratch.search.move_on(walls.ways.iter().copied());
     }

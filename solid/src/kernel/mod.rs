@@ -230,20 +230,36 @@ fn bear_outer(
     blocks.for_each(|(block, total)| extension.gather(block, outer, total));
 }
 
-/// Puts outer nodes where they belong after inner ones were changed otherwise than by a substep.
+/// Puts some outer nodes where they belong, by their places in the list, after inner ones were changed otherwise than by a substep.
 pub fn follow_again(
     model: &SolidModel,
     conditions: &Conditions,
     nodes: &mut [NodeBlock],
     tiles: &mut Tiles,
+    outer: &[u32],
 ) {
-    let Tiles {
-        followed,
-        rows,
-        speeds,
-        ..
-    } = tiles;
-    follow_inner(model, conditions, nodes, rows, followed, speeds);
+    let extension = &model.extension;
+    for &n in outer.iter().filter(|&&n| conditions.follows[n as usize]) {
+        let slot = extension.outer[n as usize] as usize;
+        let row = extension.follow(n as usize, &tiles.rows);
+        let speed = &mut tiles.speeds[slot / NODES];
+        follow_to(row, &mut nodes[slot / NODES], speed, slot);
+        tiles.rows[slot] = row;
+    }
+}
+
+/// Puts an outer node where others take it.
+#[inline(always)]
+fn follow_to(row: NodeRow, node: &mut NodeBlock, speed: &mut f32, slot: usize) {
+    let [ux, uy, uz, vx, vy, vz, ..] = row.0;
+    let v = [vx, vy, vz];
+    write(&mut node.u, slot, [ux, uy, uz]);
+    write(&mut node.v, slot, v);
+    let squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+    let is_more = squared.sqrt() > *speed || squared.is_nan();
+    if is_more && !speed.is_nan() {
+        *speed = squared.sqrt();
+    }
 }
 
 /// Puts outer nodes where they belong.
@@ -272,15 +288,7 @@ fn follow_inner(
                 let slot = extension.outer[n as usize] as usize;
                 let row = followed[n as usize];
                 rows[slot % NODES] = row;
-                let [ux, uy, uz, vx, vy, vz, ..] = row.0;
-                let v = [vx, vy, vz];
-                write(&mut node.u, slot, [ux, uy, uz]);
-                write(&mut node.v, slot, v);
-                let squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-                let is_more = squared.sqrt() > *speed || squared.is_nan();
-                if is_more && !speed.is_nan() {
-                    *speed = squared.sqrt();
-                }
+                follow_to(row, node, speed, slot);
             }
         });
 }
