@@ -122,6 +122,7 @@ impl Solid<'_> {
         *latest = now.collect();
         by_patch.clear();
         let held: BTreeSet<usize> = self.scratch.held.iter().copied().collect();
+        // By place: what bears two of them has them near each other in the matrix, whichever walls they are at.
         let mut members: BTreeMap<_, Vec<(usize, f64)>> = BTreeMap::new();
         for (n, &(point, with)) in latest.iter().enumerate() {
             let at = &surface.points[point];
@@ -131,10 +132,10 @@ impl Solid<'_> {
             let corners = self.model.corners_about(at.x);
             let area = at.area / corners.len() as f64;
             for corner in corners {
-                members.entry((with, corner)).or_default().push((n, area));
+                members.entry((corner, with)).or_default().push((n, area));
             }
         }
-        let joined = members.into_iter().map(|((with, _), members)| {
+        let joined = members.into_iter().map(|((_, with), members)| {
             let all: f64 = members.iter().map(|one| one.1).sum();
             let mut weights: BTreeMap<u32, f64> = BTreeMap::new();
             for (n, area) in &members {
