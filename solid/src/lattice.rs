@@ -22,6 +22,14 @@ const SHARE_ALONG: f64 = 0.95;
 /// Largest component across the world's axes of a lattice that is taken for aligned with them.
 const ALIGNED: f64 = 0.01;
 
+/// Sizes of boxes [widths of cubes of their volume], and how far what is next along an axis may be aside.
+const SHORTEST: f64 = 0.5;
+const LONGEST: f64 = 1.8;
+const ASIDE: f64 = 0.3;
+/// Relative difference of sizes from which on pieces do not fit cells: what their mean is uncertain by where there are many.
+const UNEVEN: f64 = 0.01;
+/// What rounding makes of a plane [pieces].
+const ROUNDING: f64 = 1e-6;
 /// Pieces of one volume that are looked at, at most.
 const LOOKED_AT: usize = 16_384;
 
@@ -47,6 +55,17 @@ pub struct Lattice {
     pub corner: [f64; 3],
     /// Its axes as columns.
     pub world_from_lattice: Mat3<f64>,
+    /// What pieces of matter are that have another lattice.
+    boxes: Option<Boxes>,
+}
+
+/// Pieces of matter that are boxes of one size beside each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Boxes {
+    /// Along the axes [m].
+    size: [f64; 3],
+    /// Volume from which on a piece is whole [m^3].
+    whole: f64,
 }
 
 /// Pairs of neighbours among pieces of one volume.
@@ -91,13 +110,26 @@ impl Lattice {
     /// Of some matter, at least one piece, on a grid with cells of `dx` [m], which are no smaller than its own.
     pub fn of(dx: f64, seeds: &[Seed]) -> Self {
         let (whole, pairs) = whole_pieces(seeds);
+        let edge = whole[0].volume.cbrt().min(dx);
         let mut lattice = Self {
-            edge: whole[0].volume.cbrt().min(dx),
+            edge,
             corner: [0.0; 3],
             world_from_lattice: axes(&pairs).unwrap_or_else(Mat3::identity),
+            boxes: None,
         };
         let places: Vec<[f64; 3]> = whole.iter().map(|s| lattice.place(s.position)).collect();
-        lattice.corner = corner(lattice.edge, &places);
+        let mut size = [edge; 3];
+        // Octants of cells are whole numbers of pieces wide.
+        let fitting = 0.5 * dx / (0.5 * dx / edge).round().max(1.0);
+        if let Some(found) = spacings(whole[0].volume, fitting, &places) {
+            size = found;
+            lattice.edge = fitting;
+            lattice.boxes = Some(Boxes {
+                size,
+                whole: EQUAL * whole[0].volume,
+            });
+        }
+        lattice.corner = std::array::from_fn(|a| corner(size[a], a, &places));
         lattice
     }
 
@@ -123,13 +155,61 @@ impl Lattice {
         Mat3(self.world_from_lattice.0.map(|row| row.map(|x| x as f32)))
     }
 
-    /// Matter with its places along the axes of the lattice.
+    /// Matter with its places along the axes of the lattice, what has a lattice of its own cut at the planes of this one.
     pub fn seeds(&self, seeds: &[Seed]) -> Vec<Seed> {
         let along = |seed: &Seed| Seed {
             position: self.place(seed.position),
             ..*seed
         };
-        seeds.iter().map(along).collect()
+        let placed = seeds.iter().map(along);
+        match &self.boxes {
+            None => placed.collect(),
+            Some(boxes) => placed.flat_map(|seed| self.cut(boxes, &seed)).collect(),
+        }
+    }
+
+    /// Parts of a box of matter, one in each piece of the lattice that it reaches.
+    fn cut(&self, boxes: &Boxes, seed: &Seed) -> Vec<Seed> {
+        let is_whole = seed.volume >= boxes.whole;
+        let share = (seed.volume * EQUAL / boxes.whole).cbrt();
+        // Per axis its parts: where, and how long.
+        let parts: [Vec<[f64; 2]>; 3] = std::array::from_fn(|a| {
+            let (corner, size) = (self.corner[a], boxes.size[a]);
+            let x = seed.position[a];
+            let [low, high] = match is_whole {
+                // Whole ones are beside each other, wherever they were put.
+                true => {
+                    let low = corner + size * ((x - corner) / size).floor();
+                    [low, low + size]
+                }
+                false => [x - 0.5 * share * size, x + 0.5 * share * size],
+            };
+            let first = ((low - corner) / self.edge + ROUNDING).floor() as i64;
+            let last = ((high - corner) / self.edge - ROUNDING).floor() as i64;
+            let part = |k: i64| {
+                let plane = |k: i64| corner + self.edge * k as f64;
+                let (from, to) = (low.max(plane(k)), high.min(plane(k + 1)));
+                [0.5 * (from + to), to - from]
+            };
+            (first..=last.max(first)).map(part).collect()
+        });
+        let all: f64 = parts
+            .iter()
+            .map(|parts| parts.iter().map(|p| p[1]).sum::<f64>())
+            .product();
+        let mut cut = vec![];
+        for x in &parts[0] {
+            for y in &parts[1] {
+                for z in &parts[2] {
+                    cut.push(Seed {
+                        position: [x[0], y[0], z[0]],
+                        volume: seed.volume * (x[1] * y[1] * z[1] / all),
+                        ..*seed
+                    });
+                }
+            }
+        }
+        cut
     }
 }
 
@@ -214,21 +294,65 @@ fn in_order(mut axes: [[f64; 3]; 3]) -> Option<Mat3<f64>> {
     (0..3).any(is_off).then(|| Mat3::from_columns(x, y, z))
 }
 
-/// A corner of cubes around whole pieces at these places [m]: pieces may be off their places a little.
-fn corner(edge: f64, places: &[[f64; 3]]) -> [f64; 3] {
-    let first = places[0];
-    std::array::from_fn(|a| {
-        // Mean phase of places on a lattice of that spacing.
-        let (mut s, mut c) = (0.0, 0.0);
-        for place in places {
-            let turn = std::f64::consts::TAU * (place[a] - first[a]) / edge;
-            s += turn.sin();
-            c += turn.cos();
+/// A corner along an axis of pieces of that width around these places [m]: pieces may be off their places a little.
+fn corner(edge: f64, a: usize, places: &[[f64; 3]]) -> f64 {
+    let first = places[0][a];
+    // Mean phase of places on a lattice of that spacing.
+    let (mut s, mut c) = (0.0, 0.0);
+    for place in places {
+        let turn = std::f64::consts::TAU * (place[a] - first) / edge;
+        s += turn.sin();
+        c += turn.cos();
+    }
+    let phase = s.atan2(c) / std::f64::consts::TAU * edge;
+    let least = places.iter().map(|place| place[a]);
+    let least = least.fold(f64::INFINITY, f64::min);
+    let steps = ((least - first - phase) / edge).round();
+    first + phase + (steps - 0.5) * edge
+}
+
+/// Spacings of boxes of one volume beside each other at these places [m], if they do not fit a lattice of cubes of some width [m].
+fn spacings(volume: f64, fitting: f64, places: &[[f64; 3]]) -> Option<[f64; 3]> {
+    let width = volume.cbrt();
+    let bin = |x: &[f64; 3]| x.map(|x| (x / (LONGEST * width)).floor() as i64);
+    let looked = &places[..places.len().min(LOOKED_AT)];
+    let mut bins: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
+    for (n, place) in looked.iter().enumerate() {
+        bins.entry(bin(place)).or_default().push(n);
+    }
+    // Per axis the ways to the next ones up it, and how many there are.
+    let mut ways = [[0.0; 2]; 3];
+    for place in looked {
+        let at = bin(place);
+        for (a, way) in ways.iter_mut().enumerate() {
+            let mut least = f64::INFINITY;
+            for o in 0..27 {
+                let beside = [o / 9 - 1, o / 3 % 3 - 1, o % 3 - 1];
+                let there = std::array::from_fn(|b| at[b] + beside[b]);
+                for &other in bins.get(&there).into_iter().flatten() {
+                    let d: [f64; 3] = std::array::from_fn(|b| looked[other][b] - place[b]);
+                    let across = (0..3).filter(|b| *b != a).map(|b| d[b].abs());
+                    if d[a] > SHORTEST * width && across.fold(0.0, f64::max) < ASIDE * width {
+                        least = least.min(d[a]);
+                    }
+                }
+            }
+            if least < LONGEST * width {
+                way[0] += least;
+                way[1] += 1.0;
+            }
         }
-        let phase = s.atan2(c) / std::f64::consts::TAU * edge;
-        let least = places.iter().map(|place| place[a]);
-        let least = least.fold(f64::INFINITY, f64::min);
-        let steps = ((least - first[a] - phase) / edge).round();
-        first[a] + phase + (steps - 0.5) * edge
-    })
+    }
+    let known = ways.map(|[sum, count]| (count > 0.0).then(|| sum / count));
+    let product: f64 = known.iter().flatten().product();
+    let unknown = known.iter().filter(|size| size.is_none()).count();
+    // One layer is as thick as is left; a row of boxes is square.
+    let rest = (volume / product).powf(1.0 / unknown.max(1) as f64);
+    let size = known.map(|size| size.unwrap_or(rest));
+    let fills = (size.iter().product::<f64>() / volume - 1.0).abs() < EXACT;
+    let is_off = |a: usize| {
+        let count: f64 = ways[a][1].max(1.0);
+        (size[a] / fitting - 1.0).abs() > UNEVEN * (1.0 + 10.0 / count.sqrt())
+    };
+    (fills && unknown < 3 && (0..3).any(is_off)).then_some(size)
 }

@@ -108,12 +108,15 @@ impl SolidModel {
         for ((cell, part), matter) in matter {
             let [x, y, z] = cell.map(|c| c.rem_euclid(CELLS) as u8);
             let cells = blocks.entry(cell.map(|c| c.div_euclid(CELLS))).or_default();
+            let volumes = matter.fitted();
+            // What is taken for full is so but for rounding; its mass stays.
+            let volume: f64 = volumes.iter().map(|&v| f64::from(v)).sum();
             let cell = Cell {
                 number: 16 * x + 4 * y + z,
                 part,
-                volumes: matter.fitted(),
+                volumes,
             };
-            cells.push((cell, matter.mass / matter.volume()));
+            cells.push((cell, matter.mass / volume));
         }
         Self::of_blocks(dx, lattice, face, blocks)
     }
@@ -419,10 +422,6 @@ impl Matter {
             self.moment[a] += volume * d[a];
         }
         self.mass += volume * density;
-    }
-
-    fn volume(&self) -> f64 {
-        self.octants.iter().sum()
     }
 
     /// Volumes of the Gauss points, none negative, with the matter's volume, and with its centroid as far as that allows.
