@@ -97,6 +97,13 @@ impl Family {
         }
     }
 
+    /// What scenes of one or two solids are charted over: the usual, and the other solver.
+    pub fn of_solids(objects: usize, cells: &[&str], double: &[&str]) -> Vec<Self> {
+        let mut families = Self::usual(cells, double);
+        families.push(Self::spatial(objects, cells));
+        families
+    }
+
     /// What every scene of matter is charted over; double precision over cells of its own, as it is slow.
     pub fn usual(cells: &[&str], double: &[&str]) -> Vec<Self> {
         vec![
@@ -111,6 +118,24 @@ impl Family {
     /// Cells along the longest side of the smallest object.
     pub fn cells(values: &[&str]) -> Self {
         Self::sweep(CELLS, "cells_per_object", values, "16")
+    }
+
+    /// The same with the first objects on the grid that all matter may share: the other solver.
+    pub fn spatial(objects: usize, values: &[&str]) -> Self {
+        const SOLVERS: [&str; 2] = ["objects.0.solver", "objects.1.solver"];
+        let mut family = Self::sweep(
+            "cells on the spatial grid",
+            "cells_per_object",
+            values,
+            "16",
+        );
+        for setting in &mut family.settings {
+            let solvers = SOLVERS[..objects].iter();
+            setting
+                .changes
+                .extend(solvers.map(|key| (*key, "spatial".into())));
+        }
+        family
     }
 
     /// Particles per cell.

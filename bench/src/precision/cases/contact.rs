@@ -16,7 +16,7 @@ pub const ROLLING: Case = Case {
     scene: scene_text!("precision/rolling"),
     duration: 0.6,
     reference: None,
-    families: || Family::usual(&["6", "8", "12", "16", "24"], &["6", "8"]),
+    families: || Family::of_solids(1, &["6", "8", "12", "16", "24"], &["6", "8"]),
     measure: |run, _| {
         let time = run.last("/sim_time")?;
         let x = run.series("/objects/0/com/0");
@@ -42,7 +42,7 @@ pub const SPHERES: Case = Case {
     duration: 0.35,
     reference: None,
     families: || {
-        let mut families = Family::usual(&["6", "8", "12", "16", "24"], &["6", "8"]);
+        let mut families = Family::of_solids(2, &["6", "8", "12", "16", "24"], &["6", "8"]);
         families.push(Family::contact());
         families
     },
@@ -86,7 +86,7 @@ pub const BOUNCE: Case = Case {
     scene: scene_text!("precision/bounce"),
     duration: 0.35,
     reference: None,
-    families: || Family::usual(&["6", "8", "12", "16", "24"], &["6", "8"]),
+    families: || Family::of_solids(1, &["6", "8", "12", "16", "24"], &["6", "8"]),
     measure: bounce,
 };
 

@@ -16,7 +16,7 @@ pub const BAR: Case = Case {
     scene: scene_text!("precision/bar"),
     duration: 2.5,
     reference: None,
-    families: || Family::usual(&["8", "16", "32", "64"], &["8", "16", "32"]),
+    families: || Family::of_solids(1, &["8", "16", "32", "64"], &["8", "16", "32"]),
     measure: bar,
 };
 
@@ -49,7 +49,7 @@ pub const SPIN: Case = Case {
     scene: scene_text!("precision/spin"),
     duration: 0.5,
     reference: None,
-    families: || Family::usual(&["6", "8", "12", "16", "24"], &["6", "8", "12"]),
+    families: || Family::of_solids(1, &["6", "8", "12", "16", "24"], &["6", "8", "12"]),
     measure: |run, _| {
         let kinetic = run.series("/kinetic_energy");
         let elastic = run.series("/elastic_energy");
@@ -73,7 +73,7 @@ pub const CANTILEVER: Case = Case {
     scene: scene_text!("precision/cantilever"),
     duration: 1.0,
     reference: Some(&[("cells_per_object", "64"), ("cfl", "0.5")]),
-    families: || Family::usual(&["8", "12", "16", "24", "32"], &["8", "12", "16", "24"]),
+    families: || Family::of_solids(1, &["8", "12", "16", "24", "32"], &["8", "12", "16", "24"]),
     measure: |run, reference| fall(run, reference, &["/objects/0/com/1"], 0.0),
 };
 
