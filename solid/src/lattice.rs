@@ -28,6 +28,8 @@ const LONGEST: f64 = 1.8;
 const ASIDE: f64 = 0.3;
 /// Relative difference of sizes from which on pieces do not fit cells: what their mean is uncertain by where there are many.
 const UNEVEN: f64 = 0.01;
+/// How far the end of a row of boxes may be off a plane and be at it [pieces].
+const UNCERTAIN: f64 = 0.02;
 /// What rounding makes of a plane [pieces].
 const ROUNDING: f64 = 1e-6;
 /// Pieces of one volume that are looked at, at most.
@@ -130,6 +132,12 @@ impl Lattice {
             });
         }
         lattice.corner = std::array::from_fn(|a| corner(size[a], a, &places));
+        if let Some(boxes) = &mut lattice.boxes {
+            for a in 0..3 {
+                (lattice.corner[a], boxes.size[a]) =
+                    line([lattice.corner[a], size[a], lattice.edge], a, &places);
+            }
+        }
         lattice
     }
 
@@ -309,6 +317,37 @@ fn corner(edge: f64, a: usize, places: &[[f64; 3]]) -> f64 {
     let least = least.fold(f64::INFINITY, f64::min);
     let steps = ((least - first - phase) / edge).round();
     first + phase + (steps - 0.5) * edge
+}
+
+/// A corner along an axis and the width of pieces that fit places best [m], from a first guess of both, and of the width of pieces of
+/// cells. The mean of places is exact.
+fn line([corner, width, edge]: [f64; 3], a: usize, places: &[[f64; 3]]) -> (f64, f64) {
+    let count = places.len() as f64;
+    let middle = |place: &[f64; 3]| ((place[a] - corner) / width).floor() + 0.5;
+    let [x, k] = [
+        places.iter().map(|place| place[a]).sum::<f64>() / count,
+        places.iter().map(middle).sum::<f64>() / count,
+    ];
+    let (mut mixed, mut own) = (0.0, 0.0);
+    for place in places {
+        let off = middle(place) - k;
+        mixed += off * (place[a] - x);
+        own += off * off;
+    }
+    let width = if own > 0.0 { mixed / own } else { width };
+    let middles = || places.iter().map(middle);
+    let [least, most] = [
+        middles().fold(f64::INFINITY, f64::min),
+        middles().fold(f64::NEG_INFINITY, f64::max),
+    ];
+    // What ends at a plane of cells but for what places are uncertain by ends there.
+    let all = most - least + 1.0;
+    let planes = (all * width / edge).round();
+    let width = match (all * width / edge - planes).abs() < UNCERTAIN {
+        true => planes * edge / all,
+        false => width,
+    };
+    (x - width * k, width)
 }
 
 /// Spacings of boxes of one volume beside each other at these places [m], if they do not fit a lattice of cubes of some width [m].

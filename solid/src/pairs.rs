@@ -24,8 +24,6 @@ const LATERAL: f64 = 2.0;
 const GOES_ON: f64 = 0.02;
 /// Depth up to which it hardly matters which surface a point came in by [cells].
 const SHALLOW: f64 = 0.02;
-/// Steepness from which on the nearest surface is on one side.
-const FLAT: f64 = 0.95;
 /// Cosine between a normal and the opposite of a point's from which on the point faces that surface.
 const FACED: f64 = 0.9;
 /// How far a place of a surface may be from the boxes around its points [cells]: they are half a cell apart at rest.
@@ -267,8 +265,8 @@ impl<'a> Presence<'a> {
         self.inverse.back(x, [now, rest])
     }
 
-    /// What of the other presses on a point that is in it: the nearest surface, or one that the point faces and that is little farther. A
-    /// point amid thin matter is nearer to what is beside it than to what it came in by. `reached` tells the depth along a normal
+    /// What of the other presses on a point that is in it: the nearest surface, or, where that is thin, one that the point faces and that is
+    /// little farther. A point amid thin matter is nearer to what is beside it than to what it came in by. `reached` tells the depth along a normal
     /// that the point may have come to since it was looked at last [m].
     fn contact_at(
         &self,
@@ -284,14 +282,14 @@ impl<'a> Presence<'a> {
             slope: nearest.steepness * farther,
             normal: nearest.normal,
         };
-        if depth < SHALLOW * other.inverse.model.dx {
+        if !other.inverse.is_thin() || depth < SHALLOW * other.inverse.model.dx {
             return nearest_at(1.0);
         }
         let Some(own) = self.inverse.normal_now(&self.surface.points[n]) else {
             return nearest_at(1.0);
         };
         let facing = -dot(own, nearest.normal);
-        if nearest.steepness > FLAT && facing > FACED {
+        if facing > FACED {
             return nearest_at(1.0);
         }
         let farther = 1.0 + (LATERAL - 1.0) * (1.0 - facing / FACING).clamp(0.0, 1.0);
