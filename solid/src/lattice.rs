@@ -78,28 +78,36 @@ struct Neighbours {
     mean: f64,
 }
 
+/// Shows every place with those in its bin of some width [m] and in the bins around it, each with the way there [m].
+fn for_near(places: &[[f64; 3]], width: f64, mut see: impl FnMut(usize, usize, [f64; 3])) {
+    let bin = |x: &[f64; 3]| x.map(|x| (x / width).floor() as i64);
+    let mut bins: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
+    for (n, place) in places.iter().enumerate() {
+        bins.entry(bin(place)).or_default().push(n);
+    }
+    for (n, place) in places.iter().enumerate() {
+        let at = bin(place);
+        for o in 0..27 {
+            let beside = [o / 9 - 1, o / 3 % 3 - 1, o % 3 - 1];
+            let there = std::array::from_fn(|a| at[a] + beside[a]);
+            for &other in bins.get(&there).into_iter().flatten() {
+                let d = std::array::from_fn(|a| places[other][a] - place[a]);
+                see(n, other, d);
+            }
+        }
+    }
+}
+
 impl Neighbours {
     fn of(pieces: &[&Seed]) -> Self {
         let edge = pieces[0].volume.cbrt();
-        let bin = |x: [f64; 3]| x.map(|x| (x / (NEIGHBOURS[1] * edge)).floor() as i64);
-        let mut bins: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
-        for (n, piece) in pieces.iter().enumerate() {
-            bins.entry(bin(piece.position)).or_default().push(n);
-        }
+        let places: Vec<[f64; 3]> = pieces.iter().map(|piece| piece.position).collect();
         let mut pairs = vec![];
-        for (n, piece) in pieces.iter().enumerate() {
-            let at = bin(piece.position);
-            for o in 0..27 {
-                let beside = [o / 9 - 1, o / 3 % 3 - 1, o % 3 - 1];
-                let place = std::array::from_fn(|a| at[a] + beside[a]);
-                for &other in bins.get(&place).into_iter().flatten().filter(|&&m| m > n) {
-                    let d = std::array::from_fn(|a| pieces[other].position[a] - piece.position[a]);
-                    if (NEIGHBOURS[0]..NEIGHBOURS[1]).contains(&(length(d) / edge)) {
-                        pairs.push(d);
-                    }
-                }
+        for_near(&places, NEIGHBOURS[1] * edge, |n, other, d| {
+            if other > n && (NEIGHBOURS[0]..NEIGHBOURS[1]).contains(&(length(d) / edge)) {
+                pairs.push(d);
             }
-        }
+        });
         let sum: f64 = pairs.iter().map(|d| length(*d)).sum();
         Self {
             mean: sum / pairs.len() as f64,
@@ -353,29 +361,21 @@ fn line([corner, width, edge]: [f64; 3], a: usize, places: &[[f64; 3]]) -> (f64,
 /// Spacings of boxes of one volume beside each other at these places [m], if they do not fit a lattice of cubes of some width [m].
 fn spacings(volume: f64, fitting: f64, places: &[[f64; 3]]) -> Option<[f64; 3]> {
     let width = volume.cbrt();
-    let bin = |x: &[f64; 3]| x.map(|x| (x / (LONGEST * width)).floor() as i64);
     let looked = &places[..places.len().min(LOOKED_AT)];
-    let mut bins: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
-    for (n, place) in looked.iter().enumerate() {
-        bins.entry(bin(place)).or_default().push(n);
-    }
-    // Per axis the ways to the next ones up it, and how many there are.
-    let mut ways = [[0.0; 2]; 3];
-    for place in looked {
-        let at = bin(place);
-        for (a, way) in ways.iter_mut().enumerate() {
-            let mut least = f64::INFINITY;
-            for o in 0..27 {
-                let beside = [o / 9 - 1, o / 3 % 3 - 1, o % 3 - 1];
-                let there = std::array::from_fn(|b| at[b] + beside[b]);
-                for &other in bins.get(&there).into_iter().flatten() {
-                    let d: [f64; 3] = std::array::from_fn(|b| looked[other][b] - place[b]);
-                    let across = (0..3).filter(|b| *b != a).map(|b| d[b].abs());
-                    if d[a] > SHORTEST * width && across.fold(0.0, f64::max) < ASIDE * width {
-                        least = least.min(d[a]);
-                    }
-                }
+    // Per place and axis the way to the next one up it.
+    let mut nearest = vec![[f64::INFINITY; 3]; looked.len()];
+    for_near(looked, LONGEST * width, |n, _, d| {
+        for (a, least) in nearest[n].iter_mut().enumerate() {
+            let across = (0..3).filter(|b| *b != a).map(|b| d[b].abs());
+            if d[a] > SHORTEST * width && across.fold(0.0, f64::max) < ASIDE * width {
+                *least = least.min(d[a]);
             }
+        }
+    });
+    // Per axis their sum, and how many there are.
+    let mut ways = [[0.0; 2]; 3];
+    for least in &nearest {
+        for (way, &least) in ways.iter_mut().zip(least) {
             if least < LONGEST * width {
                 way[0] += least;
                 way[1] += 1.0;
