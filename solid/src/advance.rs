@@ -2,40 +2,26 @@
 
 use super::{
     bonds::Walls,
-    frequency::{CONTACT, largest_squared_frequency},
+    frequency::{Pressed, Vibrating},
+    grip::{ContactWith, Grip},
     kernel::{Extremes, SolidLaw, Step, Tiles, substep},
+    limit::{Deformed, Motions, VISCOSITY},
     memory::remember,
     model::SolidModel,
-    nodes::{Conditions, NODES, slot, write},
+    nodes::{Conditions, NODES, NodeBlock, slot, write},
     search::Search,
     state::SolidState,
+    surface::SurfacePoint,
 };
 use crate::simd::{F32x16, Isa};
 
-/// Share of the stable substep that one may have at the largest tangent of the moment, and in contact.
-const STABLE: f64 = 0.9;
-/// Largest squared frequency over the tangent per density and squared cell size, wherever the boundary cuts: 4 / 0.943^2.
-const FASTEST: f64 = 4.5;
-/// What that frequency of much deformed matter is taken for over the bound: more than 1, as nodes follow others.
-const DEFORMED: f64 = 1.35;
-/// One over the stiffening from which on it is taken for that.
-const ONSET: f64 = 1.5;
-/// Time of the viscous stress over the substep, where matter is deformed most: what keeps violent release from inverting it.
-const VISCOSITY: f64 = 0.1;
-/// Tangents over that at rest between which viscosity sets in: bending and falling matter stays below.
-const VISCOUS: [f64; 2] = [2.5, 5.0];
-/// Largest change of the deformation gradient in a substep of matter that is deformed that much: what crushes it within one
-/// is not seen in time.
-const CHANGE: f64 = 0.2;
 /// Substeps from one look at the tangent to the next, while it is near that at rest.
 const LOOK: u64 = 4;
 /// Tangent over that at rest from which on every substep looks.
-const WATCHED: f64 = 1.1;
+const WATCHED: f64 = 1.6;
 /// Part of the largest tangent known that the next look keeps, of matter that flows: it stays flat, and substeps that follow every swing
 /// of its tangent would feed the swing.
 const KEPT: f32 = 0.999;
-/// Smallest substep over that at rest: beyond it a solid fails.
-const SMALLEST: f64 = 1.0 / 1024.0;
 
 /// A solid with what it works with.
 #[derive(Debug)]
@@ -63,8 +49,8 @@ pub struct Scratch {
     pub search: Search,
     /// What walls hold of it.
     pub walls: Walls,
-    /// Largest squared frequency about rest [1/s^2], with these laws.
-    fastest: Option<(Vec<SolidLaw>, f64)>,
+    /// How fast its motions are.
+    pub(super) motions: Motions,
 }
 
 /// What acts on solids everywhere.
@@ -95,7 +81,7 @@ impl Scratch {
             held: vec![],
             search: Search::default(),
             walls: Walls::default(),
-            fastest: None,
+            motions: Motions::default(),
         };
         scratch.hold_anew(model, vec![]);
         scratch
@@ -130,17 +116,19 @@ impl Scratch {
     }
 }
 
-impl Solid<'_> {
-    /// Tangent over density at rest [m^2/s^2].
-    fn tangent_at_rest(&self) -> f64 {
-        let laws = self.laws.iter();
-        laws.map(|law| law.tangent_at_rest() / law.density)
-            .fold(0.0, f64::max)
+impl<'a> Solid<'a> {
+    fn deformed(&self) -> Deformed<'a> {
+        Deformed {
+            model: self.model,
+            laws: self.laws,
+            tangent: self.state.tangent.into(),
+            rate: self.state.rate.into(),
+        }
     }
 
     /// Speed that no wave in it at rest exceeds [m/s].
     pub(super) fn sound_at_rest(&self) -> f64 {
-        self.tangent_at_rest().sqrt()
+        self.deformed().tangent_at_rest().sqrt()
     }
 
     /// Tangent at rest of the stiffest of it [Pa].
@@ -149,52 +137,67 @@ impl Solid<'_> {
         laws.map(SolidLaw::tangent_at_rest).fold(0.0, f64::max)
     }
 
-    /// Present tangent over that at rest, at least 1.
-    fn stiffening(&self) -> f64 {
-        (f64::from(self.state.tangent) / self.tangent_at_rest()).max(1.0)
-    }
-
     /// Whether points of it remember flow.
     fn flows(&self) -> bool {
         self.state.memory.iter().any(|block| !block.is_empty())
     }
 
-    /// Share of the largest viscosity that it has at present.
-    fn viscous_share(&self) -> f64 {
-        let beyond = (self.stiffening() - VISCOUS[0]) / (VISCOUS[1] - VISCOUS[0]);
-        beyond.clamp(0.0, 1.0)
-    }
-
-    /// Largest squared frequency of its motions [1/s^2]: at rest, and now.
-    fn frequencies(&self) -> [f64; 2] {
-        let at_rest = FASTEST * self.tangent_at_rest() / (self.model.dx * self.model.dx);
-        let measured = match &self.scratch.fastest {
-            Some((laws, fastest)) if laws == self.laws => *fastest,
-            _ => at_rest,
-        };
-        // What was measured holds for matter that is near rest; the bound holds for what is not.
-        let (share, stiffening) = (measured / at_rest, self.stiffening());
-        let share = share + (DEFORMED - share).max(0.0) * (ONSET * (stiffening - 1.0)).min(1.0);
-        [measured, at_rest * share * stiffening]
-    }
-
-    /// Largest substep now [s]: that at rest by a power of the eighth root of one half, so that it seldom changes.
+    /// Largest substep now [s].
     pub fn limit(&self, cfl: f64) -> f64 {
-        let [at_rest, now] = self.frequencies();
-        let rest = 2.0 * cfl / at_rest.sqrt();
-        let touching = match self.scratch.search.touched {
-            true => CONTACT * self.tangent_at_rest() / (self.model.dx * self.model.dx),
-            false => 0.0,
-        };
-        // A viscous stress over a time `t` takes about `omega t / 2` of the stable substep.
-        let viscous = 1.0 - VISCOSITY * self.viscous_share();
-        let sound = 2.0 * STABLE * viscous / (now + touching).sqrt();
-        let bound = sound.min(CHANGE / f64::from(self.state.rate));
-        let mut limit = rest;
-        while limit > bound && limit > SMALLEST * rest {
-            limit *= 0.5_f64.powf(0.125);
+        let Scratch {
+            motions, search, ..
+        } = &*self.scratch;
+        motions.limit(&self.deformed(), search.contact, cfl)
+    }
+
+    /// Measures its fastest motion about rest, if that is not known for its laws.
+    fn measure_at_rest(&mut self, isa: Isa, (points, stiffness): (&[SurfacePoint], &[f64])) {
+        if self.scratch.motions.knows(self.laws) {
+            return;
         }
-        limit
+        let Scratch {
+            mut conditions,
+            mut tiles,
+            ..
+        } = Scratch::new(self.model);
+        let surface = Pressed {
+            points,
+            stiffness,
+            tangent: self.modulus(),
+        };
+        let rest = vec![NodeBlock::REST; self.model.node_blocks.len()];
+        let vibrating = Vibrating {
+            isa,
+            model: self.model,
+            laws: self.laws,
+            conditions: &mut conditions,
+            pressed: None,
+            tiles: &mut tiles,
+            about: &rest,
+        };
+        let motions = &mut self.scratch.motions;
+        motions.measure_at_rest(vibrating, surface);
+    }
+
+    /// Measures it where it is, if that is worth it; whether it is known then.
+    fn measure_now(&mut self, isa: Isa, deformed: &Deformed<'_>, shares: &Shares) -> bool {
+        let Scratch {
+            conditions,
+            tiles,
+            search,
+            motions,
+            ..
+        } = &mut *self.scratch;
+        let vibrating = Vibrating {
+            isa,
+            model: self.model,
+            laws: self.laws,
+            conditions,
+            pressed: None,
+            tiles,
+            about: &self.state.nodes,
+        };
+        motions.measure_now(deformed, search.contact, shares.remaining, vibrating)
     }
 
     /// Whether the frame moves with the solid: nothing holds it in the world.
@@ -203,19 +206,20 @@ impl Solid<'_> {
     }
 
     /// Before a span, the first of a frame or another: the frame moves with the solid, or stands where nodes are held. `given` is the velocity of a held node
-    /// by its place in the list [m/s].
+    /// by its place in the list [m/s]; the surface is its own.
     pub fn begin(
         &mut self,
         outside: &Outside,
+        surface: (&[SurfacePoint], &[f64]),
         begins_frame: bool,
         given: impl Fn(usize) -> [f64; 3],
     ) {
         remember(self.model, self.laws, &mut self.state.memory);
+        self.measure_at_rest(outside.isa, surface);
         if self.state.tangent == 0.0 {
             // Nothing is known of it yet: a substep of no length looks.
-            self.substep(outside, 0.0, 0.0, 0);
+            self.substep(outside, 0.0, 0.0, &Shares::NONE);
         }
-        self.measure(outside.isa);
         self.place_frame(begins_frame, given);
         self.scratch.tiles.look_at(&self.state.nodes);
     }
@@ -223,11 +227,13 @@ impl Solid<'_> {
     fn place_frame(&mut self, begins_frame: bool, given: impl Fn(usize) -> [f64; 3]) {
         if begins_frame {
             self.scratch.search.restart();
+            self.scratch.motions.restart();
         }
         // The first substep is chosen before anything is looked for: what was in contact last is taken for being so.
         // Walls that bind hold no energy, and make nothing faster.
-        let mut springs = self.state.springs.iter();
-        self.scratch.search.touched |= springs.any(|grip| grip.energy > 0.0);
+        let springs = self.state.springs.iter().map(Grip::contact);
+        let contact = &mut self.scratch.search.contact;
+        *contact = springs.fold(*contact, ContactWith::max);
         if self.is_free() {
             if begins_frame {
                 self.state.recentre(self.model);
@@ -242,27 +248,16 @@ impl Solid<'_> {
         }
     }
 
-    /// Measures its fastest motion, if that is not known for its laws.
-    fn measure(&mut self, isa: Isa) {
-        let known = self.scratch.fastest.as_ref();
-        if known.is_some_and(|(laws, _)| laws == self.laws) {
-            return;
-        }
-        // Nothing is held, and nothing acts.
-        let Scratch {
-            conditions,
-            mut tiles,
-            ..
-        } = Scratch::new(self.model);
-        let fastest =
-            largest_squared_frequency(isa, self.model, self.laws, &conditions, &mut tiles);
-        self.scratch.fastest = Some((self.laws.to_vec(), fastest));
-    }
-
     /// Takes a substep in which forces act for `kick` [s], and nodes move for `drift` [s] after that.
-    pub fn substep(&mut self, outside: &Outside, kick: f64, drift: f64, index: u64) -> Extremes {
+    pub(crate) fn substep(
+        &mut self,
+        outside: &Outside,
+        kick: f64,
+        drift: f64,
+        shares: &Shares,
+    ) -> Extremes {
         let keep = (-outside.damping * kick).exp();
-        let free = self.is_free();
+        let (free, deformed) = (self.is_free(), self.deformed());
         if free {
             for a in 0..3 {
                 let v = &mut self.state.velocity[a];
@@ -270,8 +265,8 @@ impl Solid<'_> {
                 self.state.shift[a] += drift * *v;
             }
         }
-        let (stiffening, share) = (self.stiffening(), self.viscous_share());
-        let step = Step {
+        let (stiffening, share) = (deformed.stiffening(), deformed.viscous_share());
+        let mut step = Step {
             kick: kick as f32,
             drift: drift as f32,
             keep: keep as f32,
@@ -280,12 +275,20 @@ impl Solid<'_> {
                 false => outside.gravity.map(|g| (g / self.model.dx) as f32),
             },
             viscosity: (VISCOSITY * share * kick) as f32,
-            wants_extremes: index.is_multiple_of(LOOK) || stiffening > WATCHED || drift == 0.0,
+            wants_extremes: shares.taken.is_multiple_of(LOOK)
+                || stiffening > WATCHED
+                || drift == 0.0,
+            wants_rate: false,
         };
+        let flows = self.flows();
+        if step.wants_extremes && drift > 0.0 && !flows {
+            step.wants_rate = self.measure_now(outside.isa, &deformed, shares);
+        }
         let Scratch {
             conditions,
             tiles,
             search,
+            motions,
             ..
         } = &mut *self.scratch;
         let found = substep(
@@ -300,13 +303,21 @@ impl Solid<'_> {
         let scale = drift * self.model.dx;
         let ways = tiles.speeds.iter().map(|&speed| scale * f64::from(speed));
         search.move_on(ways);
-        if step.wants_extremes {
-            let kept = if self.flows() {
+        let looked = step.wants_extremes;
+        let growth = motions.note(&tiles.sums, &found, looked);
+        if let Some(growth) = growth {
+            let tangent = (growth * deformed.tangent_at_rest()) as f32;
+            let kept = if flows {
                 KEPT * self.state.tangent
             } else {
                 0.0
             };
-            (self.state.tangent, self.state.rate) = (found.tangent.max(kept), found.rate);
+            self.state.tangent = tangent.max(kept);
+            self.state.rate = if step.viscosity > 0.0 {
+                found.rate
+            } else {
+                0.0
+            };
         }
         found
     }
@@ -324,6 +335,13 @@ pub(crate) struct Shares {
 }
 
 impl Shares {
+    /// Of no time.
+    const NONE: Self = Self {
+        remaining: 0.0,
+        dt: 0.0,
+        taken: 0,
+    };
+
     /// The first of a span [s] > 0.
     pub fn first(length: f64, limit: f64) -> Self {
         Self {

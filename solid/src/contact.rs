@@ -10,11 +10,10 @@ use super::{
     advance::{Scratch, Solid},
     bonds::{Bond, TOUCH, binds},
     clusters::{Cluster, bounds_of, curve, parts_of},
-    frequency::CONTACT,
-    grip::{Grip, NOTHING, OBJECTS},
+    grip::{ContactWith, Grip, NOTHING, OBJECTS},
     model::SolidModel,
     nodes::NodeRow,
-    penalty::Spring,
+    penalty::{CONTACT, Spring},
     search::{
         Bounds, CLUSTER, CandidateList, ClusterBox, FoundInCluster, LOOSE, MARGIN, NOWHERE, PARTS,
         Search, Stand, TASK, Ways, find_near, joined,
@@ -194,7 +193,9 @@ impl Solid<'_> {
         self.keep(list);
         // A constraint makes no motion faster.
         let presses = |one: &Pressed| one.bond.is_none() || one.force != [0.0; 3];
-        self.scratch.search.touched |= pressed.iter().any(presses);
+        if pressed.iter().any(presses) {
+            self.scratch.search.contact = ContactWith::Walls;
+        }
         for one in pressed {
             self.scratch.walls.bonds.extend(one.bond);
             self.state.springs[one.point] = one.grip;

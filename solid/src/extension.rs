@@ -8,7 +8,7 @@
 use std::{collections::BTreeMap, ops::Range};
 
 use super::nodes::{NODES, NodeBlock, NodeRow, Planes, read, write};
-use crate::mat3::dot;
+use crate::{mat3::dot, simd::F32x16};
 
 /// Share of the mass of a node amid matter below which a node is outer.
 const LIGHT: f64 = 0.05;
@@ -162,9 +162,13 @@ impl Extension {
 
     /// Puts outer nodes where they belong.
     pub fn follow_displacements(&self, nodes: &mut [NodeBlock]) {
-        let rows = NodeRow::of(nodes);
+        self.follow_rows(nodes, &NodeRow::of(nodes));
+    }
+
+    /// The same where nodes are known one by one.
+    pub fn follow_rows(&self, nodes: &mut [NodeBlock], rows: &[NodeRow]) {
         for (n, &slot) in self.outer.iter().enumerate() {
-            let [x, y, z, ..] = self.follow(n, &rows).0;
+            let [x, y, z, ..] = self.follow(n, rows).0;
             write(
                 &mut nodes[slot as usize / NODES].u,
                 slot as usize,
@@ -186,6 +190,17 @@ impl Extension {
         }
     }
 
+    /// Adds what inner nodes of a block bear by the magnitudes of weights of the first number of outer ones, by their place in the list.
+    pub fn gather_magnitudes(&self, block: usize, of_outer: &[[f32; 4]], out: &mut Plane) {
+        let Range { start, end } = self.inner_of[block];
+        for (slot, followers) in &self.inner[start as usize..end as usize] {
+            let own = &mut out[*slot as usize / 16 % 4].0[*slot as usize % 16];
+            for &(n, e) in &self.followers[followers.start as usize..followers.end as usize] {
+                *own += e.abs() * of_outer[n as usize][0];
+            }
+        }
+    }
+
     /// Adds what inner nodes of a block bear of forces on outer ones, by their place in the list.
     pub fn gather(&self, block: usize, forces: &[[f32; 4]], out: &mut Planes) {
         let Range { start, end } = self.inner_of[block];
@@ -203,6 +218,9 @@ impl Extension {
         }
     }
 }
+
+/// One number per node of a block.
+type Plane = [F32x16; 4];
 
 /// The inner nodes nearest to an outer one, all with the same weight; none where there are none.
 fn nearest(places: &[[i32; 3]], mass: &[f64], full: f64, slot: usize) -> Row {

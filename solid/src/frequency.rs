@@ -1,113 +1,322 @@
-//! The fastest motion of a solid at rest, measured: what bounds its substep.
+//! The fastest motion of a solid, measured: what bounds its substep.
 //!
 //! The bound that holds wherever boundaries cut, `4.5 M / dx^2` with `M = 3 lambda + 2 mu`, is one and a half times what solids have, and
-//! light nodes that follow others may make it more. So the largest eigenvalue of `M^-1 K` is found by Lanczos's method, with
-//! the kernel's own forces at small displacements.
+//! light nodes that follow others may make it more. Matter that is deformed much somewhere has tangents there that its fastest motion,
+//! elsewhere, does not feel: that bound is then two to eight times what is so. So the largest eigenvalue of `M^-1 K` is found by Lanczos's method
+//! about where nodes are, with the kernel's own forces at small displacements.
 
 use super::{
     kernel::{Moving, SolidLaw, Step, Tiles, substep},
     model::SolidModel,
-    nodes::{Conditions, NODES, NodeBlock, read, write},
+    nodes::{Conditions, NodeBlock, NodeRow, Planes, slot},
+    surface::SurfacePoint,
 };
-use crate::simd::Isa;
+use crate::simd::{F32x16, Isa, LANES};
 
-/// Largest share of `3 lambda + 2 mu` over `rho dx^2` that contact may add to the squared frequency of a node.
-pub(super) const CONTACT: f64 = 1.5;
-/// Steps of Lanczos's method: its largest value is within 2 % then.
-const STEPS: usize = 24;
 /// Largest displacement [cells]: strains of a few thousandths, of which single precision knows four digits.
-const SIZE: f64 = 1e-3;
-/// What the method may miss.
-const MISSED: f64 = 1.02;
-
-/// Largest squared frequency of any motion about rest [1/s^2], if nothing is held.
-pub(super) fn largest_squared_frequency(
-    isa: Isa,
-    model: &SolidModel,
-    laws: &[SolidLaw],
-    conditions: &Conditions,
-    tiles: &mut Tiles,
-) -> f64 {
-    let inner: Vec<usize> = (0..model.mass.len())
-        .filter(|&n| model.mass[n] > 0.0)
-        .collect();
-    let dot = |a: &[[f64; 3]], b: &[[f64; 3]]| -> f64 {
-        let nodes = inner.iter().zip(a).zip(b);
-        nodes
-            .map(|((&n, a), b)| model.mass[n] * crate::mat3::dot(*a, *b))
-            .sum()
-    };
-    // Neighbours move against each other, and not all by as much.
-    let mut x: Vec<[f64; 3]> = inner
-        .iter()
-        .map(|&n| {
-            let at = model.node_position(n);
-            let sign = if at.iter().sum::<f64>().rem_euclid(2.0) < 0.5 {
-                1.0
-            } else {
-                -1.0
-            };
-            let phase = at[0] + 1.7 * at[1] + 2.3 * at[2];
-            [0.0, 1.0, 2.0].map(|a| sign * (1.0 + 0.5 * (phase + a).sin()))
-        })
-        .collect();
-    let norm = dot(&x, &x).sqrt();
-    x.iter_mut().flatten().for_each(|x| *x /= norm);
-    let mut before = vec![[0.0; 3]; x.len()];
-    let (mut diagonal, mut beside) = (vec![], vec![]);
-    for step in 0..STEPS {
-        let mut next = accelerations(isa, model, laws, (conditions, tiles), (&inner, &x));
-        let alpha = dot(&x, &next);
-        let beta = beside.last().copied().unwrap_or(0.0);
-        for ((next, x), before) in next.iter_mut().zip(&x).zip(&before) {
-            for a in 0..3 {
-                next[a] -= alpha * x[a] + beta * before[a];
-            }
-        }
-        diagonal.push(alpha);
-        let norm = dot(&next, &next).sqrt();
-        // Nothing is left to look at, but for round-off.
-        if step + 1 == STEPS || norm <= 1e-6 * alpha.abs() {
-            break;
-        }
-        beside.push(norm);
-        next.iter_mut().flatten().for_each(|x| *x /= norm);
-        before = std::mem::replace(&mut x, next);
-    }
-    MISSED * largest_eigenvalue(&diagonal, &beside)
+const SIZE: f32 = 1e-3;
+/// How exact the method is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Steps {
+    /// For what is measured often.
+    Few,
+    /// For what is measured once.
+    Many,
 }
 
-/// `M^-1 K x` of inner nodes.
-fn accelerations(
-    isa: Isa,
-    model: &SolidModel,
-    laws: &[SolidLaw],
-    (conditions, tiles): (&Conditions, &mut Tiles),
-    (inner, x): (&[usize], &[[f64; 3]]),
-) -> Vec<[f64; 3]> {
-    let largest = x.as_flattened().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    let scale = SIZE / largest;
-    let mut nodes = vec![NodeBlock::REST; model.node_blocks.len()];
-    for (&n, x) in inner.iter().zip(x) {
-        write(&mut nodes[n / NODES].u, n, x.map(|x| (scale * x) as f32));
+impl Steps {
+    /// How many, and how much larger the largest value may be than that found.
+    fn count(self) -> (usize, f64) {
+        match self {
+            Self::Few => (6, 1.15),
+            Self::Many => (24, 1.02),
+        }
     }
-    model.extension.follow_displacements(&mut nodes);
-    let step = Step {
-        kick: 1.0,
-        drift: 0.0,
-        keep: 1.0,
-        gravity: [0.0; 3],
-        viscosity: 0.0,
-        wants_extremes: false,
-    };
-    // Without memory matter is elastic, whatever it does beyond that.
-    let moving = Moving {
-        nodes: &mut nodes,
-        memory: &mut vec![vec![]; model.point_blocks.len()],
-    };
-    substep(isa, model, laws, conditions, moving, tiles, &step);
-    let of = |&n: &usize| read(&nodes[n / NODES].v, n).map(|v| -f64::from(v) / scale);
-    inner.iter().map(of).collect()
+}
+
+/// The fastest motion of a solid about some place of its nodes.
+#[derive(Clone, Debug)]
+pub(super) struct Measured {
+    /// Largest squared frequency there [1/s^2].
+    pub squared: f64,
+    /// Sums of tangents about nodes there [Pa].
+    sums: Vec<[F32x16; 4]>,
+    /// Largest growth of one of them since, at least 1: motions have hardly become faster by more.
+    pub growth: f64,
+    /// Substeps since.
+    pub age: u64,
+    /// Largest gradient of the velocity as of the latest comparison [1/s].
+    pub rate: f32,
+}
+
+impl Measured {
+    /// Compares sums of tangents with what they were.
+    pub fn compare(&mut self, sums: &[[F32x16; 4]]) {
+        let mut largest = [1.0_f32; LANES];
+        let pairs = sums.as_flattened().iter().zip(self.sums.as_flattened());
+        for (now, then) in pairs {
+            for lane in 0..LANES {
+                let (now, then) = (now.0[lane], then.0[lane]);
+                let growth = if then > 0.0 { now / then } else { 1.0 };
+                largest[lane] = largest[lane].max(growth);
+            }
+        }
+        self.growth = f64::from(largest.into_iter().fold(1.0, f32::max));
+    }
+}
+
+/// Points of a surface that springs hold where they are.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pressed<'a> {
+    pub points: &'a [SurfacePoint],
+    /// Force per displacement and tangent [m].
+    pub stiffness: &'a [f64],
+    /// [Pa]
+    pub tangent: f64,
+}
+
+/// A solid about a place of its nodes.
+pub(super) struct Vibrating<'a> {
+    pub isa: Isa,
+    pub model: &'a SolidModel,
+    /// What is taken for elastic.
+    pub laws: &'a [SolidLaw],
+    pub conditions: &'a mut Conditions,
+    /// A surface that is pressed.
+    pub pressed: Option<Pressed<'a>>,
+    pub tiles: &'a mut Tiles,
+    /// Where nodes are.
+    pub about: &'a [NodeBlock],
+}
+
+/// Memory of the method: displacements of nodes times the root of their mass.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Lanczos {
+    now: Vec<Planes>,
+    before: Vec<Planes>,
+    next: Vec<Planes>,
+    /// Accelerations where nodes are.
+    base: Vec<Planes>,
+    nodes: Vec<NodeBlock>,
+    /// Roots of cell size over mass, and one over these; 0 where nothing moves.
+    roots: Vec<[[F32x16; 4]; 2]>,
+}
+
+impl Vibrating<'_> {
+    /// Its fastest motion there.
+    pub fn fastest(&mut self, memory: &mut Lanczos, steps: Steps) -> Measured {
+        let (steps, missed) = steps.count();
+        memory.restart(&self.conditions.w);
+        self.accelerate(memory, None);
+        let sums = self.tiles.sums.clone();
+        for (base, node) in memory.base.iter_mut().zip(&memory.nodes) {
+            *base = node.v;
+        }
+        self.begin(&mut memory.now);
+        let size = norm(&memory.now);
+        scale(&mut memory.now, size.recip());
+        let (mut diagonal, mut beside) = (vec![], vec![]);
+        for step in 0..steps {
+            self.apply(memory);
+            let Lanczos {
+                now, before, next, ..
+            } = memory;
+            let alpha = dot(now, next);
+            let beta = beside.last().copied().unwrap_or(0.0);
+            subtract(next, [(alpha, now), (beta, before)]);
+            diagonal.push(alpha);
+            let norm = norm(next);
+            // Nothing is left to look at, but for round-off.
+            if step + 1 == steps || norm <= 1e-6 * alpha.abs() {
+                break;
+            }
+            beside.push(norm);
+            scale(next, norm.recip());
+            std::mem::swap(before, now);
+            std::mem::swap(now, next);
+        }
+        Measured {
+            squared: missed * largest_eigenvalue(&diagonal, &beside),
+            sums,
+            growth: 1.0,
+            age: 0,
+            rate: f32::INFINITY,
+        }
+    }
+
+    /// Neighbours move against each other, and not all by as much.
+    fn begin(&self, out: &mut [Planes]) {
+        for (block, out) in out.iter_mut().enumerate() {
+            for x in 0..4 {
+                for lane in 0..LANES {
+                    if self.conditions.w[block][x].0[lane] == 0.0 {
+                        continue;
+                    }
+                    let at = self.model.node_position(slot(block, [x, lane]));
+                    let odd = at.iter().sum::<f64>().rem_euclid(2.0) >= 0.5;
+                    let phase = at[0] + 1.7 * at[1] + 2.3 * at[2];
+                    for (a, out) in out.iter_mut().enumerate() {
+                        let size = 1.0 + 0.5 * (phase + a as f64).sin();
+                        out[x].0[lane] = if odd { -size } else { size } as f32;
+                    }
+                }
+            }
+        }
+    }
+
+    /// `M^-1/2 K M^-1/2 y` of inner nodes.
+    fn apply(&mut self, memory: &mut Lanczos) {
+        let mut largest = [0.0_f32; LANES];
+        for ([root, _], y) in memory.roots.iter().zip(&memory.now) {
+            for plane in y {
+                for (y, root) in plane.iter().zip(root) {
+                    for lane in 0..LANES {
+                        largest[lane] = largest[lane].max((root.0[lane] * y.0[lane]).abs());
+                    }
+                }
+            }
+        }
+        let size = SIZE / largest.into_iter().fold(f32::MIN_POSITIVE, f32::max);
+        self.accelerate(memory, Some(size));
+        let answers = memory.base.iter().zip(&memory.nodes).zip(&memory.roots);
+        for (out, ((base, node), [_, back])) in memory.next.iter_mut().zip(answers) {
+            for a in 0..3 {
+                for x in 0..4 {
+                    let (base, v, back) = (&base[a][x].0, &node.v[a][x].0, &back[x].0);
+                    for lane in 0..LANES {
+                        out[a][x].0[lane] = back[lane] / size * (base[lane] - v[lane]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Forces of springs on points where nodes are.
+    fn press(&mut self, surface: &Pressed<'_>) {
+        self.conditions.clear_forces();
+        for (point, stiffness) in surface.points.iter().zip(surface.stiffness) {
+            let u = NodeRow::sum_displacements(&self.tiles.rows, &point.bears);
+            let pressure = (-surface.tangent * stiffness / self.model.dx) as f32;
+            let force = u.map(|u| pressure * u);
+            self.conditions.share_force(&point.bears, force);
+        }
+    }
+
+    /// Accelerations of nodes, as velocities, where they are or displaced by so much of the vector at hand.
+    fn accelerate(&mut self, memory: &mut Lanczos, displaced: Option<f32>) {
+        let Lanczos {
+            now, nodes, roots, ..
+        } = memory;
+        for (node, about) in nodes.iter_mut().zip(self.about) {
+            *node = NodeBlock {
+                u: about.u,
+                ..NodeBlock::REST
+            };
+        }
+        if let Some(size) = displaced {
+            for ((node, y), [root, _]) in nodes.iter_mut().zip(&*now).zip(&*roots) {
+                for a in 0..3 {
+                    for x in 0..4 {
+                        let (u, y, root) = (&mut node.u[a][x].0, &y[a][x].0, &root[x].0);
+                        for lane in 0..LANES {
+                            u[lane] += size * root[lane] * y[lane];
+                        }
+                    }
+                }
+            }
+            self.tiles.look_at(nodes);
+            let extension = &self.model.extension;
+            extension.follow_rows(nodes, &self.tiles.rows);
+        }
+        if let Some(surface) = self.pressed {
+            self.tiles.look_at(nodes);
+            self.press(&surface);
+        }
+        let step = Step {
+            kick: 1.0,
+            drift: 0.0,
+            keep: 1.0,
+            gravity: [0.0; 3],
+            viscosity: 0.0,
+            wants_extremes: displaced.is_none(),
+            wants_rate: false,
+        };
+        // Without memory matter is elastic, whatever it does beyond that.
+        let moving = Moving {
+            nodes,
+            memory: &mut vec![vec![]; self.model.point_blocks.len()],
+        };
+        let conditions = &*self.conditions;
+        substep(
+            self.isa, self.model, self.laws, conditions, moving, self.tiles, &step,
+        );
+    }
+}
+
+impl Lanczos {
+    /// For nodes with these cell sizes over mass [m/kg].
+    fn restart(&mut self, w: &[[F32x16; 4]]) {
+        let Self {
+            now,
+            before,
+            next,
+            base,
+            nodes,
+            roots,
+        } = self;
+        for vectors in [now, before, next, base] {
+            vectors.clear();
+            vectors.resize(w.len(), [[F32x16::ZERO; 4]; 3]);
+        }
+        nodes.clear();
+        nodes.resize(w.len(), NodeBlock::REST);
+        let back = |root: f32| if root > 0.0 { root.recip() } else { 0.0 };
+        roots.clear();
+        roots.extend(w.iter().map(|w| {
+            let root = w.map(|w| F32x16(w.0.map(f32::sqrt)));
+            [root, root.map(|root| F32x16(root.0.map(back)))]
+        }));
+    }
+}
+
+fn flat(of: &[Planes]) -> &[F32x16] {
+    of.as_flattened().as_flattened()
+}
+
+fn dot(a: &[Planes], b: &[Planes]) -> f64 {
+    let blocks = a.iter().zip(b).map(|(a, b)| {
+        let mut sums = [0.0_f32; LANES];
+        for (a, b) in a.as_flattened().iter().zip(b.as_flattened()) {
+            for lane in 0..LANES {
+                sums[lane] += a.0[lane] * b.0[lane];
+            }
+        }
+        f64::from(sums.iter().sum::<f32>())
+    });
+    blocks.sum()
+}
+
+fn norm(of: &[Planes]) -> f64 {
+    dot(of, of).sqrt()
+}
+
+fn scale(of: &mut [Planes], by: f64) {
+    let by = by as f32;
+    for of in of.as_flattened_mut().as_flattened_mut() {
+        of.0.iter_mut().for_each(|x| *x *= by);
+    }
+}
+
+fn subtract(from: &mut [Planes], parts: [(f64, &[Planes]); 2]) {
+    for (times, what) in parts {
+        let times = times as f32;
+        let from = from.as_flattened_mut().as_flattened_mut();
+        for (from, what) in from.iter_mut().zip(flat(what)) {
+            for lane in 0..LANES {
+                from.0[lane] -= times * what.0[lane];
+            }
+        }
+    }
 }
 
 /// Largest eigenvalue of a symmetric tridiagonal matrix, by bisection with Sturm's sequence.

@@ -12,6 +12,18 @@ pub(super) const OBJECTS: u32 = 1 << 31;
 /// From here on numbers are those of held regions, the last first.
 const REGIONS: u32 = NOTHING - (1 << 16);
 
+/// What a solid is in contact with, each of more consequence than those before.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ContactWith {
+    /// Nothing.
+    #[default]
+    Nothing,
+    /// Colliders, which do not give way.
+    Walls,
+    /// Other objects.
+    Objects,
+}
+
 /// The tangential spring of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grip {
@@ -44,6 +56,15 @@ impl Grip {
     /// Whether it holds on to a held region.
     pub fn is_on_region(&self) -> bool {
         (REGIONS..NOTHING).contains(&self.with)
+    }
+
+    /// What presses on the point, by what the contact holds.
+    pub fn contact(&self) -> ContactWith {
+        match (self.energy > 0.0, self.with < OBJECTS) {
+            (false, _) => ContactWith::Nothing,
+            (true, true) => ContactWith::Walls,
+            (true, false) => ContactWith::Objects,
+        }
     }
 
     /// No contact.

@@ -3,7 +3,7 @@
 use super::{
     advance::{Outside, Shares, Solid},
     bonds::HeldFace,
-    grip::Grip,
+    grip::{ContactWith, Grip},
     inverse::Start,
     object::SolidObject,
     pairs::{PointContact, Presence},
@@ -81,10 +81,10 @@ pub fn advance_group(
 ) -> Result<Passed, usize> {
     let outside = &around.outside;
     for mover in group.iter_mut() {
-        let given = &mover.given;
-        mover
-            .solid
-            .begin(outside, start == around.frame[0], |n| given[n]);
+        let (given, begins) = (&mover.given, start == around.frame[0]);
+        let surface = &mover.object.surface;
+        let surface = (&surface.points[..], &surface.stiffness[..]);
+        mover.solid.begin(outside, surface, begins, |n| given[n]);
     }
     let limit = |group: &[Mover<'_>]| {
         let limits = group.iter().map(|mover| mover.solid.limit(outside.cfl));
@@ -108,7 +108,7 @@ pub fn advance_group(
             frame_length: around.frame[1],
         };
         let on_bodies = find_forces(group, peers.as_deref(), around, &now, [moved, kick], ledger);
-        move_nodes(group, outside, [kick, shares.dt], shares.taken, ledger)?;
+        move_nodes(group, outside, [kick, shares.dt], &shares, ledger)?;
         if let Some(peers) = &mut peers {
             peers.advance(&now, &exchange.through(on_bodies, now.dt));
         }
@@ -130,7 +130,7 @@ pub fn advance_group(
     };
     let times = [moved, now.kick];
     let on_bodies = find_forces(group, peers.as_deref(), around, &now, times, ledger);
-    move_nodes(group, outside, [now.kick, 0.0], 0, ledger)?;
+    move_nodes(group, outside, [now.kick, 0.0], &shares, ledger)?;
     if let Some(peers) = &mut peers {
         peers.push(&exchange.rest(&on_bodies));
     }
@@ -158,7 +158,7 @@ fn find_forces(
     };
     for mover in group.iter_mut() {
         let scratch = &mut *mover.solid.scratch;
-        scratch.search.touched = false;
+        scratch.search.contact = ContactWith::Nothing;
         // Those of a substep that was undone would be bound twice.
         scratch.walls.bonds.clear();
         let conditions = &mut scratch.conditions;
@@ -215,7 +215,9 @@ fn meet_bodies(
             };
             let met = pressed.pressed_by(actor, friction, moved, number, &mut list);
             solid.keep(list);
-            solid.scratch.search.touched |= !met.is_empty();
+            if !met.is_empty() {
+                solid.scratch.search.contact = ContactWith::Objects;
+            }
             on_bodies[n].add(1.0, &opposite(&met));
             for one in met {
                 mover.solid.state.springs[one.point] = one.grip;
@@ -262,8 +264,8 @@ fn meet_each_other(
     }
     for Pressed { pair, met } in found {
         let ids = pair.map(|n| group[n].id);
-        for n in pair {
-            group[n].solid.scratch.search.touched |= !met.is_empty();
+        for n in pair.iter().filter(|_| !met.is_empty()) {
+            group[*n].solid.scratch.search.contact = ContactWith::Objects;
         }
         for one in met {
             let [owner, other] = pair;
@@ -320,11 +322,11 @@ fn move_nodes(
     group: &mut [Mover<'_>],
     outside: &Outside,
     [kick, drift]: [f64; 2],
-    index: u64,
+    shares: &Shares,
     ledger: &mut Ledger,
 ) -> Result<(), usize> {
     for mover in group {
-        if mover.solid.substep(outside, kick, drift, index).bad {
+        if mover.solid.substep(outside, kick, drift, shares).bad {
             return Err(mover.id);
         }
         let surface = &mover.object.surface;

@@ -34,6 +34,7 @@ pub mod group;
 pub mod inverse;
 pub mod kernel;
 mod lattice;
+mod limit;
 pub mod memory;
 pub mod model;
 pub mod nodes;

@@ -2,6 +2,8 @@
 
 use crate::mat3::dot;
 
+/// Largest share of `3 lambda + 2 mu` over `rho dx^2` that the springs of a surface may add to the squared frequency of a node.
+pub(super) const CONTACT: f64 = 1.5;
 /// How far ahead the pressure of points that slide looks, over the substep.
 const SLIDING: f64 = 0.5;
 

@@ -6,6 +6,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{
+    grip::ContactWith,
     inverse::{KnownPlace, Start},
     model::SolidModel,
     state::SolidState,
@@ -326,8 +327,8 @@ pub struct Search {
     pub start: Option<(Start, (Stand, f64))>,
     /// Points near each thing that it may touch.
     pub lists: Vec<CandidateList>,
-    /// Whether something touches it.
-    pub touched: bool,
+    /// What it is in contact with.
+    pub contact: ContactWith,
 }
 
 impl Search {
@@ -335,7 +336,7 @@ impl Search {
     pub fn restart(&mut self) {
         self.ways.fill(0.0);
         self.boxes.clear();
-        (self.is_fresh, self.touched, self.start) = (false, false, None);
+        (self.is_fresh, self.contact, self.start) = (false, ContactWith::default(), None);
         // What was not asked for since the last time is not asked for again.
         self.lists.retain(|list| list.stand.is_some());
         self.lists.iter_mut().for_each(|list| list.stand = None);

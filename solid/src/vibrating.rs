@@ -87,6 +87,7 @@ impl VibratingBlock {
                 gravity: [0.0; 3],
                 viscosity: 0.0,
                 wants_extremes: false,
+                wants_rate: false,
             },
         }
     }

@@ -7,7 +7,7 @@ use super::{
     Step,
     flow::Flowing,
     gradients::{Matter, O, Stresses, Summed, Tangents},
-    respond::{add_viscous, energy_of, respond_to},
+    respond::{add_viscous, energy_of, largest_rate, respond_to},
     rule::Rule,
 };
 use crate::{
@@ -191,7 +191,7 @@ fn scatter_tangents<V: Lanes>(rule: &Rule<V>, tangents: &Tangents, tile: &mut Ta
     }
 }
 
-/// What a block of points makes of its nodes; the largest gradient of the velocity where there is viscosity [1/s].
+/// What a block of points makes of its nodes; the largest gradient of the velocity where there is viscosity or it is asked for [1/s].
 #[inline(always)]
 pub(super) fn forces<'a, V: Flowing>(
     nodes: [&NodeBlock; 8],
@@ -228,11 +228,14 @@ pub(super) fn forces<'a, V: Flowing>(
         if let Some(more) = &more {
             add::<V>(more, stress);
         }
-        if step.viscosity > 0.0 {
+        if step.viscosity > 0.0 || step.wants_rate {
             let mut rates = Scratch::EMPTY.summed;
             gather(rule, fields(nodes, |node| &node.v), &mut rates);
             let with = (of_flow.as_ref(), step.viscosity);
-            let of_matter = add_viscous(rule, [summed, &rates], &here, with, stress);
+            let of_matter = match step.viscosity > 0.0 {
+                true => add_viscous(rule, [summed, &rates], &here, with, stress),
+                false => largest_rate(rule, &rates, &here),
+            };
             rate = rate.max(of_matter);
         }
     }

@@ -86,16 +86,16 @@ pub struct Step {
     pub gravity: [f32; 3],
     /// Time of the viscous stress per strain rate, over Lamé's parameters [s].
     pub viscosity: f32,
-    /// Whether [`Extremes::tangent`] is asked for.
+    /// Whether [`Tiles::sums`] are asked for.
     pub wants_extremes: bool,
+    /// Whether [`Extremes::rate`] is asked for where there is no viscosity.
+    pub wants_rate: bool,
 }
 
 /// What a substep finds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Extremes {
-    /// Largest tangent over density, a mean over the points of a node that moves [m^2/s^2], if asked for.
-    pub tangent: f32,
-    /// Largest gradient of the velocity over rest positions [1/s], where there is viscosity.
+    /// Largest gradient of the velocity over rest positions [1/s], where there is viscosity or it is asked for.
     pub rate: f32,
     /// Whether a node is nowhere.
     pub bad: bool,
@@ -106,6 +106,8 @@ pub struct Extremes {
 pub struct Tiles {
     forces: Vec<Tile>,
     tangents: Vec<TangentTile>,
+    /// Sums of tangents over the points about inner nodes, and about those that follow them, as of when they were asked for [Pa].
+    pub sums: Vec<[F32x16; 4]>,
     /// Forces on nodes per block, and on outer ones [Pa].
     total: Vec<Planes>,
     outer: Vec<[f32; 4]>,
@@ -124,6 +126,7 @@ impl Tiles {
         Self {
             forces: vec![[[[F32x16::ZERO; 4]; 6]; 3]; count],
             tangents: vec![[[F32x16::ZERO; 4]; 6]; count],
+            sums: vec![[F32x16::ZERO; 4]; model.node_blocks.len()],
             outer: vec![[0.0; 4]; model.extension.outer.len()],
             total: vec![[[F32x16::ZERO; 4]; 3]; model.node_blocks.len()],
             followed: vec![NodeRow::default(); model.extension.outer.len()],
@@ -164,12 +167,8 @@ pub fn substep(
         forces_with_isa(isa, &task, step, (forces, tangents), memory)
     });
     let rate = of_points.reduce(|| 0.0, f32::max);
-    let mut tangent = 0;
     if step.wants_extremes {
-        let tasks = model.spread.par_chunks(TASK).enumerate();
-        let largest =
-            tasks.map(|(n, w)| tangent_with_isa(isa, model, &tiles.tangents, n * TASK, w));
-        tangent = largest.reduce(|| 0, u32::max);
+        sum_tangents(isa, model, tiles);
     }
     let Tiles {
         forces,
@@ -198,10 +197,31 @@ pub fn substep(
     follow_inner(model, conditions, nodes, rows, followed, speeds);
     let largest = speeds.iter().map(|speed| speed.to_bits()).max();
     Extremes {
-        tangent: f32::from_bits(tangent) * (model.dx * model.dx) as f32,
         rate,
         bad: largest.unwrap_or(0) >= f32::INFINITY.to_bits(),
     }
+}
+
+/// Sums tangents about nodes. What follows others is no motion of its own: a corner of matter that is crushed makes those faster that move
+/// it by as little as they bear of it.
+fn sum_tangents(isa: Isa, model: &SolidModel, tiles: &mut Tiles) {
+    let Tiles {
+        tangents,
+        sums,
+        outer,
+        ..
+    } = tiles;
+    let tangents = &*tangents;
+    let tasks = sums.par_chunks_mut(TASK).enumerate();
+    tasks.for_each(|(n, sums)| tangents_with_isa(isa, model, tangents, n * TASK, sums));
+    let extension = &model.extension;
+    for (&slot, outer) in extension.outer.iter().zip(&mut *outer) {
+        let slot = slot as usize;
+        outer[0] = std::mem::take(&mut sums[slot / NODES][slot / 16 % 4].0[slot % 16]);
+    }
+    let outer = &*outer;
+    let blocks = sums.par_iter_mut().enumerate().with_min_len(TASK);
+    blocks.for_each(|(block, sums)| extension.gather_magnitudes(block, outer, sums));
 }
 
 /// Gives inner nodes what acts on those that follow them.
@@ -367,7 +387,7 @@ on_isa! {
     ) -> f32
 }
 
-/// Fills the tiles of some blocks; the largest gradient of the velocity where there is viscosity [1/s].
+/// Fills the tiles of some blocks; the largest gradient of the velocity where there is viscosity or it is asked for [1/s].
 #[inline(always)]
 fn forces<V: Flowing>(
     task: &Task<'_>,
@@ -398,25 +418,23 @@ fn forces<V: Flowing>(
 }
 
 on_isa! {
-    fn tangent_with_isa = largest_tangent(
+    fn tangents_with_isa = sum_of_tangents(
         model: &SolidModel,
         tiles: &[TangentTile],
         first: usize,
-        w: &[[F32x16; 4]],
-    ) -> u32
+        sums: &mut [[F32x16; 4]],
+    )
 }
 
-/// Largest mean tangent of some blocks of nodes, `w` being their cell size over their mass, as bits of it over the squared cell
-/// size [1/s^2].
+/// Sums of tangents over the points about nodes of some blocks [Pa].
 #[inline(always)]
-fn largest_tangent<V: Lanes>(
+fn sum_of_tangents<V: Lanes>(
     model: &SolidModel,
     tiles: &[TangentTile],
     first: usize,
-    w: &[[F32x16; 4]],
-) -> u32 {
-    let mut largest = V::splat(0.0);
-    for (n, w) in (first..).zip(w) {
+    sums: &mut [[F32x16; 4]],
+) {
+    for (n, sums) in (first..).zip(sums) {
         let mut sum = [V::splat(0.0); 4];
         for (o, &block) in model.point_blocks_of[n].iter().enumerate() {
             if block == NO_BLOCK {
@@ -429,10 +447,9 @@ fn largest_tangent<V: Lanes>(
             }
         }
         for x in 0..4 {
-            largest = largest.larger_magnitude(sum[x] * V::load(&w[x]));
+            sum[x].store(&mut sums[x]);
         }
     }
-    largest.largest_magnitude_bits()
 }
 
 on_isa! {

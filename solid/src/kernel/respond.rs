@@ -149,6 +149,31 @@ pub(super) fn add_viscous<V: Lanes>(
     largest_lane(largest).sqrt()
 }
 
+/// The largest Frobenius norm of `grad v` of points with matter [1/s].
+#[inline(always)]
+pub(super) fn largest_rate<V: Lanes>(
+    rule: &Rule<V>,
+    v: &[Summed; 3],
+    &Matter {
+        volumes, filled, ..
+    }: &Matter<'_>,
+) -> f32 {
+    let mut largest = V::splat(0.0);
+    for q in 0..4 {
+        for x in 0..4 {
+            if !filled.has(q, x) {
+                continue;
+            }
+            let rate = gradients(rule, v, x, q);
+            for n in 0..2 {
+                let rate = masked(rate[n], V::load(&volumes[q][x][n]));
+                largest = largest.max(rate.norm_squared());
+            }
+        }
+    }
+    largest_lane(largest).sqrt()
+}
+
 #[inline(always)]
 fn largest_lane<V: Lanes>(of: V) -> f32 {
     let mut lanes = O;

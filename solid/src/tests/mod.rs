@@ -129,17 +129,18 @@ pub(super) fn advance_alone(
     length: f64,
     given: &[[f64; 3]],
 ) -> bool {
-    solid.begin(outside, true, |n| given.get(n).copied().unwrap_or_default());
+    let velocity = |n: usize| given.get(n).copied().unwrap_or_default();
+    solid.begin(outside, (&[], &[]), true, velocity);
     let mut shares = Shares::first(length, solid.limit(outside.cfl));
     let mut kick = 0.5 * shares.dt;
     let mut bad = false;
     loop {
-        bad |= solid.substep(outside, kick, shares.dt, shares.taken).bad;
+        bad |= solid.substep(outside, kick, shares.dt, &shares).bad;
         let last = 0.5 * shares.dt;
         match shares.next(solid.limit(outside.cfl)) {
             Some(next) => kick = next,
             None => {
-                bad |= solid.substep(outside, last, 0.0, shares.taken).bad;
+                bad |= solid.substep(outside, last, 0.0, &shares).bad;
                 return !bad;
             }
         }

@@ -116,7 +116,8 @@ fn no_motion_is_faster_than_mean_tangents_say() {
                 wants_extremes: true,
                 ..PLAIN
             };
-            let bound = 4.5 * f64::from(unit.substep(Isa::detect(), &step).tangent);
+            unit.substep(Isa::detect(), &step);
+            let bound = 4.5 * unit.largest_tangent();
             let fastest = fastest_motion(&solid);
             // Differences of forces are right to 1e-4; measured: 0.2 to 0.5 of the bound.
             assert!(
@@ -139,6 +140,45 @@ fn fastest_motion_about_rest_is_found() {
             // The power method is the slower one.
             let ratio = found / expected;
             assert!(ratio > 1.0 && ratio < 1.15, "{law:?}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn fastest_motion_of_deformed_matter_is_found_in_few_steps() {
+    for law in LAWS {
+        for stretch in [0.4, -0.3] {
+            let mut solid = Solid::new(&[law], [5, 4, 4], random_volumes(11), |_| 0);
+            solid.displace(|x| bent(x).map(|u| 0.2 * u + stretch * x[0]));
+            let extension = &solid.model.extension;
+            extension.follow_displacements(&mut solid.nodes);
+            let found = solid.fastest(&solid.nodes, Steps::Few).squared;
+            let ratio = found / fastest_motion(&solid);
+            // 15 % are added for what six steps miss; 60 of the power method miss up to 10 %.
+            assert!(ratio > 1.0 && ratio < 1.28, "{law:?} {stretch}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn motions_become_faster_by_no_more_than_tangents_grow() {
+    for law in LAWS {
+        let mut solid = Solid::new(&[law], [5, 4, 4], random_volumes(11), |_| 0);
+        let rest = solid.nodes.clone();
+        let mut known = solid.fastest(&rest, Steps::Many);
+        for size in [0.1, 0.2, 0.4] {
+            solid.displace(|x| bent(x).map(|u| size * u));
+            let extension = &solid.model.extension;
+            extension.follow_displacements(&mut solid.nodes);
+            let look = Step {
+                wants_extremes: true,
+                ..PLAIN
+            };
+            let mut looked = solid.clone();
+            looked.substep(Isa::detect(), &look);
+            known.compare(&looked.tiles.sums);
+            let ratio = known.squared * known.growth / fastest_motion(&solid);
+            assert!(ratio > 1.0, "{law:?} {size}: {ratio}");
         }
     }
 }
