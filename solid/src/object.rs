@@ -37,6 +37,9 @@ pub struct SolidObject {
     pub regions: Vec<HeldInRegion>,
 }
 
+/// How far behind a face a held region may end that holds it [cells]: particles are known in single precision.
+const FACE: f64 = 1e-3;
+
 /// What a held region of the scene has of a solid at rest.
 #[derive(Clone, Debug)]
 pub struct HeldInRegion {
@@ -79,7 +82,8 @@ impl SolidObject {
     fn held_in(&self, region: &PinnedRegion, seeds: &[Seed]) -> HeldInRegion {
         if !(seeds.iter()).any(|seed| region.bounds.contains(seed.position)) {
             let points = self.surface.points.iter().enumerate();
-            let points = points.filter(|(_, point)| region.bounds.contains(point.x));
+            let around = region.bounds.grown(FACE * self.grid.dx);
+            let points = points.filter(|(_, point)| around.contains(point.x));
             let points: Vec<usize> = points.map(|(n, _)| n).collect();
             if !points.is_empty() {
                 return HeldInRegion {

@@ -27,6 +27,17 @@ impl TurnedBox {
         self.rotation[..3] != [0.0; 3]
     }
 
+    /// The box with all faces moved outwards [m].
+    pub fn grown(&self, by: f64) -> Self {
+        Self {
+            bounds: Aabb {
+                min: self.bounds.min.map(|x| x - by),
+                max: self.bounds.max.map(|x| x + by),
+            },
+            ..*self
+        }
+    }
+
     /// Whether a point is inside, faces included; NaN is not.
     pub fn contains(&self, x: [f64; 3]) -> bool {
         if !self.is_turned() {

@@ -227,6 +227,20 @@ fn bar_held_at_its_face_rings_as_a_quarter_wave() {
     }
 }
 
+/// Scenes put faces and regions at the same place, which rounding moves apart: a bar of ten cells then fell.
+#[test]
+fn region_that_ends_right_behind_a_face_holds_it() {
+    let [beyond, behind, far] = [1e-3, -1e-4, -1e-2].map(|end| {
+        let mut scene = bar_on_a_held_face(4, [0.0; 3]);
+        scene.pinned_regions[0].bounds.bounds.max[0] = end;
+        let mut world = World::new(scene).expect("valid");
+        world.step(1.0 / 60.0, &[]);
+        world.positions().to_vec()
+    });
+    assert_eq!(beyond, behind);
+    assert_ne!(beyond, far);
+}
+
 #[test]
 fn held_face_carries_its_solid_along() {
     let velocity = [0.5, -0.25, 1.0];
