@@ -20,6 +20,8 @@ const SIZE: f32 = 1e-3;
 pub(super) enum Steps {
     /// For what is measured often.
     Few,
+    /// For what contact adds, which is a part of the whole.
+    Some,
     /// For what is measured once.
     Many,
 }
@@ -29,6 +31,7 @@ impl Steps {
     fn count(self) -> (usize, f64) {
         match self {
             Self::Few => (6, 1.15),
+            Self::Some => (8, 1.05),
             Self::Many => (24, 1.02),
         }
     }

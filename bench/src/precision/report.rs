@@ -330,8 +330,8 @@ pub fn write_steps(folder: &Path, rows: &[steps::Row], here: &Run) -> anyhow::Re
 fn summary(results: &[CaseResult], here: &Run) -> String {
     let mut text = format!(
         "{}\n\n\
-         Error and cost (wall seconds per simulated second, median) of the presets, and where the default stands \
-         against the Pareto front of all settings of its chart: by which factor another setting is cheaper without a \
+         Error and cost (wall seconds per simulated second, median) of the presets. The last columns say where the \
+         default stands against the Pareto front of its chart: by which factor another setting is cheaper without a \
          larger error, and by which factor another is more accurate without a higher cost. Near the front means that \
          one of the two is at most {WITHIN}.\n\n\
          | case | draft | balanced | accurate | default: cheaper by | more accurate by | near the front |\n\
