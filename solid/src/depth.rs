@@ -23,12 +23,18 @@ pub struct DepthField {
 
 /// Share by which a facet may be farther than the nearest and still tell on which side a point is.
 const NEAR: f64 = 1.2;
+/// The same of its height over its plane, with room for rounding: what is farther is not near.
+const FARTHEST: f64 = 1.0001 * NEAR;
 
 impl Facet {
-    /// Distance of a point, and its height over the facet's plane [m].
-    fn distance(&self, x: [f64; 3]) -> [f64; 2] {
+    /// Distance of a point, and its height over the facet's plane [m]; none where the height alone is more than `most`.
+    #[inline(always)]
+    fn distance(&self, x: [f64; 3], most: f64) -> Option<[f64; 2]> {
         let r: [f64; 3] = std::array::from_fn(|a| x[a] - self.center[a]);
         let height = dot(r, self.normal);
+        if height.abs() > most {
+            return None;
+        }
         let beyond = match self.face {
             // A square.
             Some(axis) => {
@@ -45,7 +51,7 @@ impl Facet {
                 (length(across) - (self.area / std::f64::consts::PI).sqrt()).max(0.0)
             }
         };
-        [height.hypot(beyond), height]
+        Some([(height * height + beyond * beyond).sqrt(), height])
     }
 }
 
@@ -86,8 +92,12 @@ impl DepthField {
                 let o = [n / side.pow(2), n / side % side, n % side];
                 let corner: [i64; 3] = std::array::from_fn(|a| facet.index[a] + o[a] - BAND);
                 let x = std::array::from_fn(|a| first[a] + edge * corner[a] as f64);
-                let [distance, height] = facet.distance(x).map(|d| d as f32);
                 let corner = at(corner);
+                let most = FARTHEST * f64::from(least[corner]);
+                let Some(found) = facet.distance(x, most) else {
+                    continue;
+                };
+                let [distance, height] = found.map(|d| d as f32);
                 least[corner] = least[corner].min(distance);
                 if is_near(distance, least[corner]) {
                     near.push((corner, distance, height));

@@ -3,8 +3,6 @@
 //! Whole pieces tell it: they have one volume, and neighbours as far away as a cube of that volume is wide. An object that was
 //! turned before it came to rest has its lattice turned; cells and surface follow it, so that a turned box has plane faces.
 
-use std::collections::BTreeMap;
-
 use crate::mat3::{Mat3, cross, dot, length};
 
 /// Share of the largest volume of equal pieces that each of them has at least.
@@ -81,16 +79,17 @@ struct Neighbours {
 /// Shows every place with those in its bin of some width [m] and in the bins around it, each with the way there [m].
 fn for_near(places: &[[f64; 3]], width: f64, mut see: impl FnMut(usize, usize, [f64; 3])) {
     let bin = |x: &[f64; 3]| x.map(|x| (x / width).floor() as i64);
-    let mut bins: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
+    let mut sorted: Vec<([i64; 3], usize)> =
+        (0..places.len()).map(|n| (bin(&places[n]), n)).collect();
+    sorted.sort_unstable();
     for (n, place) in places.iter().enumerate() {
-        bins.entry(bin(place)).or_default().push(n);
-    }
-    for (n, place) in places.iter().enumerate() {
-        let at = bin(place);
-        for o in 0..27 {
-            let beside = [o / 9 - 1, o / 3 % 3 - 1, o % 3 - 1];
-            let there = std::array::from_fn(|a| at[a] + beside[a]);
-            for &other in bins.get(&there).into_iter().flatten() {
+        let [x, y, z] = bin(place);
+        for o in 0..9 {
+            // Three bins along z follow each other.
+            let [first, last] = [-1, 1].map(|side| [x + o / 3 - 1, y + o % 3 - 1, z + side]);
+            let start = sorted.partition_point(|one| one.0 < first);
+            let near = sorted[start..].iter().take_while(|one| one.0 <= last);
+            for &(_, other) in near {
                 let d = std::array::from_fn(|a| places[other][a] - place[a]);
                 see(n, other, d);
             }
