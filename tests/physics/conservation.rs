@@ -173,3 +173,40 @@ fn thin_sheets_that_meet_by_their_rims_bounce() {
         assert!((0.97..1.03).contains(&kept), "{thickness} cells: {kept}");
     }
 }
+
+/// A plate one cell thick and a block that hits it at 44 m/s: both vibrate far from rest, where their fastest motion is measured.
+const CRUSHED: &str = r#"
+version = 1
+dx = 0.05
+gravity = [0, 0, 0]
+frame_rate = 60
+
+[[objects]]
+name = "plate"
+shape = { kind = "box", size = [0.3, 0.05, 0.3] }
+translation = [-0.2, 0.3, 0.092]
+rotation_deg = [1, 178, 180]
+material = { law = "hencky", youngs_modulus_pa = 2.8e6, poisson_ratio = 0.4, density_kg_m3 = 566 }
+linear_velocity = [13.4, 14.3, -4.8]
+angular_velocity = [1.86, 0.2, -1.4]
+
+[[objects]]
+name = "block"
+shape = { kind = "box", size = [0.2, 0.1, 0.15] }
+translation = [0.25, 0.3, -0.056]
+rotation_deg = [164, 178, 133]
+material = { law = "neo_hookean", youngs_modulus_pa = 1.76e6, poisson_ratio = 0.4, density_kg_m3 = 2651 }
+linear_velocity = [-29.2, 13.8, 7.9]
+angular_velocity = [4.3, 13.2, -2.5]
+"#;
+
+#[test]
+fn crushed_solids_gain_no_energy_as_they_fly_apart() {
+    let run = simulate(CRUSHED, 0.25, &[]);
+    assert_momentum_is_kept(&run, 1e-5);
+    // They have parted by the third frame.
+    let energies: Vec<f64> = run.frames.iter().skip(2).map(energy).collect();
+    let largest = energies.iter().copied().fold(0.0, f64::max);
+    // Measured: 1.0009 of it. With substeps in which `F` changed by 0.2 it was 1.0078, and grew.
+    assert!(largest < 1.003 * energies[0], "{energies:?}");
+}
