@@ -7,6 +7,7 @@
 
 use super::{
     kernel::{Moving, SolidLaw, Step, Tiles, substep},
+    memory::BlockMemory,
     model::SolidModel,
     nodes::{Conditions, NodeBlock, NodeRow, Planes, slot},
     surface::SurfacePoint,
@@ -21,7 +22,7 @@ pub(super) enum Steps {
     /// For what is measured often.
     Few,
     /// For what contact adds, which is a part of the whole.
-    Some,
+    Several,
     /// For what is measured once.
     Many,
 }
@@ -31,7 +32,7 @@ impl Steps {
     fn count(self) -> (usize, f64) {
         match self {
             Self::Few => (6, 1.15),
-            Self::Some => (8, 1.05),
+            Self::Several => (8, 1.05),
             Self::Many => (24, 1.02),
         }
     }
@@ -101,6 +102,8 @@ pub(super) struct Lanczos {
     /// Accelerations where nodes are.
     base: Vec<Planes>,
     nodes: Vec<NodeBlock>,
+    /// What matter remembers: nothing, so that it is elastic, whatever it does beyond that.
+    memory: Vec<BlockMemory>,
     /// Roots of cell size over mass, and one over these; 0 where nothing moves.
     roots: Vec<[[F32x16; 4]; 2]>,
 }
@@ -109,7 +112,7 @@ impl Vibrating<'_> {
     /// Its fastest motion there.
     pub fn fastest(&mut self, memory: &mut Lanczos, steps: Steps) -> Measured {
         let (steps, missed) = steps.count();
-        memory.restart(&self.conditions.w);
+        memory.restart(&self.conditions.w, self.model.point_blocks.len());
         self.accelerate(memory, None);
         let sums = self.tiles.sums.clone();
         for (base, node) in memory.base.iter_mut().zip(&memory.nodes) {
@@ -208,7 +211,11 @@ impl Vibrating<'_> {
     /// Accelerations of nodes, as velocities, where they are or displaced by so much of the vector at hand.
     fn accelerate(&mut self, memory: &mut Lanczos, displaced: Option<f32>) {
         let Lanczos {
-            now, nodes, roots, ..
+            now,
+            nodes,
+            roots,
+            memory,
+            ..
         } = memory;
         for (node, about) in nodes.iter_mut().zip(self.about) {
             *node = NodeBlock {
@@ -244,11 +251,7 @@ impl Vibrating<'_> {
             wants_extremes: displaced.is_none(),
             wants_rate: false,
         };
-        // Without memory matter is elastic, whatever it does beyond that.
-        let moving = Moving {
-            nodes,
-            memory: &mut vec![vec![]; self.model.point_blocks.len()],
-        };
+        let moving = Moving { nodes, memory };
         let conditions = &*self.conditions;
         substep(
             self.isa, self.model, self.laws, conditions, moving, self.tiles, &step,
@@ -257,16 +260,18 @@ impl Vibrating<'_> {
 }
 
 impl Lanczos {
-    /// For nodes with these cell sizes over mass [m/kg].
-    fn restart(&mut self, w: &[[F32x16; 4]]) {
+    /// For nodes with these cell sizes over mass [m/kg], and so many blocks of points.
+    fn restart(&mut self, w: &[[F32x16; 4]], point_blocks: usize) {
         let Self {
             now,
             before,
             next,
             base,
             nodes,
+            memory,
             roots,
         } = self;
+        memory.resize_with(point_blocks, Vec::new);
         for vectors in [now, before, next, base] {
             vectors.clear();
             vectors.resize(w.len(), [[F32x16::ZERO; 4]; 3]);

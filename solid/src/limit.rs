@@ -101,7 +101,7 @@ impl Motions {
                 tangent: times * surface.tangent,
                 ..surface
             });
-            let fastest = rest.fastest(&mut self.lanczos, Steps::Some).squared;
+            let fastest = rest.fastest(&mut self.lanczos, Steps::Several).squared;
             (fastest - found.squared).max(0.0)
         });
         self.pressed = [0.0, pressed[0], pressed[1]];
