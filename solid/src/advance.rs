@@ -13,7 +13,10 @@ use super::{
     state::SolidState,
     surface::SurfacePoint,
 };
-use crate::simd::{F32x16, Isa};
+use crate::{
+    mat3::length,
+    simd::{F32x16, Isa},
+};
 
 /// Substeps from one look at the tangent to the next, while it is near that at rest.
 const LOOK: u64 = 4;
@@ -22,6 +25,10 @@ const WATCHED: f64 = 1.6;
 /// Part of the largest tangent known that the next look keeps, of matter that flows: it stays flat, and substeps that follow every swing
 /// of its tangent would feed the swing.
 const KEPT: f32 = 0.999;
+
+/// Depth that contact may come to in the substep in which it begins [cells]: with a whole cell blocks that met at 40 m/s came away with
+/// almost three times their energy, with 0.4 with what finer substeps leave them.
+const DEEPENS: f64 = 0.4;
 
 /// A solid with what it works with.
 #[derive(Debug)]
@@ -142,12 +149,20 @@ impl<'a> Solid<'a> {
         self.state.memory.iter().any(|block| !block.is_empty())
     }
 
-    /// Largest substep now [s].
-    pub fn limit(&self, cfl: f64) -> f64 {
+    /// Largest substep now [s], after one of `drift` [s].
+    pub fn limit(&self, cfl: f64, drift: f64) -> f64 {
         let Scratch {
             motions, search, ..
         } = &*self.scratch;
-        motions.limit(&self.deformed(), search.contact, cfl)
+        let by_motions = motions.limit(&self.deformed(), search.contact, cfl);
+        search.limit(DEEPENS * self.model.dx, drift, by_motions)
+    }
+
+    /// Expects to meet something in a frame that begins.
+    pub fn expect_contact(&mut self) {
+        let speed = length(self.state.velocity) + self.state.fastest(self.model);
+        // The other may be as fast.
+        self.scratch.search.expect(2.0 * speed);
     }
 
     /// Measures its fastest motion about rest, if that is not known for its laws.

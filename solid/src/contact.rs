@@ -162,7 +162,7 @@ impl Solid<'_> {
             (placed.id as u32, stand)
         };
         let with: Vec<(u32, Stand)> = colliders.iter().map(stand).collect();
-        let mut list = self.candidates((&with, &[]), |solid, due| {
+        let mut list = self.candidates((&with, &[]), moved, |solid, due| {
             solid.near_colliders(surface, colliders, [min, max], due)
         });
         let (solid, state, modulus) = (&*self, &*self.state, self.modulus());
@@ -348,16 +348,17 @@ impl Solid<'_> {
     }
 
     /// Points that may touch these things where they stand, found by `find` in the clusters of which that is not known any more.
-    /// `others` are the ways of groups of what moves besides [m]. They go back by [`keep`](Self::keep).
+    /// `others` are the ways of groups of what moves besides [m], and all have moved for `moved` [s]. They go back by [`keep`](Self::keep).
     pub fn candidates(
         &mut self,
         (with, others): (&[(u32, Stand)], &[f64]),
+        moved: f64,
         find: impl FnOnce(&Self, &[usize]) -> Vec<FoundInCluster>,
     ) -> CandidateList {
         let mut list = self.scratch.search.take(with);
         let own = &self.scratch.search.own;
         let ways = Ways { own, others };
-        list.go_on(self.stand(), with, &ways);
+        list.go_on(self.stand(), with, &ways, moved);
         let due = list.due(&ways);
         if !due.is_empty() {
             list.renew(&due, &ways, find(self, &due));
@@ -367,7 +368,7 @@ impl Solid<'_> {
 
     /// Keeps a list of points for the next substep.
     pub fn keep(&mut self, list: CandidateList) {
-        self.scratch.search.lists.push(list);
+        self.scratch.search.keep(list);
     }
 
     /// Place of a point of its surface [m].

@@ -16,8 +16,12 @@ use super::{
 use crate::{
     colliders::{Boundaries, Paths, Placed, Substep},
     ledger::{ContactPartner, Ledger},
+    mat3::length,
     scene::Scene,
 };
+
+/// How far ahead solids that come near each other are looked for [substeps].
+const AHEAD: f64 = 4.0;
 
 /// A solid of a group.
 #[derive(Debug)]
@@ -80,17 +84,23 @@ pub fn advance_group(
     ledger: &mut Ledger,
 ) -> Result<Passed, usize> {
     let outside = &around.outside;
+    let meets = group.len() > 1 || peers.is_some();
     for mover in group.iter_mut() {
         let (given, begins) = (&mover.given, start == around.frame[0]);
         let surface = &mover.object.surface;
         let surface = (&surface.points[..], &surface.stiffness[..]);
         mover.solid.begin(outside, surface, begins, |n| given[n]);
+        if (meets || !mover.colliders.is_empty()) && !mover.solid.scratch.search.has_begun {
+            mover.solid.expect_contact();
+        }
     }
-    let limit = |group: &[Mover<'_>]| {
-        let limits = group.iter().map(|mover| mover.solid.limit(outside.cfl));
+    let limit = |group: &[Mover<'_>], drift: f64| {
+        let limits = group
+            .iter()
+            .map(|mover| mover.solid.limit(outside.cfl, drift));
         limits.fold(f64::INFINITY, f64::min)
     };
-    let mut shares = Shares::first(length, limit(group));
+    let mut shares = Shares::first(length, limit(group, 0.0));
     let mut passed = Passed {
         substeps: 0,
         smallest: f64::INFINITY,
@@ -115,7 +125,7 @@ pub fn advance_group(
         passed.substeps += 1;
         passed.smallest = passed.smallest.min(shares.dt);
         (passed.last, moved) = (shares.dt, shares.dt);
-        match shares.next(limit(group)) {
+        match shares.next(limit(group, shares.dt)) {
             Some(next) => kick = next,
             None => break,
         }
@@ -159,6 +169,7 @@ fn find_forces(
     for mover in group.iter_mut() {
         let scratch = &mut *mover.solid.scratch;
         scratch.search.contact = ContactWith::Nothing;
+        scratch.search.begin_look();
         // Those of a substep that was undone would be bound twice.
         scratch.walls.bonds.clear();
         let conditions = &mut scratch.conditions;
@@ -202,7 +213,7 @@ fn meet_bodies(
             let solid = &mut mover.solid;
             solid.look(surface);
             let with = [(number, stand_of(actor))];
-            let mut list = solid.candidates((&with, &[]), |solid, due| {
+            let mut list = solid.candidates((&with, &[]), moved, |solid, due| {
                 near_body(solid, surface, actor, number, due)
             });
             let pressed = PressedByBodies {
@@ -255,7 +266,10 @@ fn meet_each_other(
     let mut found = vec![];
     for i in 0..group.len() {
         for j in i + 1..group.len() {
-            let margin = group[i].solid.margin();
+            // Those that may meet in the substep after this are looked for.
+            let [u, v] = [i, j].map(|n| group[n].solid.state.velocity);
+            let speed = length(std::array::from_fn(|a| u[a] - v[a]));
+            let margin = group[i].solid.margin() + AHEAD * speed * kick;
             let ([a, b], [c, d]) = (seen[i].0, seen[j].0);
             if (0..3).all(|n| a[n] <= d[n] + margin && c[n] <= b[n] + margin) {
                 press_each_other(group, [i, j], &seen, around, moved, &mut found);
@@ -308,7 +322,7 @@ fn press_each_other(
         let there = Presence::new(&other.solid, others, depth, seen[pair[1]].1);
         let find = |solid: &Solid<'_>, due: &[usize]| there.near(isa, solid, surface, number, due);
         let others = &other.solid.scratch.search.groups;
-        let mut list = one.solid.candidates((&[stand], others), find);
+        let mut list = one.solid.candidates((&[stand], others), moved, find);
         if !list.points.is_empty() {
             let here = Presence::new(&one.solid, surface, own_depth, seen[pair[0]].1);
             let met = here.pressed_by(&there, &mut list, [friction, moved], number);

@@ -91,6 +91,10 @@ pub struct CandidateList {
     /// By how much they have come nearer at most since the list was made, but for the ways of clusters [m].
     way: f64,
     of_clusters: Vec<ClusterWay>,
+    /// How fast points and what is near them come nearer to each other at most [m/s]; 0 while that is not known.
+    speed: f64,
+    /// Whether it was gone on with at the latest look.
+    is_of_now: bool,
     /// In ascending order.
     pub points: Vec<Candidate>,
     /// Memory for those before.
@@ -108,6 +112,8 @@ struct ClusterWay {
     until: f64,
     /// The same with what is far from it, the fastest of all.
     until_far: f64,
+    /// Way of it and all near it when it was followed last [m].
+    way: f64,
 }
 
 impl ClusterWay {
@@ -133,16 +139,17 @@ impl Ways<'_> {
 }
 
 impl CandidateList {
-    /// Goes on to where all stand now; a new list of so many clusters knows nothing yet.
-    pub fn go_on(&mut self, now: Stand, with: &[(u32, Stand)], ways: &Ways<'_>) {
+    /// Goes on to where all stand now, after `moved` [s]; a new list of so many clusters knows nothing yet.
+    pub fn go_on(&mut self, now: Stand, with: &[(u32, Stand)], ways: &Ways<'_>, moved: f64) {
         let Some(then) = self.stand.replace(now) else {
-            self.way = 0.0;
+            (self.way, self.speed) = (0.0, 0.0);
             self.points.clear();
             self.of_clusters
                 .resize_with(ways.own.len(), Default::default);
             for cluster in &mut self.of_clusters {
                 cluster.near.clear();
                 (cluster.other, cluster.until, cluster.until_far) = (0.0, 0.0, 0.0);
+                cluster.way = 0.0;
             }
             self.with.clear();
             self.with.extend_from_slice(with);
@@ -154,8 +161,14 @@ impl CandidateList {
             *before = *other;
         }
         self.way += nearer;
-        for cluster in &mut self.of_clusters {
+        let mut nearer = 0.0_f64;
+        for (cluster, own) in self.of_clusters.iter_mut().zip(ways.own) {
             cluster.follow(ways.others);
+            let way = self.way + own + cluster.other;
+            nearer = nearer.max(way - std::mem::replace(&mut cluster.way, way));
+        }
+        if moved > 0.0 {
+            self.speed = nearer / moved;
         }
     }
 
@@ -178,6 +191,20 @@ impl CandidateList {
                 || cluster.until_far <= self.way + ways.own[n] + farthest
         };
         (0..self.of_clusters.len()).filter(is_due).collect()
+    }
+
+    /// Substep in which points come no deeper than `depth` [m], after one of `drift` [s] from where they were found; as much as
+    /// `most` [s] where that is less.
+    fn limit(&self, own: &[f64], depth: f64, drift: f64, most: f64) -> f64 {
+        if !self.is_of_now || depth >= self.speed * most {
+            return most;
+        }
+        let clear = |cluster: usize| self.of_clusters[cluster].until - self.way(cluster, own);
+        let of_clusters = (0..own.len()).map(clear);
+        let listed = self.points.iter();
+        let of_points = listed.map(|p| p.until - self.way(p.cluster(), own));
+        let clear = of_clusters.chain(of_points).fold(f64::INFINITY, f64::min);
+        most.min((clear / self.speed - drift).max(0.0) + depth / self.speed)
     }
 
     /// How far points of a cluster are from what they may touch at least [m]; 0 where some are listed.
@@ -205,6 +232,7 @@ impl CandidateList {
             of_cluster.follow(ways.others);
             of_cluster.until_far = self.way + ways.own[cluster] + farthest + found.far;
             let way = self.way(cluster, ways.own);
+            self.of_clusters[cluster].way = way;
             while let Some(point) = before.next_if(|p| p.cluster() < cluster) {
                 self.points.push(point);
             }
@@ -329,6 +357,10 @@ pub struct Search {
     pub lists: Vec<CandidateList>,
     /// What it is in contact with.
     pub contact: ContactWith,
+    /// Taken for how fast they do while that is not known [m/s].
+    speed: f64,
+    /// Whether anything was looked for.
+    pub has_begun: bool,
 }
 
 impl Search {
@@ -337,6 +369,7 @@ impl Search {
         self.ways.fill(0.0);
         self.boxes.clear();
         (self.is_fresh, self.contact, self.start) = (false, ContactWith::default(), None);
+        (self.has_begun, self.speed) = (false, 0.0);
         // What was not asked for since the last time is not asked for again.
         self.lists.retain(|list| list.stand.is_some());
         self.lists.iter_mut().for_each(|list| list.stand = None);
@@ -398,6 +431,39 @@ impl Search {
         start
     }
 
+    /// Takes this for how fast things come nearer while that is not known [m/s].
+    pub fn expect(&mut self, speed: f64) {
+        self.speed = speed;
+    }
+
+    /// Before all lists are looked at that count.
+    pub fn begin_look(&mut self) {
+        self.has_begun = true;
+        for list in &mut self.lists {
+            list.is_of_now = false;
+        }
+    }
+
+    /// Keeps a list for the next substep.
+    pub fn keep(&mut self, mut list: CandidateList) {
+        if list.speed == 0.0 {
+            list.speed = self.speed;
+        }
+        list.is_of_now = true;
+        self.lists.push(list);
+    }
+
+    /// Substep in which contact comes no deeper than `depth` [m], after one of `drift` [s]; as much as `most` [s] where that is less.
+    pub fn limit(&self, depth: f64, drift: f64, most: f64) -> f64 {
+        match self.has_begun {
+            false => most.min(depth / self.speed),
+            true => self
+                .lists
+                .iter()
+                .fold(most, |most, list| list.limit(&self.own, depth, drift, most)),
+        }
+    }
+
     /// The list for these things; an empty one where there is none.
     pub fn take(&mut self, with: &[(u32, Stand)]) -> CandidateList {
         let same = |list: &CandidateList| {
@@ -439,7 +505,7 @@ mod tests {
                 own: &own,
                 others: &[],
             };
-            list.go_on(stand(way), &[(0, stand(0.0))], &ways);
+            list.go_on(stand(way), &[(0, stand(0.0))], &ways, 1.0);
             let due = list.due(&ways);
             looked += due.len();
             let found = find_near(&due, |cluster| {
@@ -460,6 +526,42 @@ mod tests {
         }
         // Each at most once per margin, the far ones less often: at once in every step it would be 600.
         assert!((6..60).contains(&looked), "{looked}");
+    }
+
+    #[test]
+    fn what_comes_at_a_wall_comes_no_deeper_than_asked_at_first() {
+        let stand = |place: [f64; 3]| Stand {
+            place,
+            turn: [0.0, 0.0, 0.0, 1.0],
+            radius: 0.0,
+        };
+        let (depth, most) = (0.05, 0.02);
+        for speed in [0.1, 3.0, 70.0] {
+            let (mut search, mut height, mut moved) = (Search::default(), 1.0, 0.0);
+            search.own = vec![0.0];
+            search.expect(speed);
+            let with = [(0, stand([0.0; 3]))];
+            // The first is chosen before anything is looked for.
+            let mut dt = search.limit(depth, 0.0, most);
+            while height >= 0.0 {
+                search.begin_look();
+                let mut list = search.take(&with);
+                let ways = Ways {
+                    own: &[0.0],
+                    others: &[],
+                };
+                list.go_on(stand([0.0, height, 0.0]), &with, &ways, moved);
+                let due = list.due(&ways);
+                let found = find_near(&due, |_| FoundInCluster::of(0..1, 0.1, |_| height));
+                list.renew(&due, &ways, found);
+                search.keep(list);
+                height -= speed * dt;
+                moved = dt;
+                dt = search.limit(depth, moved, most);
+                assert!(dt == most || speed * most > depth);
+            }
+            assert!(height >= -depth - 1e-9, "{speed} m/s: {height}");
+        }
     }
 
     #[test]

@@ -131,13 +131,13 @@ pub(super) fn advance_alone(
 ) -> bool {
     let velocity = |n: usize| given.get(n).copied().unwrap_or_default();
     solid.begin(outside, (&[], &[]), true, velocity);
-    let mut shares = Shares::first(length, solid.limit(outside.cfl));
+    let mut shares = Shares::first(length, solid.limit(outside.cfl, 0.0));
     let mut kick = 0.5 * shares.dt;
     let mut bad = false;
     loop {
         bad |= solid.substep(outside, kick, shares.dt, &shares).bad;
         let last = 0.5 * shares.dt;
-        match shares.next(solid.limit(outside.cfl)) {
+        match shares.next(solid.limit(outside.cfl, 0.0)) {
             Some(next) => kick = next,
             None => {
                 bad |= solid.substep(outside, last, 0.0, &shares).bad;
