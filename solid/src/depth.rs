@@ -36,12 +36,11 @@ impl Facet {
             return None;
         }
         let beyond = match self.face {
-            // A square.
+            // A rectangle.
             Some(axis) => {
-                let half = 0.5 * self.area.sqrt();
                 let off: [f64; 3] = std::array::from_fn(|a| match a == axis {
                     true => 0.0,
-                    false => (r[a].abs() - half).max(0.0),
+                    false => (r[a].abs() - self.half[a]).max(0.0),
                 });
                 length(off)
             }

@@ -3,7 +3,8 @@
 //! Where pieces are whole or absent they show their faces. Elsewhere the surface is a height over a plane of the lattice: sums of columns
 //! of pieces across it (height functions, Hirt and Nichols 1981), fitted by a quadric over nine columns (Cummins, Francois and Kothe
 //! 2005). Sums are true whichever piece of a column a sliver was joined to. Every piece that the surface goes through has its part of it.
-//! Where columns do not tell, at edges and in thin matter, a cut piece has the plane that leaves its volume behind, across the gradient
+//! Pieces at faces, edges and corners of a box that is cut at planes of the lattice have the parts of its faces.
+//! Where none of this tells, at other edges and in thin matter, a cut piece has the plane that leaves its volume behind, across the gradient
 //! of filling (piecewise linear reconstruction, Youngs 1982).
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -26,6 +27,9 @@ const STEEPEST: f64 = 1.5;
 /// Largest second difference of heights: a ball of four pieces' radius has 0.25, an edge 1 and more.
 const SHARPEST: f64 = 0.75;
 
+/// How far fillings may be off those of a box that is cut at planes across the axes.
+const FLAT: f64 = 1e-3;
+
 /// Filling of the lattice, with the place of some matter in each piece along its axes [m].
 type Filling = BTreeMap<[i64; 3], (f64, [f64; 3])>;
 
@@ -40,8 +44,10 @@ pub(super) struct Facet {
     pub normal: [f64; 3],
     /// Area [m^2].
     pub area: f64,
-    /// The axis across a face of a whole piece; none of a plane through a piece.
+    /// The axis across a part of a face; none of a plane through a piece.
     pub face: Option<usize>,
+    /// Half of what a part of a face is long along each axis [m].
+    pub half: [f64; 3],
     /// Where matter behind it is [m].
     pub owner: [f64; 3],
 }
@@ -109,11 +115,29 @@ impl<'a> Pieces<'a> {
                 seen.extend(beside(index).filter(|next| !self.has(next)));
             }
         }
-        // Which of them have a plane of their own.
+        // Which of them have parts of the surface of their own.
         let mut crossed = BTreeSet::new();
         let mut out = vec![];
-        for index in seen.iter().filter(|index| !self.is_plain(index)) {
-            if let Some(plane) = self.plane_in(index) {
+        let is_cut = |index: &&[i64; 3]| !self.is_plain(index);
+        let (filled, open): (Vec<_>, Vec<_>) = seen
+            .iter()
+            .filter(is_cut)
+            .partition(|index| self.has(index));
+        for index in filled.into_iter().chain(open) {
+            if crossed.contains(index) {
+                continue;
+            }
+            if let Some(ends) = self.ends_in(index) {
+                crossed.insert(*index);
+                let at_end = (0..3).filter(|&axis| ends[axis].1 != 0);
+                out.extend(
+                    at_end
+                        .clone()
+                        .map(|axis| self.part_of_face(index, axis, &ends)),
+                );
+                // The surface does not go through what is beyond.
+                crossed.extend(at_end.map(|axis| step(index, axis, ends[axis].1)));
+            } else if let Some(plane) = self.plane_in(index) {
                 crossed.insert(*index);
                 out.push(self.facet(index, &plane));
             }
@@ -153,6 +177,62 @@ impl<'a> Pieces<'a> {
             normal,
             area: edge * edge,
             face: Some(axis),
+            half: std::array::from_fn(|a| if a == axis { 0.0 } else { 0.5 * edge }),
+            owner: self.filling[index].1,
+        }
+    }
+
+    /// How far a box that is cut at planes across the axes goes into a piece along each [edges], and at which side it ends there: -1, 1
+    /// or 0 where it goes on. None of other matter.
+    fn ends_in(&self, index: &[i64; 3]) -> Option<[(f64, i64); 3]> {
+        let filled = self.filled(index);
+        let mut ends = [(1.0, 0); 3];
+        let mut profiles = [[1.0; 3]; 3];
+        for axis in 0..3 {
+            let [low, high] = [-1, 1].map(|side| self.filled(&step(index, axis, side)));
+            profiles[axis] = [low / filled, 1.0, high / filled];
+            let (inner, side) = match (low > 0.0, high > 0.0) {
+                (true, true) => continue,
+                (true, false) => (low, 1),
+                (false, true) => (high, -1),
+                (false, false) => return None,
+            };
+            // Of two layers the inner one may be that which is cut.
+            ends[axis] = ((filled / inner).min(1.0), side);
+        }
+        let all: f64 = ends.iter().map(|end| end.0).product();
+        let is_like_it = |(o, there): ([i64; 3], [i64; 3])| {
+            let shares = (0..3).map(|a| profiles[a][(o[a] + 1) as usize]);
+            (self.filled(&there) - filled * shares.product::<f64>()).abs() < FLAT
+        };
+        let is_box = filled > 0.0 && (all - filled).abs() < FLAT;
+        (is_box && around(index).all(is_like_it)).then_some(ends)
+    }
+
+    /// The part in a piece of a box's face across an axis.
+    fn part_of_face(&self, index: &[i64; 3], axis: usize, ends: &[(f64, i64); 3]) -> Facet {
+        let (edge, mut center) = (self.lattice.edge, self.middle(index));
+        let mut half = [0.0; 3];
+        let mut normal = [0.0; 3];
+        for a in 0..3 {
+            let (share, side) = ends[a];
+            // From the side where it goes on.
+            let end = side as f64 * edge * (share - 0.5);
+            if a == axis {
+                center[a] += end;
+                normal[a] = side as f64;
+            } else {
+                half[a] = 0.5 * edge * share;
+                center[a] += side as f64 * edge * 0.5 * (share - 1.0);
+            }
+        }
+        Facet {
+            index: *index,
+            center,
+            normal,
+            area: half.iter().filter(|h| **h > 0.0).map(|h| 2.0 * h).product(),
+            face: Some(axis),
+            half,
             owner: self.filling[index].1,
         }
     }
@@ -168,6 +248,7 @@ impl<'a> Pieces<'a> {
             normal: plane.normal,
             area: edge * edge * plane.area,
             face: None,
+            half: [0.0; 3],
             owner: owner.map_or(middle, |piece| piece.1),
         }
     }
@@ -304,11 +385,14 @@ fn along(heights: &[[Option<f64>; 3]; 3]) -> [f64; 2] {
 /// The six places beside one, `2 axis + side`.
 fn beside(index: &[i64; 3]) -> impl Iterator<Item = [i64; 3]> + use<> {
     let index = *index;
-    (0..6).map(move |n| {
-        let mut next = index;
-        next[n / 2] += 2 * (n as i64 % 2) - 1;
-        next
-    })
+    (0..6).map(move |n| step(&index, n / 2, 2 * (n as i64 % 2) - 1))
+}
+
+/// The place some steps along an axis from one.
+fn step(index: &[i64; 3], axis: usize, steps: i64) -> [i64; 3] {
+    let mut next = *index;
+    next[axis] += steps;
+    next
 }
 
 /// The 27 places in and around one, with the way to them.

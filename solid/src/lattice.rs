@@ -24,8 +24,10 @@ const ALIGNED: f64 = 0.01;
 const SHORTEST: f64 = 0.5;
 const LONGEST: f64 = 1.8;
 const ASIDE: f64 = 0.3;
-/// Relative difference of sizes from which on pieces do not fit cells: what their mean is uncertain by where there are many.
+/// How far pieces may be off those of cells at the far end of an object [pieces], and standard deviations of their mean size that are
+/// taken for nothing else.
 const UNEVEN: f64 = 0.01;
+const DEVIATIONS: f64 = 4.0;
 /// How far the end of a row of boxes may be off a plane and be at it [pieces].
 const UNCERTAIN: f64 = 0.02;
 /// What rounding makes of a plane [pieces].
@@ -371,17 +373,19 @@ fn spacings(volume: f64, fitting: f64, places: &[[f64; 3]]) -> Option<[f64; 3]> 
             }
         }
     });
-    // Per axis their sum, and how many there are.
-    let mut ways = [[0.0; 2]; 3];
+    // Per axis their sum, that of their squares, and how many there are.
+    let mut ways = [[0.0; 3]; 3];
     for least in &nearest {
         for (way, &least) in ways.iter_mut().zip(least) {
             if least < LONGEST * width {
-                way[0] += least;
-                way[1] += 1.0;
+                let off = least - width;
+                way[0] += off;
+                way[1] += off * off;
+                way[2] += 1.0;
             }
         }
     }
-    let known = ways.map(|[sum, count]| (count > 0.0).then(|| sum / count));
+    let known = ways.map(|[sum, _, count]| (count > 0.0).then(|| width + sum / count));
     let product: f64 = known.iter().flatten().product();
     let unknown = known.iter().filter(|size| size.is_none()).count();
     // One layer is as thick as is left; a row of boxes is square.
@@ -389,8 +393,19 @@ fn spacings(volume: f64, fitting: f64, places: &[[f64; 3]]) -> Option<[f64; 3]> 
     let size = known.map(|size| size.unwrap_or(rest));
     let fills = (size.iter().product::<f64>() / volume - 1.0).abs() < EXACT;
     let is_off = |a: usize| {
-        let count: f64 = ways[a][1].max(1.0);
-        (size[a] / fitting - 1.0).abs() > UNEVEN * (1.0 + 10.0 / count.sqrt())
+        let [sum, squares, count] = ways[a];
+        let off = (size[a] - fitting).abs();
+        let [least, most] = [f64::min, f64::max].map(|of| {
+            places
+                .iter()
+                .map(|place| place[a])
+                .reduce(of)
+                .unwrap_or(0.0)
+        });
+        let all = (most - least) / size[a] + 1.0;
+        let count = count.max(1.0);
+        let variance = (squares / count - (sum / count).powi(2)).max(0.0);
+        off > UNEVEN * fitting / all + DEVIATIONS * (variance / count).sqrt()
     };
     (fills && unknown < 3 && (0..3).any(is_off)).then_some(size)
 }

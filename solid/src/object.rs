@@ -37,8 +37,8 @@ pub struct SolidObject {
     pub regions: Vec<HeldInRegion>,
 }
 
-/// How far behind a face a held region may end that holds it [cells]: particles are known in single precision.
-const FACE: f64 = 1e-3;
+/// How far behind a face a held region may end that holds it [cells]: where the surface is follows from particles.
+const FACE: f64 = 0.02;
 
 /// What a held region of the scene has of a solid at rest.
 #[derive(Clone, Debug)]

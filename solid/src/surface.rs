@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 
 use super::{
     facets::{Facet, Pieces},
-    lattice::Lattice,
     model::{Bears, SolidModel},
 };
 use crate::mat3::length;
@@ -36,30 +35,23 @@ struct Found {
 /// Points of the surface of matter.
 pub(super) fn surface(model: &SolidModel, pieces: &Pieces<'_>) -> Vec<SurfacePoint> {
     let lattice = &model.lattice;
-    let on_grid = points(lattice, &pieces.facets)
-        .into_iter()
-        .filter_map(|point| {
-            let (x, owner) = (lattice.world(point.x), lattice.world(point.owner));
-            let site = model.site(x, owner);
-            let site = site.or_else(|| model.site_near(x))?;
-            Some(SurfacePoint {
-                bears: model.bears(&site),
-                x,
-                area: point.area,
-                normal: lattice.world(point.normal),
-            })
-        });
+    let on_grid = points(&pieces.facets).into_iter().filter_map(|point| {
+        let (x, owner) = (lattice.world(point.x), lattice.world(point.owner));
+        let site = model.site(x, owner);
+        let site = site.or_else(|| model.site_near(x))?;
+        Some(SurfacePoint {
+            bears: model.bears(&site),
+            x,
+            area: point.area,
+            normal: lattice.world(point.normal),
+        })
+    });
     on_grid.collect()
 }
 
 /// Middles of planes, and corners of faces that are not between such that look in opposite directions: there is no outside.
-fn points(lattice: &Lattice, facets: &[Facet]) -> Vec<Found> {
-    let &Lattice {
-        edge,
-        corner: first,
-        ..
-    } = lattice;
-    let mut corners: BTreeMap<[i64; 3], (f64, [f64; 3], [f64; 3])> = BTreeMap::new();
+fn points(facets: &[Facet]) -> Vec<Found> {
+    let mut corners: BTreeMap<[i64; 3], Found> = BTreeMap::new();
     let mut found = vec![];
     for facet in facets {
         let Some(axis) = facet.face else {
@@ -72,22 +64,28 @@ fn points(lattice: &Lattice, facets: &[Facet]) -> Vec<Found> {
             continue;
         };
         for n in 0..4 {
-            let mut at = facet.index;
+            let (mut at, mut x) = (facet.index, facet.center);
             at[axis] += i64::from(facet.normal[axis] > 0.0);
-            at[(axis + 1) % 3] += n / 2;
-            at[(axis + 2) % 3] += n % 2;
-            let point = corners.entry(at).or_insert((0.0, [0.0; 3], facet.owner));
-            point.0 += 0.25 * facet.area;
-            point.1[axis] += facet.normal[axis];
+            for (across, side) in [((axis + 1) % 3, n / 2), ((axis + 2) % 3, n % 2)] {
+                at[across] += side;
+                x[across] += (2 * side - 1) as f64 * facet.half[across];
+            }
+            let none = Found {
+                x,
+                area: 0.0,
+                normal: [0.0; 3],
+                owner: facet.owner,
+            };
+            let point = corners.entry(at).or_insert(none);
+            point.area += 0.25 * facet.area;
+            point.normal[axis] += facet.normal[axis];
         }
     }
-    let corners = corners.into_iter();
-    let corners = corners.filter(|(_, (_, sum, _))| length(*sum) > 0.0);
-    found.extend(corners.map(|(at, (area, sum, owner))| Found {
-        x: std::array::from_fn(|a| first[a] + edge * at[a] as f64),
-        area,
-        normal: sum.map(|n| n / length(sum)),
-        owner,
+    let corners = corners.into_values();
+    let corners = corners.filter(|point| length(point.normal) > 0.0);
+    found.extend(corners.map(|point| Found {
+        normal: point.normal.map(|n| n / length(point.normal)),
+        ..point
     }));
     found
 }

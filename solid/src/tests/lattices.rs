@@ -164,7 +164,7 @@ fn a_box_is_where_it_is_whatever_pieces_fit_it() {
         let exact = filled(size, count);
         let volume: f64 = size.iter().product();
         // Places off by a tenth of a piece move the lattice by that over the root of their number.
-        for (seeds, error) in [(shaken(&exact), 1e-3), (exact, 1e-6)] {
+        for (seeds, error, area_error) in [(shaken(&exact), 1e-3, 0.15), (exact, 1e-6, 1e-6)] {
             let model = SolidModel::new(0.1, &seeds);
             assert!((model.total_mass / (DENSITY * volume) - 1.0).abs() < 1e-6);
             assert!((model.volume() / volume - 1.0).abs() < 2e-3, "{size:?}");
@@ -182,13 +182,13 @@ fn a_box_is_where_it_is_whatever_pieces_fit_it() {
                 };
                 assert!(off.abs() < error + beyond, "{size:?} {a}: {off}");
             }
-            // Measured: 12 % less, where edges are cut off.
+            // Measured: exact, and 12 % less where places are off by a tenth: the lattice is turned by a degree then, and edges are cut off.
             let pieces = Pieces::new(&model.lattice, &seeds);
             let area: f64 = surface(&model, &pieces).iter().map(|p| p.area).sum();
             let [x, y, z] = size;
             let true_area = 2.0 * (x * y + y * z + z * x);
             assert!(
-                (area / true_area - 1.0).abs() < 0.15,
+                (area / true_area - 1.0).abs() < area_error,
                 "{size:?}: {area} {true_area}"
             );
         }
