@@ -37,7 +37,7 @@ const SEARCH_MARGINS: f64 = 8.0;
 /// Points that meet others, with their springs' stiffness.
 #[derive(Clone, Debug, Default)]
 pub struct ContactSurface {
-    /// Cluster after cluster.
+    /// Cluster after cluster, then those amid matter at borders of what is held, which touch nothing.
     pub points: Vec<SurfacePoint>,
     /// Force per depth and tangent at rest [m].
     pub stiffness: Vec<f64>,

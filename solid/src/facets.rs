@@ -71,17 +71,11 @@ struct Plane {
 impl<'a> Pieces<'a> {
     /// Of some matter.
     pub fn new(lattice: &'a Lattice, seeds: &[Seed]) -> Self {
-        let &Lattice {
-            edge,
-            corner: first,
-            ..
-        } = lattice;
         let mut filling = Filling::new();
         for seed in &lattice.seeds(seeds) {
-            let index =
-                std::array::from_fn(|a| ((seed.position[a] - first[a]) / edge).floor() as i64);
-            let piece = filling.entry(index).or_insert((0.0, seed.position));
-            piece.0 += seed.volume / edge.powi(3);
+            let piece = filling.entry(lattice.index(seed.position));
+            let piece = piece.or_insert((0.0, seed.position));
+            piece.0 += seed.volume / lattice.edge.powi(3);
         }
         let mut pieces = Self {
             lattice,

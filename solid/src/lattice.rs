@@ -161,6 +161,20 @@ impl Lattice {
         out
     }
 
+    /// The piece that a place along its axes is in [m].
+    pub fn index(&self, place: [f64; 3]) -> [i64; 3] {
+        std::array::from_fn(|a| ((place[a] - self.corner[a]) / self.edge).floor() as i64)
+    }
+
+    /// Half of the largest box about a place along its axes that is in one piece [m].
+    pub fn room_about(&self, place: [f64; 3]) -> [f64; 3] {
+        let index = self.index(place);
+        std::array::from_fn(|a| {
+            let low = place[a] - (self.corner[a] + self.edge * index[a] as f64);
+            low.min(self.edge - low)
+        })
+    }
+
     /// A place or direction along the axes of the lattice in the world.
     #[inline(always)]
     pub fn world(&self, x: [f64; 3]) -> [f64; 3] {

@@ -31,6 +31,7 @@ mod facets;
 mod frequency;
 pub mod grip;
 pub mod group;
+mod held;
 pub mod inverse;
 pub mod kernel;
 mod lattice;

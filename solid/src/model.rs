@@ -6,6 +6,7 @@ use super::{
     basis::weights_f64,
     cells::{CELLS, FilledCells},
     extension::Extension,
+    held::HELD_PART,
     lattice::{Lattice, Seed},
     nodes::{NODES, place, slot},
     volumes::{BlockParts, Parts},
@@ -28,7 +29,7 @@ const AMID: f64 = 1e-6;
 pub struct Cell {
     /// Which of its block, `16 x + 4 y + z`.
     pub number: u8,
-    /// Index of the object's laws.
+    /// Index of the object's laws, or [`HELD_PART`].
     pub part: u16,
     /// Rest volume of each point [cells], the point `4 x + 2 y + z`, lower ones first; 0 where there is no matter.
     pub volumes: [f32; 8],
@@ -94,10 +95,15 @@ impl SolidModel {
     /// The grid of some matter, at least one piece of it, with cells of `dx` [m].
     pub fn new(dx: f64, seeds: &[Seed]) -> Self {
         let lattice = Lattice::of(dx, seeds);
-        let seeds = lattice.seeds(seeds);
-        let face = first_cell(dx, &lattice, &seeds);
+        let pieces = lattice.seeds(seeds);
+        Self::of_pieces(dx, lattice, &pieces)
+    }
+
+    /// The grid of pieces of matter along the axes of a lattice.
+    pub(super) fn of_pieces(dx: f64, lattice: Lattice, seeds: &[Seed]) -> Self {
+        let face = first_cell(dx, &lattice, seeds);
         let mut matter: BTreeMap<([i32; 3], u16), Matter> = BTreeMap::new();
-        for seed in &seeds {
+        for seed in seeds {
             let at: [f64; 3] = std::array::from_fn(|a| (seed.position[a] - face[a]) / dx);
             let cell = at.map(|x| x.floor() as i32);
             let d = std::array::from_fn(|a| at[a] - f64::from(cell[a]) - 0.5);
@@ -189,7 +195,8 @@ impl SolidModel {
         let blocks = self.point_blocks.iter();
         let parts = blocks.map(|block| {
             let mut parts = BlockParts::new();
-            for cell in &self.cells[block.cells.clone()] {
+            let cells = self.cells[block.cells.clone()].iter();
+            for cell in cells.filter(|cell| cell.part != HELD_PART) {
                 let part = parts.entry(cell.part).or_default();
                 part.push((cell.number, cell.volumes));
             }

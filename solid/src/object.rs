@@ -4,19 +4,22 @@ use super::{
     contact::ContactSurface,
     depth::DepthField,
     facets::Pieces,
+    held::{BorderPoint, cut_at_borders},
     kernel::SolidLaw,
-    lattice::Seed,
+    lattice::{Lattice, Seed},
     model::{CellPoint, SolidModel},
     sampling::Sampling,
-    surface::surface,
+    surface::{SurfacePoint, surface},
 };
 use crate::{
     materials::Material,
-    scene::{Fidelity, Object, PinnedRegion, Scene, Solver},
+    scene::{Fidelity, Object, PinnedRegion, Scene, Solver, TurnedBox},
 };
 
 /// Share of a node's mass that must be of held matter for the node to be held: all matter within a hold then stays.
 const HELD: f64 = 0.1;
+/// The same where the border of what is held is held besides: nodes that matter beyond it moves are free.
+const ALL: f64 = 0.999;
 
 /// The constant side of an object that is a solid.
 #[derive(Debug)]
@@ -57,7 +60,14 @@ impl SolidObject {
             return None;
         }
         let seeds = seeds(scene, object);
-        let grid = SolidModel::new(scene.dx, &seeds);
+        let lattice = Lattice::of(scene.dx, &seeds);
+        let reaching = reaching(scene, &seeds);
+        let boxes: Vec<TurnedBox> = reaching
+            .iter()
+            .map(|&n| scene.pinned_regions[n].bounds)
+            .collect();
+        let cut = cut_at_borders(&lattice, lattice.seeds(&seeds), &boxes);
+        let grid = SolidModel::of_pieces(scene.dx, lattice, &cut.pieces);
         // At the border of a cell round-off may put a particle into the next one, which may have no matter.
         let points = seeds.iter().map(|seed| grid.site_near(seed.position));
         let particles = points.collect::<Option<Vec<CellPoint>>>()?;
@@ -75,7 +85,38 @@ impl SolidObject {
         solid.regions = regions
             .map(|region| solid.held_in(region, &seeds))
             .collect();
+        for (n, &region) in reaching.iter().enumerate() {
+            let border = cut.border.iter().filter(|point| point.region == n);
+            solid.regions[region] =
+                solid.held_to_border(&scene.pinned_regions[region], &seeds, border);
+        }
         Some(solid)
+    }
+
+    /// What a region that reaches into it holds: its border, and nodes that nothing beyond moves.
+    fn held_to_border<'a>(
+        &mut self,
+        region: &PinnedRegion,
+        seeds: &[Seed],
+        border: impl Iterator<Item = &'a BorderPoint>,
+    ) -> HeldInRegion {
+        let first = self.surface.points.len();
+        let points = border.filter_map(|point| {
+            let site = self.grid.site(point.x, point.owner);
+            let site = site.or_else(|| self.grid.site_near(point.x))?;
+            Some(SurfacePoint {
+                x: point.x,
+                area: point.area,
+                normal: [0.0; 3],
+                bears: self.grid.bears(&site),
+            })
+        });
+        let points: Vec<SurfacePoint> = points.collect();
+        self.surface.points.extend(points);
+        HeldInRegion {
+            nodes: self.nodes_with(ALL, |n| region.bounds.contains(seeds[n].position)),
+            points: (first..self.surface.points.len()).collect(),
+        }
     }
 
     /// What a region holds of it at rest.
@@ -110,6 +151,11 @@ impl SolidObject {
 
     /// Nodes that particles of the object hold, by their number in it.
     pub fn nodes_of(&self, holds: impl Fn(usize) -> bool) -> Vec<usize> {
+        self.nodes_with(HELD, holds)
+    }
+
+    /// Nodes that have at least a share of their mass from particles of the object, by their number in it.
+    fn nodes_with(&self, least: f64, holds: impl Fn(usize) -> bool) -> Vec<usize> {
         let mut shares = vec![[0.0; 2]; self.grid.mass.len()];
         for (n, site) in self.particles.iter().enumerate() {
             let held = holds(n);
@@ -122,7 +168,7 @@ impl SolidObject {
             }
         }
         let slots = self.grid.nodes();
-        let is_held = |&n: &usize| shares[n][1] > 0.0 && shares[n][1] >= HELD * shares[n][0];
+        let is_held = |&n: &usize| shares[n][1] > 0.0 && shares[n][1] >= least * shares[n][0];
         slots.filter(is_held).collect()
     }
 
@@ -168,6 +214,29 @@ impl SolidObject {
 /// Whether an object moves as a solid: it says so, and is no rigid body whatever its material.
 pub fn is_solid(object: &Object) -> bool {
     object.is_matter() && object.solver == Solver::Lagrangian
+}
+
+/// Regions of a scene that hold a part of this matter all the time, by their numbers.
+fn reaching(scene: &Scene, seeds: &[Seed]) -> Vec<usize> {
+    let regions = scene.pinned_regions.iter().enumerate();
+    let always =
+        regions.filter(|(_, region)| region.span.start <= 0.0 && region.span.end == f64::INFINITY);
+    let holds = |seed: &Seed| {
+        scene
+            .pinned_regions
+            .iter()
+            .any(|region| region.bounds.contains(seed.position))
+    };
+    // Of what is held as a whole nothing has a border.
+    if seeds.iter().all(holds) {
+        return vec![];
+    }
+    let reaching = always.filter(|(_, region)| {
+        seeds
+            .iter()
+            .any(|seed| region.bounds.contains(seed.position))
+    });
+    reaching.map(|(n, _)| n).collect()
 }
 
 /// Whether a scene has more than one object that moves.

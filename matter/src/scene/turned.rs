@@ -40,14 +40,38 @@ impl TurnedBox {
 
     /// Whether a point is inside, faces included; NaN is not.
     pub fn contains(&self, x: [f64; 3]) -> bool {
+        self.bounds.contains(self.turned_back(x))
+    }
+
+    /// From where to where the way between two points is inside, as shares of it; the second is smaller than the first if it
+    /// nowhere is.
+    pub fn clip(&self, ends: [[f64; 3]; 2]) -> [f64; 2] {
+        let [from, to] = ends.map(|x| self.turned_back(x));
+        let Aabb { min, max } = self.bounds;
+        let mut inside = [0.0_f64, 1.0];
+        for a in 0..3 {
+            let way = to[a] - from[a];
+            if way == 0.0 {
+                if !(min[a]..=max[a]).contains(&from[a]) {
+                    return [1.0, 0.0];
+                }
+                continue;
+            }
+            let [x, y] = [min, max].map(|face| (face[a] - from[a]) / way);
+            inside = [inside[0].max(x.min(y)), inside[1].min(x.max(y))];
+        }
+        inside
+    }
+
+    /// Where a point is as seen from the box before it was turned.
+    fn turned_back(&self, x: [f64; 3]) -> [f64; 3] {
         if !self.is_turned() {
-            return self.bounds.contains(x);
+            return x;
         }
         let middle = self.middle();
         let arm = std::array::from_fn(|a| x[a] - middle[a]);
         let back = rotate(conjugate(self.rotation), arm);
-        self.bounds
-            .contains(std::array::from_fn(|a| middle[a] + back[a]))
+        std::array::from_fn(|a| middle[a] + back[a])
     }
 
     /// The smallest box along the axes that holds it.
@@ -116,6 +140,12 @@ mod tests {
         ] {
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         }
+        let clipped = turned.clip([along(-3.0), along(2.0)]);
+        for (found, expected) in clipped.iter().zip([0.4, 0.8]) {
+            assert!((found - expected).abs() < 1e-12, "{clipped:?}");
+        }
+        let [first, last] = turned.clip([along(1.1), along(2.0)]);
+        assert!(last < first);
         let plain = TurnedBox::from(bounds);
         assert_eq!(plain.around(), bounds);
         assert!(plain.contains(bounds.min) && plain.contains(bounds.max));
