@@ -9,6 +9,7 @@ use super::{
     lattice::{Lattice, Seed},
     model::{CellPoint, SolidModel},
     sampling::Sampling,
+    state::SolidState,
     surface::{SurfacePoint, surface},
 };
 use crate::{
@@ -44,12 +45,23 @@ pub struct SolidObject {
 const FACE: f64 = 0.02;
 
 /// What a held region of the scene has of a solid at rest.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct HeldInRegion {
     /// Nodes that it holds.
     pub nodes: Vec<usize>,
-    /// Points of the surface that it holds, where it reaches no particle.
+    /// Points of the surface that it holds where it reaches no particle, or points of its border.
     pub points: Vec<usize>,
+    /// Particles within its border, ascending.
+    particles: Vec<u32>,
+}
+
+/// What moves with the held nodes of a region.
+#[derive(Clone, Copy, Debug)]
+pub struct CarriedAlong {
+    /// Since the start [m].
+    pub way: [f64; 3],
+    /// [m/s]
+    pub velocity: [f64; 3],
 }
 
 impl SolidObject {
@@ -113,10 +125,37 @@ impl SolidObject {
         });
         let points: Vec<SurfacePoint> = points.collect();
         self.surface.points.extend(points);
+        let inside = |n: &u32| region.bounds.contains(seeds[*n as usize].position);
         HeldInRegion {
-            nodes: self.nodes_with(ALL, |n| region.bounds.contains(seeds[n].position)),
+            nodes: self.nodes_with(ALL, |n| inside(&(n as u32))),
             points: (first..self.surface.points.len()).collect(),
+            particles: (0..seeds.len() as u32).filter(inside).collect(),
         }
+    }
+
+    /// Particles within the borders of regions, which move as the nodes do that those hold: nodes next to a border are moved from beyond.
+    pub fn carried_along(&self, state: &SolidState) -> Vec<(u32, CarriedAlong)> {
+        let mut all = vec![];
+        for region in &self.regions {
+            let Some(&node) = region.nodes.first() else {
+                continue;
+            };
+            // Those of an object that was turned as a whole are where their nodes are.
+            let way = state.displacement(node);
+            if !region.nodes.iter().all(|&n| state.displacement(n) == way) {
+                continue;
+            }
+            let (now, rest) = (
+                state.position(&self.grid, node),
+                self.grid.node_in_world(node),
+            );
+            let carried = CarriedAlong {
+                way: std::array::from_fn(|a| now[a] - rest[a]),
+                velocity: state.velocity_of(&self.grid, node),
+            };
+            all.extend(region.particles.iter().map(|&n| (n, carried)));
+        }
+        all
     }
 
     /// What a region holds of it at rest.
@@ -128,14 +167,14 @@ impl SolidObject {
             let points: Vec<usize> = points.map(|(n, _)| n).collect();
             if !points.is_empty() {
                 return HeldInRegion {
-                    nodes: vec![],
                     points,
+                    ..HeldInRegion::default()
                 };
             }
         }
         HeldInRegion {
             nodes: self.nodes_in(region, seeds),
-            points: vec![],
+            ..HeldInRegion::default()
         }
     }
 

@@ -34,7 +34,7 @@ pub struct SolidState {
     pub of_matter: Vec<NodeLoad>,
     /// Length of that [s].
     pub span: f64,
-    /// Largest gradient of the velocity in it, where it is deformed so much that this counts [1/s].
+    /// Largest gradient of the velocity in it, where it is deformed so much, or so fast, that this counts [1/s].
     pub rate: f32,
 }
 
@@ -102,18 +102,8 @@ impl SolidState {
 
     /// Largest speed of a node relative to the frame [m/s].
     pub fn fastest(&self, model: &SolidModel) -> f64 {
-        let mut largest = [0.0_f32; 16];
-        for block in &self.nodes {
-            let [u, v, w] = &block.v;
-            for ((u, v), w) in u.iter().zip(v).zip(w) {
-                for (n, largest) in largest.iter_mut().enumerate() {
-                    let (u, v, w) = (u.0[n], v.0[n], w.0[n]);
-                    *largest = largest.max(u * u + v * v + w * w);
-                }
-            }
-        }
-        let largest = largest.into_iter().fold(0.0, f32::max);
-        model.dx * f64::from(largest).sqrt()
+        let speeds = self.nodes.iter().map(NodeBlock::fastest);
+        model.dx * f64::from(speeds.fold(0.0, f32::max))
     }
 
     /// Whether all of it is somewhere.
@@ -140,6 +130,11 @@ impl SolidState {
         let rest = model.node_in_world(slot);
         let u = read(&self.nodes[slot / NODES].u, slot);
         std::array::from_fn(|a| rest[a] + self.shift[a] + model.dx * f64::from(u[a]))
+    }
+
+    /// Displacement of a node in the solid's frame [cells].
+    pub fn displacement(&self, slot: usize) -> [f32; 3] {
+        read(&self.nodes[slot / NODES].u, slot)
     }
 
     /// Puts nodes elsewhere, each with its number [m]: all nodes with matter.

@@ -288,8 +288,9 @@ impl World {
         }
         let range = self.model.scene.objects[object].particles.clone();
         if let (Some(model), Some(state)) = (&self.model.lagrangian[object], &lifted.solid) {
+            let rest = &self.model.scene.particles.position;
             self.published
-                .update_solid(self.model.isa, range.start, model, state);
+                .update_solid(self.model.isa, range.start, (model, rest), state);
         }
         for id in lifted.ids(range) {
             self.published.freeze(id);

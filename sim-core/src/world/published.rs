@@ -13,6 +13,8 @@ use crate::{
     state::{away::Loose, rigid::RigidBody},
 };
 
+/// Deformation gradient of what keeps its shape, row-major.
+const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 /// Blocks per task at least.
 const TASK: usize = 8;
 /// Particles of a body per task at least.
@@ -205,12 +207,12 @@ impl Published {
         });
     }
 
-    /// Writes the particles of a solid, of which `first` is the first.
+    /// Writes the particles of a solid, of which `first` is the first; `rest` are the places of all at the start [m].
     pub fn update_solid(
         &mut self,
         isa: Isa,
         first: usize,
-        solid: &SolidObject,
+        (solid, rest): (&SolidObject, &[[f64; 3]]),
         state: &SolidState,
     ) {
         let per_cell = solid.grid.dx.recip();
@@ -235,6 +237,18 @@ impl Published {
                 }
             }
         });
+        for (particle, carried) in solid.carried_along(state) {
+            let id = first + particle as usize;
+            let x: [f64; 3] = std::array::from_fn(|a| rest[id][a] + carried.way[a]);
+            self.cells[id] = x.map(|x| x * per_cell);
+            self.position[id] = x.map(|x| x as f32);
+            self.halt(id as u32);
+            self.velocity[id] = carried.velocity.map(|v| v as f32);
+            self.deformation[id] = IDENTITY;
+            if apart {
+                self.elastic[id] = IDENTITY;
+            }
+        }
     }
 
     /// Writes a particle that is in no array and no body.

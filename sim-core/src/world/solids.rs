@@ -162,8 +162,9 @@ impl World {
         let state = &self.state.solids[object];
         if let (Some(solid), Some(state)) = (&self.model.lagrangian[object], state) {
             let first = self.model.scene.objects[object].particles.start;
+            let rest = &self.model.scene.particles.position;
             self.published
-                .update_solid(self.model.isa, first, solid, state);
+                .update_solid(self.model.isa, first, (solid, rest), state);
         }
     }
 
