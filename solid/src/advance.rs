@@ -26,6 +26,8 @@ const WATCHED: f64 = 1.6;
 /// of its tangent would feed the swing.
 const KEPT: f32 = 0.999;
 
+/// Speed of nodes in the solid's frame over that of sound from which on their gradient is looked at.
+const FAST: f64 = 0.4;
 /// Depth that contact may come to in the substep in which it begins [cells]: with a whole cell blocks that met at 40 m/s came away with
 /// almost three times their energy, with 0.4 with what finer substeps leave them.
 const DEEPENS: f64 = 0.4;
@@ -281,6 +283,7 @@ impl<'a> Solid<'a> {
             }
         }
         let (stiffening, share) = (deformed.stiffening(), deformed.viscous_share());
+        let is_fast = self.is_fast();
         let mut step = Step {
             kick: kick as f32,
             drift: drift as f32,
@@ -293,11 +296,11 @@ impl<'a> Solid<'a> {
             wants_extremes: shares.taken.is_multiple_of(LOOK)
                 || stiffening > WATCHED
                 || drift == 0.0,
-            wants_rate: false,
+            wants_rate: is_fast,
         };
         let flows = self.flows();
         if step.wants_extremes && drift > 0.0 && !flows {
-            step.wants_rate = self.measure_now(outside.isa, &deformed, shares);
+            step.wants_rate |= self.measure_now(outside.isa, &deformed, shares);
         }
         let Scratch {
             conditions,
@@ -319,6 +322,7 @@ impl<'a> Solid<'a> {
         let ways = tiles.speeds.iter().map(|&speed| scale * f64::from(speed));
         search.move_on(ways);
         let looked = step.wants_extremes;
+        let counts = step.viscosity > 0.0 || is_fast;
         let growth = motions.note(&tiles.sums, &found, looked);
         if let Some(growth) = growth {
             let tangent = (growth * deformed.tangent_at_rest()) as f32;
@@ -328,13 +332,19 @@ impl<'a> Solid<'a> {
                 0.0
             };
             self.state.tangent = tangent.max(kept);
-            self.state.rate = if step.viscosity > 0.0 {
-                found.rate
-            } else {
-                0.0
-            };
+        }
+        if counts || looked {
+            self.state.rate = if counts { found.rate } else { 0.0 };
         }
         found
+    }
+
+    /// Whether nodes are so fast in the solid's frame that it may change much within a substep: that is less than the time in which a wave
+    /// goes through a cell.
+    fn is_fast(&self) -> bool {
+        let speeds = self.scratch.tiles.speeds.iter().copied();
+        let largest = self.model.dx * f64::from(speeds.fold(0.0, f32::max));
+        largest > FAST * self.sound_at_rest()
     }
 }
 

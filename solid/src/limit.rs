@@ -21,8 +21,8 @@ const ONSET: f64 = 1.5;
 pub(super) const VISCOSITY: f64 = 0.1;
 /// Tangents over that at rest between which viscosity sets in: bending and falling matter stays below.
 const VISCOUS: [f64; 2] = [2.5, 5.0];
-/// Largest change of the deformation gradient in a substep of matter that is deformed much: what crushes it within one is not seen in
-/// time.
+/// Largest change of the deformation gradient in a substep of matter that is deformed much, or fast: what crushes it within one is not
+/// seen in time.
 const CHANGE: f64 = 0.2;
 /// The same of matter that was measured where it is: with 0.2 a crushed plate gained a tenth of its energy, and with `cfl` 0.4 blocks
 /// that met at 40 m/s sixty times theirs.
@@ -43,7 +43,7 @@ pub(super) struct Deformed<'a> {
     pub laws: &'a [SolidLaw],
     /// Largest tangent over density [m^2/s^2].
     pub tangent: f64,
-    /// Largest gradient of the velocity, where matter is deformed so much that this counts [1/s].
+    /// Largest gradient of the velocity, where matter is deformed so much, or so fast, that this counts [1/s].
     pub rate: f64,
 }
 

@@ -72,6 +72,19 @@ impl NodeRow {
 }
 
 impl NodeBlock {
+    /// Speed of the fastest node [cells/s].
+    pub fn fastest(&self) -> f32 {
+        let mut largest = [0.0_f32; 16];
+        let [u, v, w] = &self.v;
+        for ((u, v), w) in u.iter().zip(v).zip(w) {
+            for (n, largest) in largest.iter_mut().enumerate() {
+                let (u, v, w) = (u.0[n], v.0[n], w.0[n]);
+                *largest = largest.max(u * u + v * v + w * w);
+            }
+        }
+        largest.into_iter().fold(0.0, f32::max).sqrt()
+    }
+
     /// Writes all nodes side by side.
     #[inline(always)]
     pub fn write_rows(&self, rows: &mut [NodeRow]) {

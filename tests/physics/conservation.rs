@@ -256,3 +256,25 @@ max = [50, 50, 50]
         assert!(largest < 1.001 * energies[0], "{speed} m/s: {energies:?}");
     }
 }
+
+#[test]
+fn thin_plate_that_spins_fast_gains_no_energy() {
+    // Its rim is at twice the speed of sound: within a substep by the frequency alone it turns by a radian.
+    let scene = r#"
+version = 1
+gravity = [0, 0, 0]
+dx = 0.05
+frame_rate = 60
+
+[[objects]]
+name = "plate"
+shape = { kind = "box", size = [0.05, 0.15, 0.3] }
+material = { law = "neo_hookean", youngs_modulus_pa = 1.45e4, poisson_ratio = 0.4, density_kg_m3 = 2163 }
+angular_velocity = [-44.6, -57.9, -1.4]
+"#;
+    let run = simulate(scene, 0.2, &[]);
+    let energies: Vec<f64> = run.frames.iter().map(energy).collect();
+    let largest = energies.iter().copied().fold(0.0, f64::max);
+    // Measured: 1.034 of it. It had twice its energy after one frame, a hundred times that after three, and was gone after twelve.
+    assert!(largest < 1.05 * energies[0], "{energies:?}");
+}

@@ -137,9 +137,12 @@ impl Tiles {
 
     /// Takes note of nodes that were changed otherwise than by a substep.
     pub fn look_at(&mut self, nodes: &[NodeBlock]) {
-        let rows = self.rows.par_chunks_exact_mut(NODES).zip(nodes);
-        let rows = rows.with_min_len(TASK);
-        rows.for_each(|(rows, block)| block.write_rows(rows));
+        let all = self.rows.par_chunks_exact_mut(NODES).zip(nodes);
+        let all = all.zip(&mut self.speeds).with_min_len(TASK);
+        all.for_each(|((rows, block), speed)| {
+            block.write_rows(rows);
+            *speed = block.fastest();
+        });
     }
 }
 
@@ -195,10 +198,9 @@ pub fn substep(
         advance_with_isa(isa, &forces, nodes, rows, speeds, step);
     });
     follow_inner(model, conditions, nodes, rows, followed, speeds);
-    let largest = speeds.iter().map(|speed| speed.to_bits()).max();
     Extremes {
         rate,
-        bad: largest.unwrap_or(0) >= f32::INFINITY.to_bits(),
+        bad: speeds.iter().any(|speed| !speed.is_finite()),
     }
 }
 
