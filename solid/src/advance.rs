@@ -25,7 +25,6 @@ const WATCHED: f64 = 1.6;
 /// Part of the largest tangent known that the next look keeps, of matter that flows: it stays flat, and substeps that follow every swing
 /// of its tangent would feed the swing.
 const KEPT: f32 = 0.999;
-
 /// Speed of nodes in the solid's frame over that of sound from which on their gradient is looked at.
 const FAST: f64 = 0.4;
 /// Depth that contact may come to in the substep in which it begins [cells]: with a whole cell blocks that met at 40 m/s came away with
@@ -162,7 +161,7 @@ impl<'a> Solid<'a> {
 
     /// Expects to meet something in a frame that begins.
     pub fn expect_contact(&mut self) {
-        let speed = length(self.state.velocity) + self.state.fastest(self.model);
+        let speed = length(self.state.velocity) + self.fastest();
         // The other may be as fast.
         self.scratch.search.expect(2.0 * speed);
     }
@@ -342,9 +341,13 @@ impl<'a> Solid<'a> {
     /// Whether nodes are so fast in the solid's frame that it may change much within a substep: that is less than the time in which a wave
     /// goes through a cell.
     fn is_fast(&self) -> bool {
+        self.fastest() > FAST * self.sound_at_rest()
+    }
+
+    /// Largest speed of a node relative to the frame, as of the latest substep or look at the nodes [m/s].
+    fn fastest(&self) -> f64 {
         let speeds = self.scratch.tiles.speeds.iter().copied();
-        let largest = self.model.dx * f64::from(speeds.fold(0.0, f32::max));
-        largest > FAST * self.sound_at_rest()
+        self.model.dx * f64::from(speeds.fold(0.0, f32::max))
     }
 }
 

@@ -26,7 +26,6 @@ const REACH: i64 = 3;
 const STEEPEST: f64 = 1.5;
 /// Largest second difference of heights: a ball of four pieces' radius has 0.25, an edge 1 and more.
 const SHARPEST: f64 = 0.75;
-
 /// How far fillings may be off those of a box that is cut at planes across the axes.
 const FLAT: f64 = 1e-3;
 
@@ -160,20 +159,10 @@ impl<'a> Pieces<'a> {
 
     /// Face `2 axis + side` of a whole piece.
     fn face(&self, index: &[i64; 3], n: usize) -> Facet {
-        let edge = self.lattice.edge;
-        let (axis, side) = (n / 2, 2 * (n as i64 % 2) - 1);
-        let mut normal = [0.0; 3];
-        normal[axis] = side as f64;
-        let middle = self.middle(index);
-        Facet {
-            index: *index,
-            center: std::array::from_fn(|a| middle[a] + 0.5 * edge * normal[a]),
-            normal,
-            area: edge * edge,
-            face: Some(axis),
-            half: std::array::from_fn(|a| if a == axis { 0.0 } else { 0.5 * edge }),
-            owner: self.filling[index].1,
-        }
+        let axis = n / 2;
+        let mut ends = [(1.0, 0); 3];
+        ends[axis].1 = 2 * (n as i64 % 2) - 1;
+        self.part_of_face(index, axis, &ends)
     }
 
     /// How far a box that is cut at planes across the axes goes into a piece along each [edges], and at which side it ends there: -1, 1
@@ -377,7 +366,7 @@ fn along(heights: &[[Option<f64>; 3]; 3]) -> [f64; 2] {
 }
 
 /// The six places beside one, `2 axis + side`.
-fn beside(index: &[i64; 3]) -> impl Iterator<Item = [i64; 3]> + use<> {
+pub(super) fn beside(index: &[i64; 3]) -> impl Iterator<Item = [i64; 3]> + use<> {
     let index = *index;
     (0..6).map(move |n| step(&index, n / 2, 2 * (n as i64 % 2) - 1))
 }

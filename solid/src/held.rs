@@ -3,7 +3,10 @@
 //! Nodes alone cannot hold a border between them: those behind it have to move for matter before it to strain, and what they drag along
 //! there is rigid.
 
-use super::lattice::{Lattice, Seed};
+use super::{
+    facets::beside,
+    lattice::{Lattice, Seed},
+};
 use crate::scene::TurnedBox;
 
 /// The part of matter that is held: it has no law.
@@ -98,9 +101,7 @@ pub(super) fn cut_at_borders(
     // Where the border is between pieces.
     for (index, (piece, region)) in &whole {
         let Some(region) = *region else { continue };
-        for n in 0..6 {
-            let mut next = *index;
-            next[n / 2] += 2 * (n as i64 % 2) - 1;
+        for next in beside(index) {
             if let Some((other, None)) = whole.get(&next) {
                 let ends = [piece.position, other.position];
                 let least = if other.volume < piece.volume {

@@ -29,7 +29,7 @@ const AMID: f64 = 1e-6;
 pub struct Cell {
     /// Which of its block, `16 x + 4 y + z`.
     pub number: u8,
-    /// Index of the object's laws, or [`HELD_PART`].
+    /// Index of the object's laws; the largest number where matter is held.
     pub part: u16,
     /// Rest volume of each point [cells], the point `4 x + 2 y + z`, lower ones first; 0 where there is no matter.
     pub volumes: [f32; 8],

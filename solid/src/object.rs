@@ -113,17 +113,9 @@ impl SolidObject {
         border: impl Iterator<Item = &'a BorderPoint>,
     ) -> HeldInRegion {
         let first = self.surface.points.len();
-        let points = border.filter_map(|point| {
-            let site = self.grid.site(point.x, point.owner);
-            let site = site.or_else(|| self.grid.site_near(point.x))?;
-            Some(SurfacePoint {
-                x: point.x,
-                area: point.area,
-                normal: [0.0; 3],
-                bears: self.grid.bears(&site),
-            })
-        });
-        let points: Vec<SurfacePoint> = points.collect();
+        let grid = &self.grid;
+        let points =
+            border.filter_map(|at| SurfacePoint::new(grid, [at.x, at.owner], at.area, [0.0; 3]));
         self.surface.points.extend(points);
         let inside = |n: &u32| region.bounds.contains(seeds[*n as usize].position);
         HeldInRegion {

@@ -357,7 +357,7 @@ pub struct Search {
     pub lists: Vec<CandidateList>,
     /// What it is in contact with.
     pub contact: ContactWith,
-    /// Taken for how fast they do while that is not known [m/s].
+    /// What is taken for how fast things come nearer while that is not known [m/s].
     speed: f64,
     /// Whether anything was looked for.
     pub has_begun: bool,

@@ -24,6 +24,24 @@ pub struct SurfacePoint {
     pub bears: Bears,
 }
 
+impl SurfacePoint {
+    /// At a place amid or at the matter of `owner` [m]; none where the grid has no cells near. The normal is of length 1, or none.
+    pub(super) fn new(
+        model: &SolidModel,
+        [x, owner]: [[f64; 3]; 2],
+        area: f64,
+        normal: [f64; 3],
+    ) -> Option<Self> {
+        let site = model.site(x, owner).or_else(|| model.site_near(x))?;
+        Some(Self {
+            x,
+            area,
+            normal,
+            bears: model.bears(&site),
+        })
+    }
+}
+
 /// A point before it is on a grid, along the axes of the lattice: its place [m], area [m^2], unit normal, the matter behind it.
 struct Found {
     x: [f64; 3],
@@ -36,15 +54,8 @@ struct Found {
 pub(super) fn surface(model: &SolidModel, pieces: &Pieces<'_>) -> Vec<SurfacePoint> {
     let lattice = &model.lattice;
     let on_grid = points(&pieces.facets).into_iter().filter_map(|point| {
-        let (x, owner) = (lattice.world(point.x), lattice.world(point.owner));
-        let site = model.site(x, owner);
-        let site = site.or_else(|| model.site_near(x))?;
-        Some(SurfacePoint {
-            bears: model.bears(&site),
-            x,
-            area: point.area,
-            normal: lattice.world(point.normal),
-        })
+        let places = [point.x, point.owner].map(|x| lattice.world(x));
+        SurfacePoint::new(model, places, point.area, lattice.world(point.normal))
     });
     on_grid.collect()
 }

@@ -19,6 +19,9 @@ use crate::{
     },
 };
 
+/// Deformation gradient of what keeps its shape, row-major.
+pub(super) const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+
 /// `r m` for a rotation and a row-major matrix.
 pub(super) fn turned(r: &Mat3<f64>, m: &[f32; 9]) -> [f32; 9] {
     let m = Mat3(std::array::from_fn(|i| {
@@ -152,7 +155,6 @@ impl World {
         self.state.bodies.of = vec![None; count];
         self.state.bodies.warm_start.clear();
         self.state.bodies.shapes = vec![None; count];
-        let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         for object in 0..count {
             if self.model.scene.objects[object].fidelity == Fidelity::Static {
                 continue;
@@ -175,8 +177,8 @@ impl World {
                     x: self.model.scene.particles.position[p],
                     v: [0.0; 3],
                     c: [0.0; 9],
-                    visible: identity,
-                    elastic: identity,
+                    visible: IDENTITY,
+                    elastic: IDENTITY,
                     memory: 0.0,
                 })
                 .collect();

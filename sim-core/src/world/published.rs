@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::bodies::{attitude, turned};
+use super::bodies::{IDENTITY, attitude, turned};
 use crate::{
     mat3::cross,
     moments::ParticleArrays,
@@ -13,8 +13,6 @@ use crate::{
     state::{away::Loose, rigid::RigidBody},
 };
 
-/// Deformation gradient of what keeps its shape, row-major.
-const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 /// Blocks per task at least.
 const TASK: usize = 8;
 /// Particles of a body per task at least.
@@ -75,13 +73,12 @@ impl Published {
             }
         }
         let position = &scene.particles.position;
-        let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         Self {
             cells: position.iter().map(|x| x.map(|x| x / scene.dx)).collect(),
             position: position.iter().map(|x| x.map(|x| x as f32)).collect(),
             velocity: vec![[0.0; 3]; count],
             affine: vec![[0.0; 9]; count],
-            deformation: vec![identity; count],
+            deformation: vec![IDENTITY; count],
             elastic: vec![],
             memory: vec![0.0; count],
             volume,
@@ -242,7 +239,7 @@ impl Published {
             let x: [f64; 3] = std::array::from_fn(|a| rest[id][a] + carried.way[a]);
             self.cells[id] = x.map(|x| x * per_cell);
             self.position[id] = x.map(|x| x as f32);
-            self.halt(id as u32);
+            self.affine[id] = [0.0; 9];
             self.velocity[id] = carried.velocity.map(|v| v as f32);
             self.deformation[id] = IDENTITY;
             if apart {
