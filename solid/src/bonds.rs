@@ -16,6 +16,8 @@ pub(super) struct Bond {
     pub with: u32,
     /// Where the point is [m].
     pub x: [f64; 3],
+    /// Its velocity, after the forces of the substep once that has begun [m/s].
+    pub v: [f64; 3],
     /// Unit normal out of the wall; none of a region.
     pub normal: [f64; 3],
     /// Signed distance from the wall [m].
@@ -52,6 +54,8 @@ pub(super) struct Patch {
     /// Places among the bonds, with shares of the area.
     pub bonds: Vec<(usize, f64)>,
     pub borne: Borne,
+    /// How nodes answer an impulse on it, by that of each [1/kg].
+    pub answers: Borne,
     pub with: u32,
     /// Whether it may slip along the wall.
     pub slips: bool,

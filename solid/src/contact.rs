@@ -120,7 +120,7 @@ impl ContactSurface {
 /// Place of a point of the surface, from the solid's frame [m].
 #[inline(always)]
 fn place(model: &SolidModel, rows: &[NodeRow], point: &SurfacePoint) -> [f64; 3] {
-    let u = NodeRow::sum_displacements(rows, &point.bears);
+    let u: [f32; 4] = NodeRow::about(rows, &point.bears);
     let mut x = point.x;
     for a in 0..3 {
         x[a] += model.dx * f64::from(u[a]);
@@ -134,7 +134,9 @@ struct Pressed {
     point: usize,
     grip: Grip,
     force: [f64; 3],
-    received: Vec<(usize, Received)>,
+    /// By the first collider that presses on it, and by others.
+    received: Option<(usize, Received)>,
+    more: Vec<(usize, Received)>,
     bond: Option<Bond>,
 }
 
@@ -167,40 +169,30 @@ impl Solid<'_> {
         });
         let (solid, state, modulus) = (&*self, &*self.state, self.modulus());
         let own = &solid.scratch.search.own;
-        let ways = list.ways(own);
-        let points = list.points.par_iter_mut().with_min_len(TASK);
-        let pressed: Vec<Pressed> = points
-            .filter_map(|watched| {
-                let way = ways[watched.cluster()];
-                if watched.until > way {
-                    return None;
-                }
-                let n = watched.point as usize;
-                let [x, v] = solid.motion(surface, n);
-                let stiffness = modulus * surface.stiffness[n];
-                let at = At {
-                    x,
-                    v,
-                    stiffness,
-                    touch: TOUCH * solid.model.dx,
-                    moved,
-                };
-                let (clear, pressed) = at.meet(n, colliders, state.springs[n], kick);
-                watched.until = way + clear.max(0.0);
-                pressed
-            })
-            .collect();
+        let pressed = list.meet(own, |watched, met| {
+            let n = watched.point as usize;
+            let [x, v] = solid.motion(surface, n);
+            let stiffness = modulus * surface.stiffness[n];
+            let at = At {
+                x,
+                v,
+                stiffness,
+                touch: TOUCH * solid.model.dx,
+                moved,
+            };
+            at.meet(n, colliders, (state.springs[n], met), kick)
+        });
         self.keep(list);
         // A constraint makes no motion faster.
         let presses = |one: &Pressed| one.bond.is_none() || one.force != [0.0; 3];
-        if pressed.iter().any(presses) {
+        if pressed.iter().flatten().any(presses) {
             self.scratch.search.contact = ContactWith::Walls;
         }
-        for one in pressed {
-            self.scratch.walls.bonds.extend(one.bond);
+        for one in pressed.iter().flatten() {
+            self.scratch.walls.bonds.extend(one.bond.clone());
             self.state.springs[one.point] = one.grip;
             self.push(&surface.points[one.point].bears, one.force);
-            for (collider, received) in &one.received {
+            for (collider, received) in one.received.iter().chain(&one.more) {
                 ledger.add(object, ContactPartner::Collider(*collider), received);
             }
         }
@@ -385,7 +377,7 @@ impl Solid<'_> {
     #[inline(always)]
     pub fn motion(&self, surface: &ContactSurface, n: usize) -> [[f64; 3]; 2] {
         let point = &surface.points[n];
-        let row = NodeRow::sum(&self.scratch.tiles.rows, &point.bears);
+        let row: [f32; 8] = NodeRow::about(&self.scratch.tiles.rows, &point.bears);
         let (mut x, mut v) = (point.x, self.state.velocity);
         for a in 0..3 {
             x[a] += self.state.shift[a] + self.model.dx * f64::from(row[a]);
@@ -427,6 +419,7 @@ impl At {
             point,
             with: placed.id as u32,
             x: self.x,
+            v: self.v,
             normal: found.normal,
             gap: found.value,
             wall: placed.velocity(self.x),
@@ -455,20 +448,21 @@ impl At {
         })
     }
 
-    /// How far it is from all colliders [m], and what they do to it; nothing where it neither touches nor touched any.
+    /// How far it is from all colliders [m]; adds what they do to it, but where it neither touches nor touched any.
     fn meet(
         &self,
         point: usize,
         colliders: &[Placed<'_>],
-        before: Grip,
+        (before, met): (Grip, &mut Vec<Pressed>),
         kick: f64,
-    ) -> (f64, Option<Pressed>) {
+    ) -> f64 {
         let mut clear = f64::INFINITY;
         let mut out = Pressed {
             point,
             grip: Grip::NONE,
             force: [0.0; 3],
-            received: vec![],
+            received: None,
+            more: vec![],
             bond: None,
         };
         // One holds it at a time: two would share its memory.
@@ -497,10 +491,11 @@ impl At {
             }
             energy += spring.energy(stretch);
             let impulse = force.map(|f| kick * f);
-            out.received.push((
-                placed.id,
-                Received::at(self.x, found.normal, kick * spring.pressure, impulse),
-            ));
+            let received = Received::at(self.x, found.normal, kick * spring.pressure, impulse);
+            match &out.received {
+                None => out.received = Some((placed.id, received)),
+                Some(_) => out.more.push((placed.id, received)),
+            }
             if out.grip.with == NOTHING || -found.value > deepest {
                 deepest = -found.value;
                 out.grip = Grip {
@@ -521,6 +516,9 @@ impl At {
             out.grip.energy = energy;
             clear = 0.0;
         }
-        (clear, (touches || before.with < OBJECTS).then_some(out))
+        if touches || before.with < OBJECTS {
+            met.push(out);
+        }
+        clear
     }
 }

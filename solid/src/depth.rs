@@ -143,6 +143,7 @@ impl DepthField {
     }
 
     /// Distance at a rest position [m], and its gradient; none far outside.
+    #[inline(always)]
     pub fn at(&self, x: [f64; 3]) -> Option<(f64, [f64; 3])> {
         let (x, edge) = (self.lattice.place(x), self.lattice.edge);
         let at: [f64; 3] = std::array::from_fn(|a| (x[a] - self.first[a]) / edge);
@@ -151,20 +152,21 @@ impl DepthField {
             return None;
         }
         let low = at.map(|x| x as usize);
-        let part: [f64; 3] = std::array::from_fn(|a| at[a] - low[a] as f64);
-        let (mut value, mut slope) = (0.0, [0.0; 3]);
-        for n in 0..8 {
-            let o = [n / 4, n / 2 % 2, n % 2];
-            let [i, j, k]: [usize; 3] = std::array::from_fn(|a| low[a] + o[a]);
-            let there = f64::from(self.values[(i * self.size[1] + j) * self.size[2] + k]);
-            let w: [f64; 3] =
-                std::array::from_fn(|a| if o[a] == 1 { part[a] } else { 1.0 - part[a] });
-            let sign = o.map(|o| 2.0 * o as f64 - 1.0);
-            value += w[0] * w[1] * w[2] * there;
-            slope[0] += sign[0] * w[1] * w[2] * there / edge;
-            slope[1] += w[0] * sign[1] * w[2] * there / edge;
-            slope[2] += w[0] * w[1] * sign[2] * there / edge;
-        }
+        let [x, y, z]: [f64; 3] = std::array::from_fn(|a| at[a] - low[a] as f64);
+        // Along each axis: the value, and how much it changes by per piece.
+        let along = |[a, b]: [f64; 2], share: f64| a + share * (b - a);
+        let line = |i: usize, j: usize| {
+            let start = ((low[0] + i) * self.size[1] + low[1] + j) * self.size[2] + low[2];
+            let [a, b] = [self.values[start], self.values[start + 1]].map(f64::from);
+            [along([a, b], z), b - a]
+        };
+        let plane = |i: usize| {
+            let [[a, a_z], [b, b_z]] = [line(i, 0), line(i, 1)];
+            [along([a, b], y), b - a, along([a_z, b_z], y)]
+        };
+        let [[a, a_y, a_z], [b, b_y, b_z]] = [plane(0), plane(1)];
+        let value = along([a, b], x);
+        let slope = [b - a, along([a_y, b_y], x), along([a_z, b_z], x)].map(|s| s / edge);
         Some((value, self.lattice.world(slope)))
     }
 }

@@ -201,9 +201,9 @@ impl Vibrating<'_> {
     fn press(&mut self, surface: &Pressed<'_>) {
         self.conditions.clear_forces();
         for (point, stiffness) in surface.points.iter().zip(surface.stiffness) {
-            let u = NodeRow::sum_displacements(&self.tiles.rows, &point.bears);
+            let [x, y, z, _] = NodeRow::about(&self.tiles.rows, &point.bears);
             let pressure = (-surface.tangent * stiffness / self.model.dx) as f32;
-            let force = u.map(|u| pressure * u);
+            let force = [x, y, z].map(|u| pressure * u);
             self.conditions.share_force(&point.bears, force);
         }
     }

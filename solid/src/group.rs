@@ -226,11 +226,11 @@ fn meet_bodies(
             };
             let met = pressed.pressed_by(actor, friction, moved, number, &mut list);
             solid.keep(list);
-            if !met.is_empty() {
+            if met.iter().any(|of_cluster| !of_cluster.is_empty()) {
                 solid.scratch.search.contact = ContactWith::Objects;
             }
-            on_bodies[n].add(1.0, &opposite(&met));
-            for one in met {
+            on_bodies[n].add(1.0, &opposite(met.iter().flatten()));
+            for one in met.into_iter().flatten() {
                 mover.solid.state.springs[one.point] = one.grip;
                 mover
                     .solid
@@ -246,7 +246,8 @@ fn meet_bodies(
 struct Pressed {
     /// Places in the group: whose points, and of whom.
     pair: [usize; 2],
-    met: Vec<PointContact>,
+    /// Cluster after cluster.
+    met: Vec<Vec<PointContact>>,
 }
 
 /// Forces between the solids of a group.
@@ -278,10 +279,12 @@ fn meet_each_other(
     }
     for Pressed { pair, met } in found {
         let ids = pair.map(|n| group[n].id);
-        for n in pair.iter().filter(|_| !met.is_empty()) {
-            group[*n].solid.scratch.search.contact = ContactWith::Objects;
+        if met.iter().any(|of_cluster| !of_cluster.is_empty()) {
+            for n in pair {
+                group[n].solid.scratch.search.contact = ContactWith::Objects;
+            }
         }
-        for one in met {
+        for one in met.into_iter().flatten() {
             let [owner, other] = pair;
             let bears = &group[owner].object.surface.points[one.point].bears;
             group[owner].solid.state.springs[one.point] = one.grip;
@@ -323,9 +326,9 @@ fn press_each_other(
         let find = |solid: &Solid<'_>, due: &[usize]| there.near(isa, solid, surface, number, due);
         let others = &other.solid.scratch.search.groups;
         let mut list = one.solid.candidates((&[stand], others), moved, find);
-        if !list.points.is_empty() {
+        if !list.is_empty() {
             let here = Presence::new(&one.solid, surface, own_depth, seen[pair[0]].1);
-            let met = here.pressed_by(&there, &mut list, [friction, moved], number);
+            let met = here.pressed_by(&there, isa, &mut list, [friction, moved], number);
             found.push(Pressed { pair, met });
         }
         one.solid.keep(list);

@@ -3,8 +3,8 @@
 use super::{
     basis::weights_f64,
     depth::DepthField,
-    model::{Bears, CellPoint, SolidModel, cell_of_number},
-    nodes::{NodeRow, place, slot},
+    model::{CellPoint, SolidModel, cell_of_number},
+    nodes::{Bears, NodeRow, place, slot},
     state::SolidState,
     surface::SurfacePoint,
 };
@@ -12,8 +12,9 @@ use crate::mat3::{Mat3, dot, length};
 
 /// Steps of Newton's method at most.
 const STEPS: usize = 12;
-/// Distance from the place at which it ends [cells]: what single precision tells of displacements by tens of cells.
-const CLOSE: f64 = 4e-6;
+/// Distance from the place at which the next step is the last [cells]: it ends closer than by half the square of that, which is less than
+/// what single precision tells of displacements by tens of cells.
+const CLOSE: f64 = 2e-3;
 /// Distance from the place at which a place may be told to be outside [cells].
 const ROUGH: f64 = 0.1;
 /// How many times as far from the surface as it is off it must be for that.
@@ -133,7 +134,7 @@ impl<'a> LocalInverse<'a> {
     /// Velocity of where nodes with these weights are [m/s].
     #[inline(always)]
     pub fn velocity_of(&self, bears: &Bears) -> [f64; 3] {
-        let row = NodeRow::sum(self.rows, bears);
+        let row: [f32; 8] = NodeRow::about(self.rows, bears);
         let mut v = self.state.velocity;
         for a in 0..3 {
             v[a] += self.model.dx * f64::from(row[3 + a]);
@@ -145,11 +146,10 @@ impl<'a> LocalInverse<'a> {
     /// point have moved apart by little.
     #[inline(always)]
     pub fn clear(&self, x: [f64; 3], known: &KnownPlace) -> Option<f64> {
-        let bears = self.model.bears(&known.site);
-        let u = NodeRow::sum_displacements(self.rows, &bears);
+        let u = self.displacement_alone(&known.site);
         let mut off = x;
         for a in 0..3 {
-            off[a] -= known.rest[a] + self.state.shift[a] + self.model.dx * f64::from(u[a]);
+            off[a] -= known.rest[a] + self.state.shift[a] + self.model.dx * u[a];
         }
         let off = length(off);
         (known.distance > OUTSIDE * off).then_some(SURE * (known.distance - off))
@@ -160,40 +160,74 @@ impl<'a> LocalInverse<'a> {
         self.start.back_about(x, known)
     }
 
-    /// Displacement at a site and its slopes along each axis, summed along z, then y, then x.
+    /// Nodes about a site, along z for each place along x and y, with their weights and the slopes of those along each axis.
     #[inline(always)]
-    fn displacement(&self, site: &CellPoint) -> [[f64; 3]; 4] {
+    fn about(&self, site: &CellPoint) -> (impl Fn([usize; 3]) -> &'a [f32; 8], [[[f32; 3]; 2]; 3]) {
         let blocks = &self.model.point_blocks[site.block as usize].nodes;
-        let cell = cell_of_number(site.number);
+        let (cell, rows) = (cell_of_number(site.number), self.rows);
+        let row = move |at: [usize; 3]| {
+            let [i, j, k]: [usize; 3] = std::array::from_fn(|a| cell[a] + at[a]);
+            let block = blocks[4 * (i / 4) + 2 * (j / 4) + k / 4] as usize;
+            &rows[slot(block, place(i % 4, j % 4, k % 4))].0
+        };
         let axes = site.d.map(|d| {
             let (w, g) = weights_f64(d);
-            (w.map(|w| w as f32), g.map(|g| g as f32))
+            [w.map(|w| w as f32), g.map(|g| g as f32)]
         });
+        (row, axes)
+    }
+
+    /// Displacement at a site [cells], summed along z, then y, then x.
+    #[inline(always)]
+    fn displacement_alone(&self, site: &CellPoint) -> [f64; 3] {
+        let (row, [[x, _], [y, _], [z, _]]) = self.about(site);
+        let mut sum = [0.0_f32; 4];
+        for i in 0..3 {
+            let mut plane = [0.0_f32; 4];
+            for j in 0..3 {
+                let mut line = [0.0_f32; 4];
+                for k in 0..3 {
+                    let row = row([i, j, k]);
+                    for a in 0..4 {
+                        line[a] += z[k] * row[a];
+                    }
+                }
+                for a in 0..4 {
+                    plane[a] += y[j] * line[a];
+                }
+            }
+            for a in 0..4 {
+                sum[a] += x[i] * plane[a];
+            }
+        }
+        [sum[0], sum[1], sum[2]].map(f64::from)
+    }
+
+    /// The same, and its slopes along each axis.
+    #[inline(always)]
+    fn displacement(&self, site: &CellPoint) -> [[f64; 3]; 4] {
+        let (row, axes) = self.about(site);
         let mut sums = [[0.0_f32; 4]; 4];
         for x in 0..3 {
-            let i = cell[0] + x;
             let mut planes = [[0.0_f32; 4]; 3];
             for y in 0..3 {
-                let j = cell[1] + y;
                 let (mut value, mut slope) = ([0.0_f32; 4], [0.0_f32; 4]);
                 for z in 0..3 {
-                    let k = cell[2] + z;
-                    let block = blocks[4 * (i / 4) + 2 * (j / 4) + k / 4] as usize;
-                    let row = &self.rows[slot(block, place(i % 4, j % 4, k % 4))].0;
-                    let (w, g) = (axes[2].0[z], axes[2].1[z]);
+                    let row = row([x, y, z]);
+                    let [w, g] = axes[2].map(|of| of[z]);
                     for a in 0..4 {
                         value[a] += w * row[a];
                         slope[a] += g * row[a];
                     }
                 }
-                let (w, g) = (axes[1].0[y], axes[1].1[y]);
+                let [w, g] = axes[1].map(|of| of[y]);
                 for a in 0..4 {
                     planes[0][a] += w * value[a];
                     planes[1][a] += g * value[a];
                     planes[2][a] += w * slope[a];
                 }
             }
-            let (w, g) = (axes[0].0[x], axes[0].1[x]);
+            let [w, g] = axes[0].map(|of| of[x]);
             for a in 0..4 {
                 sums[0][a] += w * planes[0][a];
                 sums[1][a] += g * planes[0][a];
@@ -305,22 +339,22 @@ impl<'a> LocalInverse<'a> {
                 return Err(Missing::Lost);
             }
             let far = length(off);
-            let is_close = far < CLOSE * self.model.dx;
-            if is_close || far < ROUGH * self.model.dx {
-                let mut seen = self.seen(rest, site, (&cofactor, j));
-                if is_close {
-                    return seen;
-                }
-                if let Ok(seen) = &mut seen
-                    && enough(seen, far)
-                {
-                    return Ok(*seen);
-                }
+            let is_last = far < CLOSE * self.model.dx;
+            if !is_last
+                && far < ROUGH * self.model.dx
+                && let Ok(mut seen) = self.seen(rest, site, (&cofactor, j))
+                && enough(&mut seen, far)
+            {
+                return Ok(seen);
             }
             let step = cofactor.transpose().mul_vec(off);
             let longest = (length(step) / (j * self.model.dx)).max(1.0);
             for a in 0..3 {
                 rest[a] += step[a] / (j * longest);
+            }
+            if is_last {
+                let site = self.model.site_near(rest).unwrap_or(site);
+                return self.seen(rest, site, (&cofactor, j));
             }
         }
         Err(Missing::Lost)

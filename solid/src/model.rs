@@ -8,13 +8,11 @@ use super::{
     extension::Extension,
     held::HELD_PART,
     lattice::{Lattice, Seed},
-    nodes::{NODES, place, slot},
+    nodes::{Bears, NODES, place, slot},
     volumes::{BlockParts, Parts},
 };
 use crate::simd::F32x16;
 
-/// Nodes that bear a force, with their weights.
-pub(crate) type Bears = [(u32, f32); 27];
 /// No block.
 pub(crate) const NO_BLOCK: u32 = u32::MAX;
 /// Gauss points of a cell: so far from its centre along each axis [cells].

@@ -29,6 +29,9 @@ impl NodeBlock {
     };
 }
 
+/// Nodes that bear a force, with their weights.
+pub(crate) type Bears = [(u32, f32); 27];
+
 /// Displacement and velocity of a node side by side [cells, cells/s], for whoever reads single nodes: three components of each, and
 /// two floats without a meaning.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -57,17 +60,21 @@ impl NodeRow {
         rows
     }
 
-    /// The same of displacements alone.
+    /// Sum of the nodes about a place, of the first `N` floats: planes of nodes one by one, which do not wait for each other.
     #[inline(always)]
-    pub fn sum_displacements(rows: &[Self], weights: &[(u32, f32)]) -> [f32; 3] {
-        let mut sum = [0.0; 4];
-        for &(slot, weight) in weights {
-            let row = &rows[slot as usize].0;
-            for n in 0..4 {
-                sum[n] += weight * row[n];
+    pub fn about<const N: usize>(rows: &[Self], bears: &Bears) -> [f32; N] {
+        let mut sums = [[0.0; N]; 3];
+        for n in 0..9 {
+            for (plane, sum) in sums.iter_mut().enumerate() {
+                let (slot, weight) = bears[9 * plane + n];
+                let row = &rows[slot as usize].0;
+                for a in 0..N {
+                    sum[a] += weight * row[a];
+                }
             }
         }
-        [sum[0], sum[1], sum[2]]
+        let [low, middle, high] = sums;
+        std::array::from_fn(|a| low[a] + middle[a] + high[a])
     }
 }
 

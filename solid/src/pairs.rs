@@ -1,7 +1,5 @@
 //! Solids against each other: surface points of one against the depth in the other, through its local inverse deformation.
 
-use rayon::prelude::*;
-
 use super::{
     advance::Solid,
     boxes::{Boxes, NearBoxes},
@@ -10,11 +8,15 @@ use super::{
     depth::DepthField,
     grip::Grip,
     inverse::{FACING, KnownPlace, LocalInverse, Missing, SURE, SeenSurface, Start},
-    model::Bears,
+    nodes::Bears,
     penalty::Spring,
-    search::{CLUSTER, Candidate, CandidateList, FoundInCluster, PARTS, TASK, find_near},
+    search::{CLUSTER, Candidate, CandidateList, FoundInCluster, PARTS, find_near},
 };
-use crate::{ledger::Received, mat3::dot, simd::Isa};
+use crate::{
+    ledger::Received,
+    mat3::dot,
+    simd::{Isa, Lanes, on_isa},
+};
 
 /// Largest depth at which a point may begin to touch [cells]: what is deeper came by way of a false root.
 const ENTRY: f64 = 1.0;
@@ -92,6 +94,28 @@ impl PointContact {
             self.force.map(|f| kick * f),
         )
     }
+}
+
+on_isa! {
+    /// How far a point is from the other at least [m]; adds what that presses on it with, or that it lets go.
+    fn meet_with_isa = meet(
+        here: &Presence<'_>,
+        other: &Presence<'_>,
+        point: (&mut Candidate, &mut Vec<PointContact>),
+        within: [f64; 2],
+        number: u32,
+    ) -> f64
+}
+
+#[inline(always)]
+fn meet<V: Lanes>(
+    here: &Presence<'_>,
+    other: &Presence<'_>,
+    point: (&mut Candidate, &mut Vec<PointContact>),
+    within: [f64; 2],
+    number: u32,
+) -> f64 {
+    here.meet(other, point, within, number)
 }
 
 impl<'a> Presence<'a> {
@@ -182,37 +206,30 @@ impl<'a> Presence<'a> {
         found
     }
 
-    /// What the other presses on points of this one with, `moved` [s] since they were looked at, by Coulomb's law; `number`
-    /// tells the other's springs.
+    /// What the other presses on points of this one with, `moved` [s] since they were looked at, by Coulomb's law, cluster after cluster;
+    /// `number` tells the other's springs.
     pub fn pressed_by(
         &self,
         other: &Self,
+        isa: Isa,
         list: &mut CandidateList,
         [friction, moved]: [f64; 2],
         number: u32,
-    ) -> Vec<PointContact> {
-        let ways = list.ways(&self.solid.scratch.search.own);
-        let points = list.points.par_iter_mut().with_min_len(TASK);
-        let met = points.filter_map(|watched| {
-            let way = ways[watched.cluster()];
-            if watched.until > way {
-                return None;
-            }
-            let (clear, met) = self.meet(other, watched, [friction, moved], number);
-            watched.until = way + clear;
-            met
-        });
-        met.collect()
+    ) -> Vec<Vec<PointContact>> {
+        let own = &self.solid.scratch.search.own;
+        list.meet(own, |watched, met| {
+            meet_with_isa(isa, self, other, (watched, met), [friction, moved], number)
+        })
     }
 
-    /// How far a point is from the other at least [m], and what that presses on it with, or that it lets go.
+    #[inline(always)]
     fn meet(
         &self,
         other: &Self,
-        watched: &mut Candidate,
+        (watched, met): (&mut Candidate, &mut Vec<PointContact>),
         [friction, moved]: [f64; 2],
         number: u32,
-    ) -> (f64, Option<PointContact>) {
+    ) -> f64 {
         let n = watched.point as usize;
         let before = self.inverse.state.springs[n];
         let before = (before.with == number).then_some(before);
@@ -221,7 +238,7 @@ impl<'a> Presence<'a> {
             && let Some(known) = &watched.known
             && let Some(clear) = other.inverse.clear(x, known)
         {
-            return (clear, None);
+            return clear;
         }
         let mut seen = Err(Missing::Lost);
         for known in [watched.known.as_ref(), None] {
@@ -238,20 +255,17 @@ impl<'a> Presence<'a> {
             Err(Missing::NoMatter(distance)) => self.solid.margin().max(HALF_SURE * distance),
             Err(Missing::Lost) => 0.0,
         };
-        let met = seen
+        let pressed = seen
             .ok()
             .and_then(|seen| self.press(other, n, (&seen, x), before, [friction, moved]));
-        let met = match met {
-            Some(met) => Some(PointContact {
-                grip: Grip {
-                    with: number,
-                    ..met.grip
-                },
-                ..met
-            }),
-            None => before.map(|_| PointContact::none(n, x)),
-        };
-        (clear, met)
+        match pressed {
+            Some(mut one) => {
+                one.grip.with = number;
+                met.push(one);
+            }
+            None => met.extend(before.map(|_| PointContact::none(n, x))),
+        }
+        clear
     }
 
     /// About where a place [m] is at rest, from the part of its surface that it is nearest to [m].
@@ -314,6 +328,7 @@ impl<'a> Presence<'a> {
         }
     }
 
+    #[inline(always)]
     fn press(
         &self,
         other: &Self,

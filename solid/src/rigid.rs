@@ -4,15 +4,13 @@
 //! substep, so that rest on other bodies and on colliders stays rest. Nodes take impulses between substeps. Both get the same
 //! in sum, because [`Exchange`] gives a body what is missing of it in the next substep.
 
-use rayon::prelude::*;
-
 use super::{
     advance::Solid,
     contact::ContactSurface,
     grip::Grip,
     pairs::PointContact,
     penalty::Spring,
-    search::{CandidateList, FoundInCluster, Stand, TASK, find_near},
+    search::{CandidateList, FoundInCluster, Stand, find_near},
 };
 use crate::{
     bodies::actor::Actor,
@@ -130,19 +128,13 @@ impl Pressed<'_> {
         moved: f64,
         number: u32,
         list: &mut CandidateList,
-    ) -> Vec<PointContact> {
-        let ways = list.ways(&self.solid.scratch.search.own);
+    ) -> Vec<Vec<PointContact>> {
         let (shape, body) = (actor.shape, &actor.body);
         let spin = body.spin(&shape.inertia);
         let area = std::f64::consts::PI * shape.radius * shape.radius;
         let bearable = SHARE * shape.inertia.mass / (self.density * self.dx * area);
         let scale = self.modulus * bearable.min(1.0);
-        let points = list.points.par_iter_mut().with_min_len(TASK);
-        let met = points.filter_map(|watched| {
-            let way = ways[watched.cluster()];
-            if watched.until > way {
-                return None;
-            }
+        list.meet(&self.solid.scratch.search.own, |watched, met| {
             let n = watched.point as usize;
             let [x, v] = self.solid.motion(self.surface, n);
             let before = self.springs[n];
@@ -150,14 +142,15 @@ impl Pressed<'_> {
             let arm: [f64; 3] = std::array::from_fn(|a| x[a] - body.com[a]);
             let none = known.then(|| PointContact::none(n, x));
             if dot(arm, arm) > shape.radius * shape.radius {
-                return none;
+                met.extend(none);
+                return 0.0;
             }
             let local = body.inverse_point(x);
             let depth = -shape.distance(local);
-            watched.until = way + (-depth).max(0.0);
             let touches = depth > 0.0 && (known || depth <= ENTRY * self.dx);
             if !touches {
-                return none;
+                met.extend(none);
+                return -depth;
             }
             let normal = rotate(body.rotation, shape.normal(local));
             let stiffness = scale * self.surface.stiffness[n];
@@ -171,7 +164,7 @@ impl Pressed<'_> {
             let turn = cross(spin, arm);
             let relative = std::array::from_fn(|a| v[a] - body.velocity[a] - turn[a]);
             let (force, stretch) = spring.pull(known.then_some(before.stretch), relative, moved);
-            Some(PointContact {
+            met.push(PointContact {
                 point: n,
                 grip: Grip {
                     with: number,
@@ -182,9 +175,9 @@ impl Pressed<'_> {
                 at: [x, normal],
                 pressure: spring.pressure,
                 bears: None,
-            })
-        });
-        met.collect()
+            });
+            0.0
+        })
     }
 }
 
@@ -220,7 +213,7 @@ pub(crate) fn stand_of(actor: &Actor<'_>) -> Stand {
 }
 
 /// Opposite of the forces on points.
-pub(crate) fn opposite(met: &[PointContact]) -> Wrench {
+pub(crate) fn opposite<'a>(met: impl Iterator<Item = &'a PointContact>) -> Wrench {
     let mut sum = Wrench::default();
     for one in met {
         sum.add(-1.0, &Wrench::about(one.at[0], one.force, [0.0; 3]));

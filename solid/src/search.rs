@@ -68,18 +68,11 @@ pub struct Candidate {
     /// Its number.
     pub point: u32,
     /// The [way](CandidateList::way) of its cluster at which it is looked at again [m].
-    pub until: f64,
+    until: f64,
     /// Which part of another solid's clusters it is nearest to, counted through: a search begins there.
     pub part: u32,
     /// Where it was in that solid last, and how far from its surface: a search begins there if that is known.
     pub known: Option<KnownPlace>,
-}
-
-impl Candidate {
-    /// Its cluster.
-    pub fn cluster(&self) -> usize {
-        self.point as usize / CLUSTER
-    }
 }
 
 /// Points that may touch some things.
@@ -95,9 +88,7 @@ pub struct CandidateList {
     speed: f64,
     /// Whether it was gone on with at the latest look.
     is_of_now: bool,
-    /// In ascending order.
-    pub points: Vec<Candidate>,
-    /// Memory for those before.
+    /// Memory for points that were listed before.
     before: Vec<Candidate>,
 }
 
@@ -114,12 +105,42 @@ struct ClusterWay {
     until_far: f64,
     /// Way of it and all near it when it was followed last [m].
     way: f64,
+    /// Its points that may touch something, in ascending order.
+    points: Vec<Candidate>,
+    /// Way at which the first of them is looked at again [m].
+    next: f64,
 }
 
 impl ClusterWay {
     fn follow(&mut self, others: &[f64]) {
         let ways = self.near.iter().map(|&n| others[n as usize]);
         self.other = ways.fold(0.0, f64::max);
+    }
+
+    /// Lists anew what was found at a way [m]; one that is listed still goes on from where it was.
+    fn renew(&mut self, way: f64, found: Vec<Listed>, memory: &mut Vec<Candidate>) {
+        let then = std::mem::replace(&mut self.way, way);
+        std::mem::swap(&mut self.points, memory);
+        let mut before = memory.drain(..).peekable();
+        self.points.extend(found.into_iter().map(|near| {
+            while before.next_if(|p| p.point < near.point).is_some() {}
+            let listed = before.next_if(|p| p.point == near.point);
+            // What it was found to be away by holds as well.
+            let left = listed.as_ref().map_or(0.0, |p| p.until - then);
+            Candidate {
+                point: near.point,
+                until: way + near.clear.max(left),
+                part: near.part,
+                known: listed.and_then(|p| p.known),
+            }
+        }));
+        drop(before);
+        self.find_next();
+    }
+
+    fn find_next(&mut self) {
+        let until = self.points.iter().map(|point| point.until);
+        self.next = until.fold(f64::INFINITY, f64::min);
     }
 }
 
@@ -143,13 +164,13 @@ impl CandidateList {
     pub fn go_on(&mut self, now: Stand, with: &[(u32, Stand)], ways: &Ways<'_>, moved: f64) {
         let Some(then) = self.stand.replace(now) else {
             (self.way, self.speed) = (0.0, 0.0);
-            self.points.clear();
             self.of_clusters
                 .resize_with(ways.own.len(), Default::default);
             for cluster in &mut self.of_clusters {
                 cluster.near.clear();
+                cluster.points.clear();
                 (cluster.other, cluster.until, cluster.until_far) = (0.0, 0.0, 0.0);
-                cluster.way = 0.0;
+                (cluster.way, cluster.next) = (0.0, f64::INFINITY);
             }
             self.with.clear();
             self.with.extend_from_slice(with);
@@ -177,9 +198,32 @@ impl CandidateList {
         self.way + own[cluster] + self.of_clusters[cluster].other
     }
 
-    /// The same of all clusters.
-    pub fn ways(&self, own: &[f64]) -> Vec<f64> {
-        (0..own.len()).map(|n| self.way(n, own)).collect()
+    /// Whether no point is listed.
+    pub fn is_empty(&self) -> bool {
+        self.of_clusters.iter().all(|one| one.points.is_empty())
+    }
+
+    /// Looks at the points that are due: `meet` tells how far one is from what it may touch at least [m], and adds what comes of it, which
+    /// is returned cluster after cluster.
+    pub fn meet<T: Send>(
+        &mut self,
+        own: &[f64],
+        meet: impl Fn(&mut Candidate, &mut Vec<T>) -> f64 + Sync,
+    ) -> Vec<Vec<T>> {
+        let base = self.way;
+        let clusters = self.of_clusters.par_iter_mut().zip(own);
+        let met = clusters.with_min_len(TASK / CLUSTER).map(|(cluster, own)| {
+            let way = base + own + cluster.other;
+            let mut met = vec![];
+            if cluster.next <= way {
+                for point in cluster.points.iter_mut().filter(|p| p.until <= way) {
+                    point.until = way + meet(point, &mut met).max(0.0);
+                }
+                cluster.find_next();
+            }
+            met
+        });
+        met.collect()
     }
 
     /// Clusters whose points have to be looked for, ascending.
@@ -199,59 +243,33 @@ impl CandidateList {
         if !self.is_of_now || depth >= self.speed * most {
             return most;
         }
-        let clear = |cluster: usize| self.of_clusters[cluster].until - self.way(cluster, own);
-        let of_clusters = (0..own.len()).map(clear);
-        let listed = self.points.iter();
-        let of_points = listed.map(|p| p.until - self.way(p.cluster(), own));
-        let clear = of_clusters.chain(of_points).fold(f64::INFINITY, f64::min);
+        let clear = |(n, one): (usize, &ClusterWay)| one.until.min(one.next) - self.way(n, own);
+        let of_clusters = self.of_clusters.iter().enumerate().map(clear);
+        let clear = of_clusters.fold(f64::INFINITY, f64::min);
         most.min((clear / self.speed - drift).max(0.0) + depth / self.speed)
     }
 
     /// How far points of a cluster are from what they may touch at least [m]; 0 where some are listed.
     pub fn clear(&self, cluster: usize, own: &[f64]) -> f64 {
-        let next = self.points.partition_point(|p| p.cluster() < cluster);
-        match self
-            .points
-            .get(next)
-            .is_some_and(|p| p.cluster() == cluster)
-        {
-            true => 0.0,
-            false => (self.of_clusters[cluster].until - self.way(cluster, own)).max(0.0),
+        let one = &self.of_clusters[cluster];
+        match one.points.is_empty() {
+            true => (one.until - self.way(cluster, own)).max(0.0),
+            false => 0.0,
         }
     }
 
     /// Lists anew what was found in clusters that were due.
     pub fn renew(&mut self, due: &[usize], ways: &Ways<'_>, found: Vec<FoundInCluster>) {
         let farthest = ways.farthest();
-        let mut known = std::mem::take(&mut self.before);
-        std::mem::swap(&mut self.points, &mut known);
-        let mut before = known.drain(..).peekable();
         for (&cluster, found) in due.iter().zip(found) {
             let of_cluster = &mut self.of_clusters[cluster];
             of_cluster.near = found.near;
             of_cluster.follow(ways.others);
             of_cluster.until_far = self.way + ways.own[cluster] + farthest + found.far;
-            let way = self.way(cluster, ways.own);
-            self.of_clusters[cluster].way = way;
-            while let Some(point) = before.next_if(|p| p.cluster() < cluster) {
-                self.points.push(point);
-            }
-            for near in found.points {
-                while before.next_if(|p| p.point < near.point).is_some() {}
-                // One that is listed still goes on from where it was.
-                let listed = before.next_if(|p| p.point == near.point);
-                self.points.push(Candidate {
-                    point: near.point,
-                    until: way + near.clear,
-                    part: near.part,
-                    known: listed.and_then(|p| p.known),
-                });
-            }
-            while before.next_if(|p| p.cluster() == cluster).is_some() {}
-            self.of_clusters[cluster].until = way + found.clear;
+            let way = self.way + ways.own[cluster] + of_cluster.other;
+            of_cluster.until = way + found.clear;
+            of_cluster.renew(way, found.points, &mut self.before);
         }
-        self.points.extend(before);
-        self.before = known;
     }
 }
 
@@ -514,12 +532,12 @@ mod tests {
                 FoundInCluster::of(points, margin, |n| height(n) - way + shakes(n, way))
             });
             list.renew(&due, &ways, found);
-            assert!(list.points.is_sorted_by_key(|p| p.point));
+            let listed = |n: usize| list.of_clusters[n / CLUSTER].points.iter();
             for n in 0..count {
                 // None that touches is left out, and none is looked at too late.
                 if height(n) + shakes(n, way) < way {
-                    let known = list.points.iter().find(|p| p.point as usize == n);
-                    let is_due = |p: &Candidate| p.until <= list.way(p.cluster(), &own);
+                    let known = listed(n).find(|p| p.point as usize == n);
+                    let is_due = |p: &Candidate| p.until <= list.way(n / CLUSTER, &own);
                     assert!(known.is_some_and(is_due), "{step}: {n}");
                 }
             }

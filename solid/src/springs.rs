@@ -1,10 +1,6 @@
 //! Springs that hold patches of a solid: they pull its particles, and nodes bear that.
 
-use super::{
-    advance::Solid,
-    model::{Bears, CellPoint},
-    object::SolidObject,
-};
+use super::{advance::Solid, model::CellPoint, nodes::Bears, object::SolidObject};
 use crate::{
     colliders::{
         Substep,

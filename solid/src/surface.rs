@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 
 use super::{
     facets::{Facet, Pieces},
-    model::{Bears, SolidModel},
+    model::SolidModel,
+    nodes::Bears,
 };
 use crate::mat3::length;
 

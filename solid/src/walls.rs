@@ -12,8 +12,7 @@ use super::{
     contact::ContactSurface,
     grip::{Grip, OBJECTS},
     kernel::follow_again,
-    model::Bears,
-    nodes::{NODES, read, write},
+    nodes::{Bears, NODES, read, write},
     skyline::Skyline,
 };
 use crate::{
@@ -39,8 +38,11 @@ impl Solid<'_> {
         if !walls.bonds.is_empty() && kick > 0.0 {
             self.join(surface, &mut walls);
             let Walls { bonds, patches, .. } = &mut walls;
+            for bond in &mut *bonds {
+                [_, bond.v] = self.motion(surface, bond.point);
+            }
             for patch in patches {
-                self.ask(surface, bonds, patch, drift);
+                self.ask(bonds, patch, drift);
             }
             walls.hold(&self.model.mass);
             for one in &walls.patches {
@@ -73,11 +75,12 @@ impl Solid<'_> {
                     *spring = Grip { with, ..Grip::NONE };
                 }
                 let stretch = spring.stretch;
-                let [x, _] = self.motion(surface, point);
+                let [x, v] = self.motion(surface, point);
                 self.scratch.walls.bonds.push(Bond {
                     point,
                     with,
                     x,
+                    v,
                     normal: [0.0; 3],
                     gap: 0.0,
                     wall: face.velocity,
@@ -143,7 +146,9 @@ impl Solid<'_> {
                     *weights.entry(*slot).or_default() += area / all * w;
                 }
             }
+            let share = |(&slot, w): (&u32, &f64)| (slot, w / self.model.mass[slot as usize]);
             Patch {
+                answers: weights.iter().map(share).collect(),
                 bonds: members.iter().map(|(n, area)| (*n, area / all)).collect(),
                 borne: weights.into_iter().collect(),
                 with,
@@ -173,16 +178,15 @@ impl Solid<'_> {
     }
 
     /// Asks for what keeps the mean of a patch where it met the wall: across it and, where nothing slips, along it.
-    fn ask(&self, surface: &ContactSurface, bonds: &[Bond], patch: &mut Patch, drift: f64) {
+    fn ask(&self, bonds: &[Bond], patch: &mut Patch, drift: f64) {
         let [mut x, mut normal, mut missing, mut back] = [[0.0; 3]; 4];
         for (n, share) in &patch.bonds {
             let bond = &bonds[*n];
-            let [_, v] = self.motion(surface, bond.point);
             let off = bond.off();
             for a in 0..3 {
                 x[a] += share * bond.x[a];
                 normal[a] += share * bond.normal[a];
-                missing[a] += share * (bond.wall[a] - v[a]);
+                missing[a] += share * (bond.wall[a] - bond.v[a]);
                 back[a] -= share * off[a];
             }
         }
@@ -260,10 +264,10 @@ impl Walls {
             }
         }
         for patch in &self.patches {
-            for &(slot, w) in &patch.borne {
-                let share = w / mass[slot as usize];
+            for &(slot, share) in &patch.answers {
+                let change = &mut self.change[slot as usize];
                 for a in 0..3 {
-                    self.change[slot as usize][a] += share * patch.impulse[a];
+                    change[a] += share * patch.impulse[a];
                 }
             }
         }
