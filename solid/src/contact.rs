@@ -16,8 +16,9 @@ use super::{
     penalty::{CONTACT, Spring},
     search::{
         Bounds, CLUSTER, CandidateList, ClusterBox, FoundInCluster, LOOSE, MARGIN, NOWHERE, PARTS,
-        Search, Stand, TASK, Ways, find_near, joined,
+        Search, TASK, Ways, find_near, joined,
     },
+    stand::Stand,
     state::SolidState,
     surface::SurfacePoint,
 };

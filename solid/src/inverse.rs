@@ -160,27 +160,22 @@ impl<'a> LocalInverse<'a> {
         self.start.back_about(x, known)
     }
 
-    /// Nodes about a site, along z for each place along x and y, with their weights and the slopes of those along each axis.
+    /// Nodes about a site, by their places along each axis.
     #[inline(always)]
-    fn about(&self, site: &CellPoint) -> (impl Fn([usize; 3]) -> &'a [f32; 8], [[[f32; 3]; 2]; 3]) {
+    fn about(&self, site: &CellPoint) -> impl Fn([usize; 3]) -> &'a [f32; 8] {
         let blocks = &self.model.point_blocks[site.block as usize].nodes;
         let (cell, rows) = (cell_of_number(site.number), self.rows);
-        let row = move |at: [usize; 3]| {
+        move |at: [usize; 3]| {
             let [i, j, k]: [usize; 3] = std::array::from_fn(|a| cell[a] + at[a]);
             let block = blocks[4 * (i / 4) + 2 * (j / 4) + k / 4] as usize;
             &rows[slot(block, place(i % 4, j % 4, k % 4))].0
-        };
-        let axes = site.d.map(|d| {
-            let (w, g) = weights_f64(d);
-            [w.map(|w| w as f32), g.map(|g| g as f32)]
-        });
-        (row, axes)
+        }
     }
 
     /// Displacement at a site [cells], summed along z, then y, then x.
     #[inline(always)]
     fn displacement_alone(&self, site: &CellPoint) -> [f64; 3] {
-        let (row, [[x, _], [y, _], [z, _]]) = self.about(site);
+        let (row, [[x, _], [y, _], [z, _]]) = (self.about(site), axes(site));
         let mut sum = [0.0_f32; 4];
         for i in 0..3 {
             let mut plane = [0.0_f32; 4];
@@ -206,7 +201,7 @@ impl<'a> LocalInverse<'a> {
     /// The same, and its slopes along each axis.
     #[inline(always)]
     fn displacement(&self, site: &CellPoint) -> [[f64; 3]; 4] {
-        let (row, axes) = self.about(site);
+        let (row, axes) = (self.about(site), axes(site));
         let mut sums = [[0.0_f32; 4]; 4];
         for x in 0..3 {
             let mut planes = [[0.0_f32; 4]; 3];
@@ -391,6 +386,15 @@ impl<'a> LocalInverse<'a> {
             false => Err(Missing::Lost),
         }
     }
+}
+
+/// Weights of the nodes about a site along each axis, and their slopes.
+#[inline(always)]
+fn axes(site: &CellPoint) -> [[[f32; 3]; 2]; 3] {
+    site.d.map(|d| {
+        let (w, g) = weights_f64(d);
+        [w.map(|w| w as f32), g.map(|g| g as f32)]
+    })
 }
 
 /// A vector of length 1; none of none.

@@ -47,6 +47,7 @@ pub mod sampling;
 pub mod search;
 mod skyline;
 pub mod springs;
+pub mod stand;
 pub mod state;
 pub mod surface;
 pub mod vibrating;

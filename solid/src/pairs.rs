@@ -107,6 +107,10 @@ on_isa! {
     ) -> f64
 }
 
+#[expect(
+    clippy::extra_unused_type_parameters,
+    reason = "compiled for each instruction set, without lanes of its own"
+)]
 #[inline(always)]
 fn meet<V: Lanes>(
     here: &Presence<'_>,

@@ -10,7 +10,8 @@ use super::{
     grip::Grip,
     pairs::PointContact,
     penalty::Spring,
-    search::{CandidateList, FoundInCluster, Stand, find_near},
+    search::{CandidateList, FoundInCluster, find_near},
+    stand::Stand,
 };
 use crate::{
     bodies::actor::Actor,
