@@ -30,8 +30,8 @@ use crate::{
     simd::LANES,
 };
 
-/// Pressure over the tangent at rest, per depth in cells.
-const STIFFNESS: f64 = 0.5;
+/// Pressure over the tangent at rest, per depth in cells, where nodes bear that.
+const STIFFNESS: f64 = 1.0;
 /// Margins within which a box is not far from colliders.
 const SEARCH_MARGINS: f64 = 8.0;
 
@@ -189,8 +189,8 @@ impl Solid<'_> {
         if pressed.iter().flatten().any(presses) {
             self.scratch.search.contact = ContactWith::Walls;
         }
-        for one in pressed.iter().flatten() {
-            self.scratch.walls.bonds.extend(one.bond.clone());
+        for one in pressed.into_iter().flatten() {
+            self.scratch.walls.bonds.extend(one.bond);
             self.state.springs[one.point] = one.grip;
             self.push(&surface.points[one.point].bears, one.force);
             for (collider, received) in one.received.iter().chain(&one.more) {

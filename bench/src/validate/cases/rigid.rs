@@ -214,6 +214,7 @@ fn roll(roller: &Roller, friction: f64, drop: f64) -> Vec<Case> {
         "slips: closed form"
     };
     let [way, turn] = roller.claims;
+    let falls_behind = roller.what == "disk" && !rolls && (drop > 0.0 || friction > 0.1);
     let mut cases = vec![
         Case::new(
             way,
@@ -231,7 +232,7 @@ fn roll(roller: &Roller, friction: f64, drop: f64) -> Vec<Case> {
             })
             .against_run(source, spin)
             .within(gate)
-            .fails((roller.what == "disk" && !rolls).then_some(FOOT)),
+            .fails(falls_behind.then_some(FOOT)),
         );
     }
     cases
