@@ -48,10 +48,10 @@ impl ClosestParticles {
 
 /// The nearest particles of nodes, of all those that may touch an obstacle within the substep, which moves at most
 /// at `speed` [m/s].
-pub(super) fn near(
+pub(super) fn near<O: Obstacle>(
     input: &CouplingInput<'_>,
     grid: &Grid,
-    obstacle: &dyn Obstacle,
+    obstacle: &O,
     speed: f64,
 ) -> ClosestParticles {
     let (particles, dx) = (input.particles, input.dx);
@@ -85,11 +85,11 @@ pub(super) fn near(
 }
 
 /// The particles of a block with a gap of at most `most`.
-fn of_block(
+fn of_block<O: Obstacle>(
     particles: &Particles,
     cells_per_mass: &[f64],
     block: &Block,
-    obstacle: &dyn Obstacle,
+    obstacle: &O,
     most: f64,
     dx: f64,
 ) -> Vec<CandidateParticle> {
@@ -107,12 +107,12 @@ fn of_block(
             for lane in (0..LANES).filter(|&lane| mass[lane] > 0.0) {
                 let inner: Vec3 = std::array::from_fn(|a| f64::from(x[a].0[lane]) + 1.5);
                 let place = [0, 1, 2].map(|a| dx * (start[a] + inner[a]));
-                let Some(facing) = obstacle.facing_within(place, most + LARGEST_RADIUS * dx) else {
+                let towards = obstacle.towards(place, most + LARGEST_RADIUS * dx);
+                let Some((distance, normal)) = towards else {
                     continue;
                 };
-                let gap = facing.distance - dx * radii.of(mass[lane]);
+                let gap = distance - dx * radii.of(mass[lane]);
                 if gap <= most {
-                    let normal = facing.normal;
                     let nearest = GapSample { gap, normal };
                     found.push(CandidateParticle { inner, nearest });
                 }

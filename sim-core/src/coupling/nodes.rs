@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use super::{
     CouplingInput,
     near::near,
-    obstacle::{FacedBlock, NODES, RigidObstacle},
+    obstacle::{FacedBlock, NODES, Obstacle, RigidObstacle},
 };
 use crate::{
     bodies::{
@@ -241,7 +241,7 @@ impl Coupling {
 
 /// A body and a block of nodes.
 struct BodyBlock<'a> {
-    faced: FacedBlock<'a>,
+    faced: FacedBlock<'a, RigidObstacle<'a>>,
     coupled: &'a CoupledBody<'a>,
     /// Whether both are one piece.
     bonded: bool,
@@ -268,11 +268,12 @@ impl BodyBlock<'_> {
     /// relative to the body.
     fn at(&self, at: usize, velocity: Vec3) -> Option<(Vec3, f64)> {
         if !self.bonded {
-            return self.faced.closing(at, velocity);
+            let (normal, target, ()) = self.faced.closing(at, velocity)?;
+            return Some((normal, target));
         }
         let x = self.faced.place(self.faced.index(at));
-        let found = self.faced.obstacle.facing(x)?;
-        (found.distance < self.thicker()).then_some((found.normal, 0.0))
+        let (_, normal) = self.faced.obstacle.towards(x, self.thicker())?;
+        Some((normal, 0.0))
     }
 }
 

@@ -21,16 +21,21 @@ pub(super) const NODES: usize = 64;
 pub(super) const GAP_LOOKAHEAD: f64 = 0.1;
 /// Cosine of the angle beyond which a node's normal is that of the other side of a thin obstacle.
 const SAME_SIDE: f64 = 0.5;
+/// Share of an overlap, of a cell at most, that is undone in a substep of what flows. Velocities of nodes keep matter out, but what moves
+/// between them creeps in: by up to a third of that share of a cell per substep where a block floats.
+const RECOVERY: f64 = 1e-3;
 
-/// A surface at a place near it.
+/// Signed distance from a surface, negative inside [m], and its unit normal outwards.
+pub(super) type Towards = (f64, Vec3);
+
+/// A surface as a node meets it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Facing {
-    /// Signed distance, negative inside [m].
-    pub distance: f64,
-    /// Unit normal outwards.
-    pub normal: Vec3,
+pub(super) struct Facing<P> {
+    pub towards: Towards,
     /// Velocity that it will have at the end of the substep [m/s].
     pub velocity: Vec3,
+    /// What the surface tells of the place.
+    pub place: P,
 }
 
 /// The nearest of the particles that reach a node.
@@ -51,12 +56,14 @@ impl GapSample {
 
 /// What matter on the grid meets.
 pub(super) trait Obstacle: Sync {
+    /// What tells of a place near its surface.
+    type Place: Copy;
     /// Centre and radius of a ball that holds it [m].
     fn ball(&self) -> (Vec3, f64);
-    /// The surface as seen from a place [m]; none where it is farther than `most` [m].
-    fn facing_within(&self, x: Vec3, most: f64) -> Option<Facing>;
-    /// The surface as seen from a place [m]; none where it is far.
-    fn facing(&self, x: Vec3) -> Option<Facing>;
+    /// Where its surface is from a place [m]; none where it is farther than `most` [m].
+    fn towards(&self, x: Vec3, most: f64) -> Option<Towards>;
+    /// The surface as a node at a place [m] meets it; none where it is far.
+    fn facing(&self, x: Vec3) -> Option<Facing<Self::Place>>;
 }
 
 /// A rigid body, with the velocity that it will have.
@@ -67,37 +74,40 @@ pub(super) struct RigidObstacle<'a> {
 }
 
 impl Obstacle for RigidObstacle<'_> {
+    type Place = ();
+
     fn ball(&self) -> (Vec3, f64) {
         (self.body.com, self.shape.radius)
     }
 
-    fn facing_within(&self, x: Vec3, most: f64) -> Option<Facing> {
-        let distance = self.shape.distance(self.body.inverse_point(x));
-        (distance <= most).then(|| self.facing(x)).flatten()
+    fn towards(&self, x: Vec3, most: f64) -> Option<Towards> {
+        let local = self.body.inverse_point(x);
+        let distance = self.shape.distance(local);
+        let normal = || rotate(self.body.rotation, self.shape.normal(local));
+        (distance <= most).then(|| (distance, normal()))
     }
 
-    fn facing(&self, x: Vec3) -> Option<Facing> {
-        let local = self.body.inverse_point(x);
+    fn facing(&self, x: Vec3) -> Option<Facing<()>> {
         let turns = cross(self.moves.spin, sub(x, self.body.com));
         Some(Facing {
-            distance: self.shape.distance(local),
-            normal: rotate(self.body.rotation, self.shape.normal(local)),
+            towards: self.towards(x, f64::INFINITY)?,
             velocity: add(self.moves.velocity, turns),
+            place: (),
         })
     }
 }
 
 /// An obstacle and a block of nodes.
-pub(super) struct FacedBlock<'a> {
+pub(super) struct FacedBlock<'a, O> {
     pub grid: &'a Grid,
     pub input: &'a CouplingInput<'a>,
-    pub obstacle: &'a dyn Obstacle,
+    pub obstacle: &'a O,
     pub nodes: &'a NodeBlock,
     /// What particles may touch the obstacle, if any.
     pub nearest: Option<&'a [GapSample; NODES]>,
 }
 
-impl FacedBlock<'_> {
+impl<O: Obstacle> FacedBlock<'_, O> {
     /// Which node of the grid one of the block is.
     pub fn index(&self, at: usize) -> [i32; 3] {
         let local = [at / 16, at / 4 % 4, at % 4];
@@ -110,8 +120,8 @@ impl FacedBlock<'_> {
     }
 
     /// Normal out of the obstacle at a node that meets it, and the least velocity along it that is left to the node [m/s], both
-    /// relative to the obstacle.
-    pub fn closing(&self, at: usize, velocity: Vec3) -> Option<(Vec3, f64)> {
+    /// relative to the obstacle, with what tells of the place.
+    pub fn closing(&self, at: usize, velocity: Vec3) -> Option<(Vec3, f64, O::Place)> {
         let input = self.input;
         let nearest = self.nearest?[at];
         if nearest.gap == f64::INFINITY {
@@ -119,8 +129,8 @@ impl FacedBlock<'_> {
         }
         let own = self.obstacle.facing(self.place(self.index(at)))?;
         // That of the surface near the node, if it is on the side of the particle.
-        let normal = match dot(own.normal, nearest.normal) > SAME_SIDE {
-            true => own.normal,
+        let normal = match dot(own.towards.1, nearest.normal) > SAME_SIDE {
+            true => own.towards.1,
             false => nearest.normal,
         };
         let way = input.dt * dot(sub(velocity, own.velocity), normal);
@@ -130,17 +140,23 @@ impl FacedBlock<'_> {
         if gap + way > GAP_LOOKAHEAD * input.dx {
             return None;
         }
-        if input.fields.reconstructs_surface[self.nodes.field as usize] && gap + way < 0.0 {
+        let keeps_shape = input.fields.reconstructs_surface[self.nodes.field as usize];
+        if keeps_shape && gap + way < 0.0 {
             gap = input.dx * edge::gap(gap / input.dx, self.edge(at));
         }
-        Some((normal, -gap.max(0.0) / input.dt))
+        let way_out = match keeps_shape {
+            true => 0.0,
+            false => RECOVERY * (-gap).clamp(0.0, input.dx),
+        };
+        Some((normal, (way_out - gap.max(0.0)) / input.dt, own.place))
     }
 
     /// Gap in front of a node by where masses say that matter ends [cells].
     fn edge(&self, at: usize) -> f64 {
-        let surface = |index: [i32; 3]| match self.obstacle.facing(self.place(index)) {
-            Some(found) => (found.distance / self.input.dx, found.normal),
-            None => (f64::INFINITY, [0.0; 3]),
+        let surface = |index: [i32; 3]| {
+            let found = self.obstacle.towards(self.place(index), f64::INFINITY);
+            let (distance, normal) = found.unwrap_or((f64::INFINITY, [0.0; 3]));
+            (distance / self.input.dx, normal)
         };
         edge::edge(self.index(at), surface, |index| {
             matter(self.grid, self.input.anchors, self.nodes.field, index)

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use super::{
     CouplingInput,
     near::near,
-    obstacle::{FacedBlock, Facing, NODES, Obstacle},
+    obstacle::{FacedBlock, Facing, NODES, Obstacle, Towards},
 };
 use crate::{
     bodies::vector::{Vec3, add, along, length, scaled, sub},
@@ -39,33 +39,33 @@ pub(crate) struct CoupledSolid<'a> {
 }
 
 impl Obstacle for CoupledSolid<'_> {
+    type Place = SeenSurface;
+
     fn ball(&self) -> (Vec3, f64) {
         let [min, max] = self.bounds;
         let half = scaled(sub(max, min), 0.5);
         (add(min, half), length(half))
     }
 
-    fn facing_within(&self, x: Vec3, most: f64) -> Option<Facing> {
+    fn towards(&self, x: Vec3, most: f64) -> Option<Towards> {
         let [min, max] = self.bounds;
         if (0..3).any(|a| x[a] < min[a] - most || x[a] > max[a] + most) {
             return None;
         }
-        let found = self.inverse.surface_within(x, most)?;
-        Some(self.face(&found))
+        let found = match most < f64::INFINITY {
+            true => self.inverse.surface_within(x, most),
+            false => self.inverse.surface(x),
+        };
+        found.map(|found| (found.distance, found.normal))
     }
 
-    fn facing(&self, x: Vec3) -> Option<Facing> {
-        Some(self.face(&self.inverse.surface(x)?))
-    }
-}
-
-impl CoupledSolid<'_> {
-    fn face(&self, found: &SeenSurface) -> Facing {
-        Facing {
-            distance: found.distance,
-            normal: found.normal,
-            velocity: along(found.velocity(&self.inverse), self.dt, self.gravity),
-        }
+    fn facing(&self, x: Vec3) -> Option<Facing<SeenSurface>> {
+        let seen = self.inverse.surface(x)?;
+        Some(Facing {
+            towards: (seen.distance, seen.normal),
+            velocity: along(seen.velocity(&self.inverse), self.dt, self.gravity),
+            place: seen,
+        })
     }
 }
 
@@ -106,12 +106,20 @@ struct NodeContact {
     friction: f64,
     /// Of the solid there, before [m/s].
     velocity: Vec3,
-    /// The solid's nodes that bear it.
-    bears: Vec<(u32, f32)>,
+    bears: Vec<Bearer>,
     inverse_mass: f64,
     /// On the grid's node [N s].
     normal_impulse: f64,
     friction_impulse: Vec3,
+}
+
+/// A node of a solid that bears a point.
+struct Bearer {
+    slot: usize,
+    /// Its share in the motion of the point.
+    share: f64,
+    /// Its velocity per impulse on the point [1/kg].
+    answer: f64,
 }
 
 /// Lets solids and nodes of the grid meet.
@@ -141,7 +149,7 @@ pub(crate) fn couple_solids_to_grid(
     for _ in 0..SWEEPS {
         let (mut changed, mut largest) = (0.0_f64, 0.0_f64);
         for contact in &mut contacts {
-            changed = changed.max(contact.solve(solids, &mut sites, &mut changes));
+            changed = changed.max(contact.solve(&mut sites, &mut changes));
             largest = largest.max(contact.normal_impulse);
         }
         if changed <= DONE * largest {
@@ -157,7 +165,7 @@ pub(crate) fn couple_solids_to_grid(
         coupled.largest = coupled.largest.max(speed);
         // What rounding takes from the node its first solid gets.
         if let Some(contact) = contacts.iter().find(|contact| contact.site == site) {
-            contact.push(solids, &mut changes, scaled(left, mass));
+            contact.push(&mut changes, scaled(left, mass));
         }
     }
     for contact in contacts.iter().filter(|c| c.normal_impulse > 0.0) {
@@ -202,13 +210,10 @@ fn find_contacts(
             let Some((mass, velocity)) = input.node(grid, block, at) else {
                 continue;
             };
-            let Some((normal, target)) = faced.closing(at, velocity) else {
+            let Some((normal, target, seen)) = faced.closing(at, velocity) else {
                 continue;
             };
             let place = faced.place(faced.index(at));
-            let Some(found) = solid.inverse.surface(place) else {
-                continue;
-            };
             let at = [block, at / 4, 4 * (at % 4)];
             let site = *known.entry(at).or_insert_with(|| {
                 sites.push(MetNode {
@@ -219,7 +224,9 @@ fn find_contacts(
                 sites.len() - 1
             });
             let model = solid.inverse.model;
-            let bears = model.borne_by(&found.bears(model));
+            let about = seen.bears(model);
+            let bears = solid.bearers(&model.borne_by(&about));
+            let answers = bears.iter().map(|one| one.share * one.answer);
             contacts.push(NodeContact {
                 site,
                 solid: n,
@@ -228,8 +235,8 @@ fn find_contacts(
                 normal,
                 target,
                 friction: (input.friction)(solid.object, nodes.field),
-                velocity: add(found.velocity(&solid.inverse), solid.gain(&bears)),
-                inverse_mass: 1.0 / mass + solid.inverse_mass(&bears),
+                velocity: add(solid.inverse.velocity_of(&about), solid.gain(&bears)),
+                inverse_mass: 1.0 / mass + answers.sum::<f64>(),
                 bears,
                 normal_impulse: 0.0,
                 friction_impulse: [0.0; 3],
@@ -239,35 +246,39 @@ fn find_contacts(
 }
 
 impl CoupledSolid<'_> {
-    /// Velocity of a material point per impulse on it [1/kg].
-    fn inverse_mass(&self, bears: &[(u32, f32)]) -> f64 {
-        let of = bears.iter().map(|&(slot, w)| {
-            let per_mass = self.velocity_per_impulse(slot as usize);
-            f64::from(w) * f64::from(w) * per_mass
-        });
-        of.sum()
+    /// Nodes with their shares, as they answer.
+    fn bearers(&self, nodes: &[(u32, f32)]) -> Vec<Bearer> {
+        let bearer = |&(slot, w): &(u32, f32)| {
+            let (slot, share) = (slot as usize, f64::from(w));
+            Bearer {
+                slot,
+                share,
+                answer: share * self.velocity_per_impulse(slot),
+            }
+        };
+        nodes.iter().map(bearer).collect()
     }
 
     /// Velocity that nodes get in the substep of all but matter on the grid, as far as is known [m/s]: as in the span before, where
     /// that acted on them, and of gravity elsewhere. Without it a node at rest on a solid would creep in, by as much as it is
     /// pushed per substep.
-    fn gain(&self, bears: &[(u32, f32)]) -> Vec3 {
+    fn gain(&self, bears: &[Bearer]) -> Vec3 {
         let state = self.inverse.state;
         let mut sum = [0.0; 3];
-        for &(slot, w) in bears {
+        for &Bearer { slot, share, .. } in bears {
             let known = state
                 .of_matter
-                .binary_search_by_key(&slot, |load| load.slot);
+                .binary_search_by_key(&slot, |load| load.slot as usize);
             let rate = match known {
                 Ok(found) if state.span > 0.0 => {
                     let load = &state.of_matter[found];
-                    let now = state.velocity_of(self.inverse.model, slot as usize);
+                    let now = state.velocity_of(self.inverse.model, slot);
                     let all = scaled(sub(now, load.before), 1.0 / state.span);
-                    along(all, -self.velocity_per_impulse(slot as usize), load.force)
+                    along(all, -self.velocity_per_impulse(slot), load.force)
                 }
                 _ => self.gravity,
             };
-            sum = along(sum, f64::from(w) * self.dt, rate);
+            sum = along(sum, share * self.dt, rate);
         }
         sum
     }
@@ -288,15 +299,10 @@ impl NodeContact {
     }
 
     /// Makes its impulse such that velocities are as they may be; returns the size of the change [N s].
-    fn solve(
-        &mut self,
-        solids: &[CoupledSolid<'_>],
-        sites: &mut [MetNode],
-        changes: &mut [Vec<Vec3>],
-    ) -> f64 {
-        let mut other = self.velocity;
-        for &(slot, w) in &self.bears {
-            other = along(other, f64::from(w), changes[self.solid][slot as usize]);
+    fn solve(&mut self, sites: &mut [MetNode], changes: &mut [Vec<Vec3>]) -> f64 {
+        let (mut other, known) = (self.velocity, &changes[self.solid]);
+        for bearer in &self.bears {
+            other = along(other, bearer.share, known[bearer.slot]);
         }
         let u = sub(sites[self.site].velocity[1], other);
         let speed = dot(u, self.normal);
@@ -311,21 +317,22 @@ impl NodeContact {
             friction = scaled(friction, most / size);
         }
         let given = along(sub(friction, self.friction_impulse), change, self.normal);
+        if given == [0.0; 3] {
+            return 0.0;
+        }
         self.friction_impulse = friction;
         let site = &mut sites[self.site];
         site.velocity[1] = along(site.velocity[1], 1.0 / site.mass, given);
-        self.push(solids, changes, scaled(given, -1.0));
+        self.push(changes, scaled(given, -1.0));
         length(given)
     }
 
     /// Gives the solid an impulse [N s].
-    fn push(&self, solids: &[CoupledSolid<'_>], changes: &mut [Vec<Vec3>], impulse: Vec3) {
-        let solid = &solids[self.solid];
-        for &(slot, w) in &self.bears {
-            let slot = slot as usize;
-            let scale = f64::from(w) * solid.velocity_per_impulse(slot);
-            let change = &mut changes[self.solid][slot];
-            *change = along(*change, scale, impulse);
+    fn push(&self, changes: &mut [Vec<Vec3>], impulse: Vec3) {
+        let changes = &mut changes[self.solid];
+        for bearer in &self.bears {
+            let change = &mut changes[bearer.slot];
+            *change = along(*change, bearer.answer, impulse);
         }
     }
 }

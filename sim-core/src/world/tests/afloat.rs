@@ -3,15 +3,18 @@
 use crate::{
     World,
     materials::{Law, Material},
-    scene::{Fidelity, Scene, Surface},
+    scene::{Fidelity, Scene, Solver, Surface},
     test_scenes::{add_box, add_plane, elastic, empty},
 };
 
 /// Frame length [s].
 const FRAME: f64 = 1.0 / 60.0;
 
-/// A body of six tenths of the density of water, 0.3 m wide, above a tank of 0.8 m with 0.3 m of it.
-fn tank(dx: f64) -> Scene {
+/// Height of its middle where it displaces its weight: 0.18 m under water, which stands 0.3253 m high then.
+const AFLOAT: f64 = 0.3253 - 0.18 + 0.15;
+
+/// A block of some law and six tenths of the density of water, 0.3 m wide, above a tank of 0.8 m with 0.3 m of it.
+fn tank(dx: f64, block: Material) -> Scene {
     let mut scene = empty(dx);
     scene.gravity = [0.0, -9.81, 0.0];
     let mut wall = |point, normal| add_plane(&mut scene, point, normal, Surface::Slip, 0.0);
@@ -27,11 +30,11 @@ fn tank(dx: f64) -> Scene {
     };
     let water = elastic(water, 0.0, 0.0);
     add_box(&mut scene, water, [-0.4, 0.0, -0.4], 0.5 * dx, [32, 12, 32]);
-    let wood = Material {
+    let block = Material {
         density: 600.0,
-        ..elastic(Law::Rigid, 0.0, 0.0)
+        ..block
     };
-    add_box(&mut scene, wood, [-0.15, 0.31, -0.15], 0.5 * dx, [12; 3]);
+    add_box(&mut scene, block, [-0.15, 0.31, -0.15], 0.5 * dx, [12; 3]);
     for object in &mut scene.objects {
         object.surface.friction = Some(0.0);
     }
@@ -41,7 +44,7 @@ fn tank(dx: f64) -> Scene {
 #[test]
 fn a_light_body_floats_and_no_water_passes_through_it() {
     const DX: f64 = 0.05;
-    let scene = tank(DX);
+    let scene = tank(DX, elastic(Law::Rigid, 0.0, 0.0));
     let water = scene.objects[0].particles.clone();
     let mut world = World::new(scene).expect("valid");
     let mut heights = vec![];
@@ -50,11 +53,9 @@ fn a_light_body_floats_and_no_water_passes_through_it() {
         assert_eq!((report.rollbacks, report.quarantined.len()), (0, 0));
         heights.push(report.objects[1].com[1]);
     }
-    // Archimedes: 0.18 m under water, which stands 0.3253 m high then. Contact is of first order, between six cells of body and
-    // five of water to either side: within a cell.
-    let afloat = 0.3253 - 0.18 + 0.15;
+    // Contact is of first order, between six cells of body and five of water to either side: within a cell.
     for height in &heights[120..] {
-        assert!((height - afloat).abs() < DX, "{:?}", &heights[100..]);
+        assert!((height - AFLOAT).abs() < DX, "{:?}", &heights[100..]);
     }
 
     let body = &world.report().objects[1];
@@ -64,6 +65,21 @@ fn a_light_body_floats_and_no_water_passes_through_it() {
     });
     let deepest = deepest.fold(f64::NEG_INFINITY, f64::max);
     assert!(deepest < DX, "{deepest}");
+}
+
+#[test]
+fn a_light_solid_on_its_own_grid_does_not_go_under() {
+    const DX: f64 = 0.05;
+    let mut scene = tank(DX, elastic(Law::NeoHookean, 2e5, 0.3));
+    scene.objects[1].solver = Solver::Lagrangian;
+    let mut world = World::new(scene).expect("valid");
+    for frame in 0..240 {
+        let report = world.step(FRAME, &[]);
+        assert_eq!((report.rollbacks, report.quarantined.len()), (0, 0));
+        let height = report.objects[1].com[1];
+        // Within a cell, as a rigid one; where overlaps stayed it was two cells too low.
+        assert!(frame < 150 || (height - AFLOAT).abs() < DX, "{height}");
+    }
 }
 
 /// Speed that a soft block keeps which hits something heavy or a wall at 1 m/s, and the nearest that its middle came to it [m].
