@@ -330,7 +330,7 @@ const TURNED: f64 = 23.0;
 /// What the spin may be off by, over what presses: normals that lean by half a degree.
 const LEAN_GATE: f64 = 0.01;
 
-const LEANS: &str = "normals between deformable objects lean towards the nearest axis by up to a degree; with twice the cells by a twentieth of that";
+const LEANS: &str = "normals between deformable objects lean towards the nearest axis by up to a degree; with twice the cells by less than a tenth of that";
 
 /// A run with a coefficient of friction, turned by some degrees.
 fn oblique_trial(cells: f64, friction: f64, turned: f64) -> Trial {
