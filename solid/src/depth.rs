@@ -1,7 +1,6 @@
 //! Signed distance from the surface of a solid at rest, on the lattice of its matter.
 
 use super::{
-    basis::weights_f64,
     facets::{Facet, Pieces},
     lattice::Lattice,
 };
@@ -10,15 +9,14 @@ use crate::mat3::{dot, length};
 /// How far from the surface distances are exact [pieces of the lattice].
 const BAND: i64 = 3;
 
-/// Distances [m], negative inside: a quadratic B-spline over the corners of the lattice, whose slope has no jumps. Of what is linear between
-/// corners the slope of a ball of 12 cells is off by two degrees: frictionless balls that met obliquely spun.
+/// Distances [m] at the corners of the lattice, negative inside, linear in between.
 #[derive(Clone, Debug)]
 pub struct DepthField {
     lattice: Lattice,
     /// The first of its corners that has a value, along its axes [m].
     first: [f64; 3],
     size: [usize; 3],
-    coefficients: Vec<f32>,
+    values: Vec<f32>,
     /// Whether all of it is near the surface: no place is as deep as distances are exact.
     pub(crate) is_thin: bool,
 }
@@ -129,8 +127,8 @@ impl DepthField {
             is_thin: values.iter().all(|&value| value > -far),
             first: std::array::from_fn(|a| first[a] + edge * min[a] as f64),
             lattice: lattice.clone(),
-            coefficients: coefficients(&values, size, far),
             size,
+            values,
         }
     }
 
@@ -139,7 +137,7 @@ impl DepthField {
         BAND as f64 * self.lattice.edge
     }
 
-    /// Length of a piece of the lattice [m].
+    /// Length of a piece of the lattice, between corners of which it is linear [m].
     pub fn edge(&self) -> f64 {
         self.lattice.edge
     }
@@ -149,62 +147,28 @@ impl DepthField {
     pub fn at(&self, x: [f64; 3]) -> Option<(f64, [f64; 3])> {
         let (x, edge) = (self.lattice.place(x), self.lattice.edge);
         let at: [f64; 3] = std::array::from_fn(|a| (x[a] - self.first[a]) / edge);
-        let inside = |a: usize| at[a] >= 0.5 && at[a] < self.size[a] as f64 - 1.5;
+        let inside = |a: usize| at[a] >= 0.0 && at[a] < (self.size[a] - 1) as f64;
         if !(0..3).all(inside) {
             return None;
         }
-        let low = at.map(|x| (x - 0.5) as usize);
-        let axes: [_; 3] = std::array::from_fn(|a| weights_f64(at[a] - low[a] as f64 - 1.0));
-        // The value, and its slopes along each axis.
-        let mut sums = [0.0; 4];
-        for (i, (x, x_slope)) in pairs(axes[0]).enumerate() {
-            let mut plane = [0.0; 3];
-            for (j, (y, y_slope)) in pairs(axes[1]).enumerate() {
-                let start = ((low[0] + i) * self.size[1] + low[1] + j) * self.size[2] + low[2];
-                let (mut value, mut slope) = (0.0, 0.0);
-                for (c, (z, z_slope)) in self.coefficients[start..start + 3]
-                    .iter()
-                    .zip(pairs(axes[2]))
-                {
-                    value += z * f64::from(*c);
-                    slope += z_slope * f64::from(*c);
-                }
-                plane[0] += y * value;
-                plane[1] += y_slope * value;
-                plane[2] += y * slope;
-            }
-            sums[0] += x * plane[0];
-            sums[1] += x_slope * plane[0];
-            sums[2] += x * plane[1];
-            sums[3] += x * plane[2];
-        }
-        let [value, slope @ ..] = sums;
-        let slope = slope.map(|s| s / edge);
+        let low = at.map(|x| x as usize);
+        let [x, y, z]: [f64; 3] = std::array::from_fn(|a| at[a] - low[a] as f64);
+        // Along each axis: the value, and how much it changes by per piece.
+        let along = |[a, b]: [f64; 2], share: f64| a + share * (b - a);
+        let line = |i: usize, j: usize| {
+            let start = ((low[0] + i) * self.size[1] + low[1] + j) * self.size[2] + low[2];
+            let [a, b] = [self.values[start], self.values[start + 1]].map(f64::from);
+            [along([a, b], z), b - a]
+        };
+        let plane = |i: usize| {
+            let [[a, a_z], [b, b_z]] = [line(i, 0), line(i, 1)];
+            [along([a, b], y), b - a, along([a_z, b_z], y)]
+        };
+        let [[a, a_y, a_z], [b, b_y, b_z]] = [plane(0), plane(1)];
+        let value = along([a, b], x);
+        let slope = [b - a, along([a_y, b_y], x), along([a_z, b_z], x)].map(|s| s / edge);
         Some((value, self.lattice.world(slope)))
     }
-}
-
-/// Weights with their slopes.
-#[inline(always)]
-fn pairs((w, g): ([f64; 3], [f64; 3])) -> impl Iterator<Item = (f64, f64)> {
-    w.into_iter().zip(g)
-}
-
-/// Coefficients of the spline that has these values at corners, but for their fourth differences; the values themselves where those beside
-/// them are not known.
-fn coefficients(values: &[f32], size: [usize; 3], far: f32) -> Vec<f32> {
-    let steps = [size[1] * size[2], size[2], 1];
-    let mut out = values.to_vec();
-    for (n, c) in out.iter_mut().enumerate() {
-        let index = [n / steps[0], n / steps[1] % size[1], n % size[2]];
-        if values[n].abs() >= far || (0..3).any(|a| index[a] == 0 || index[a] + 1 == size[a]) {
-            continue;
-        }
-        for step in steps {
-            *c -= (values[n + step] - 2.0 * values[n] + values[n - step]) / 8.0;
-        }
-    }
-    out
 }
 
 #[cfg(test)]
@@ -234,7 +198,7 @@ mod tests {
             if exact.abs() < 0.1 {
                 looked += 1;
                 assert!(value * exact >= 0.0, "{x:?}: {value} {exact}");
-                // What is linear between corners is `t^3` for `t` inside a corner: 0.385 edges, and the spline is nearer.
+                // What is linear between corners is `t^3` for `t` inside a corner: 0.385 edges.
                 assert!(
                     (value - exact).abs() < 0.39 * edge,
                     "{x:?}: {value} {exact}"
@@ -251,8 +215,7 @@ mod tests {
         for (x, expected) in [
             ([0.2, 0.2, 0.02], -0.02),
             ([0.2, 0.2, 0.43], 0.03),
-            // A piece and a half from where another face is as near.
-            ([0.03, 0.2, 0.21], -0.03),
+            ([0.03, 0.17, 0.21], -0.03),
         ] {
             let (value, slope) = field.at(x).expect("near");
             assert!((value - expected).abs() < 1e-6, "{x:?}: {value}");
@@ -261,7 +224,7 @@ mod tests {
         let field = of(&ball(0.1, [0.0; 3], 0.5));
         for x in [[0.47, 0.0, 0.0], [0.27, 0.27, 0.27], [-0.3, 0.4, 0.05]] {
             let (value, _) = field.at(x).expect("near");
-            // A tenth of a cell.
+            // A tenth of a cell, linear between corners of the lattice.
             assert!((value - (length(x) - 0.5)).abs() < 0.01, "{x:?}: {value}");
         }
     }

@@ -80,7 +80,7 @@ pub struct SeenSurface {
     pub distance: f64,
     /// Unit normal outwards.
     pub normal: [f64; 3],
-    /// Change of the depth at rest per way along the normal: less than 1 amid matter, where the nearest surface is on several sides.
+    /// Change of the depth at rest per way along the normal, 0 to 1: less than 1 amid matter, where the nearest surface is on several sides.
     pub steepness: f64,
     /// Where that is on the grid.
     site: CellPoint,
@@ -380,7 +380,7 @@ impl<'a> LocalInverse<'a> {
                 rest,
                 distance,
                 normal,
-                steepness,
+                steepness: steepness.min(1.0),
                 site,
             }),
             false => Err(Missing::Lost),
