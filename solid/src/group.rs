@@ -226,7 +226,7 @@ fn meet_bodies(
             };
             let met = pressed.pressed_by(actor, friction, moved, number, &mut list);
             solid.keep(list);
-            if met.iter().any(|of_cluster| !of_cluster.is_empty()) {
+            if touches(&met) {
                 solid.scratch.search.contact = ContactWith::Objects;
             }
             on_bodies[n].add(1.0, &opposite(met.iter().flatten()));
@@ -240,6 +240,11 @@ fn meet_bodies(
         }
     }
     on_bodies
+}
+
+/// Whether anything came of some cluster.
+fn touches(met: &[Vec<PointContact>]) -> bool {
+    met.iter().any(|of_cluster| !of_cluster.is_empty())
 }
 
 /// What a mover presses on points of another with.
@@ -279,7 +284,7 @@ fn meet_each_other(
     }
     for Pressed { pair, met } in found {
         let ids = pair.map(|n| group[n].id);
-        if met.iter().any(|of_cluster| !of_cluster.is_empty()) {
+        if touches(&met) {
             for n in pair {
                 group[n].solid.scratch.search.contact = ContactWith::Objects;
             }

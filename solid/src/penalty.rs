@@ -80,17 +80,22 @@ impl Spring {
 mod tests {
     use super::*;
 
+    /// Of a point so deep [m] under a plane, with this friction.
+    fn spring(stiffness: f64, depth: f64, friction: f64) -> Spring {
+        Spring {
+            stiffness,
+            depth,
+            pressure: stiffness * depth,
+            normal: [0.0, 0.0, 1.0],
+            most: friction * depth,
+        }
+    }
+
     #[test]
     fn contact_that_begins_rubs_by_the_way_since_it_did() {
         let (stiffness, depth, moved) = (100.0, 0.01, 1e-2);
         let pull = |along: f64, approach: f64| {
-            let mut spring = Spring {
-                stiffness,
-                depth,
-                pressure: stiffness * depth,
-                normal: [0.0, 0.0, 1.0],
-                most: 0.5 * depth,
-            };
+            let mut spring = spring(stiffness, depth, 0.5);
             let (force, _) = spring.pull(None, [along, 0.0, -approach], moved);
             assert_eq!(force[2], spring.pressure);
             -force[0] / spring.pressure
@@ -106,13 +111,7 @@ mod tests {
     fn pressure_is_damped_where_friction_slides_alone() {
         let (stiffness, depth, moved) = (100.0, 0.01, 1e-3);
         let pressed = |friction: f64, along: f64| {
-            let mut spring = Spring {
-                stiffness,
-                depth,
-                pressure: stiffness * depth,
-                normal: [0.0, 0.0, 1.0],
-                most: friction * depth,
-            };
+            let mut spring = spring(stiffness, depth, friction);
             let held = 0.3 * friction * depth;
             let (force, _) = spring.pull(Some([held, 0.0, 0.0]), [along, 0.0, 2.0], moved);
             assert_eq!(force[2], spring.pressure);

@@ -79,6 +79,11 @@ struct ClusterWay {
 }
 
 impl ClusterWay {
+    /// Way of it and all near it, of those of its list and its own [m].
+    fn sum(&self, list: f64, own: f64) -> f64 {
+        list + own + self.other
+    }
+
     fn follow(&mut self, others: &[f64]) {
         let ways = self.near.iter().map(|&n| others[n as usize]);
         self.other = ways.fold(0.0, f64::max);
@@ -152,7 +157,7 @@ impl CandidateList {
         let mut nearer = 0.0_f64;
         for (cluster, own) in self.of_clusters.iter_mut().zip(ways.own) {
             cluster.follow(ways.others);
-            let way = self.way + own + cluster.other;
+            let way = cluster.sum(self.way, *own);
             nearer = nearer.max(way - std::mem::replace(&mut cluster.way, way));
         }
         if moved > 0.0 {
@@ -162,7 +167,7 @@ impl CandidateList {
 
     /// By how much points of a cluster and what is near them have come nearer to each other at most [m].
     pub fn way(&self, cluster: usize, own: &[f64]) -> f64 {
-        self.way + own[cluster] + self.of_clusters[cluster].other
+        self.of_clusters[cluster].sum(self.way, own[cluster])
     }
 
     /// Whether no point is listed.
@@ -180,7 +185,7 @@ impl CandidateList {
         let base = self.way;
         let clusters = self.of_clusters.par_iter_mut().zip(own);
         let met = clusters.with_min_len(TASK / CLUSTER).map(|(cluster, own)| {
-            let way = base + own + cluster.other;
+            let way = cluster.sum(base, *own);
             let mut met = vec![];
             if cluster.next <= way {
                 for point in cluster.points.iter_mut().filter(|p| p.until <= way) {
@@ -233,7 +238,7 @@ impl CandidateList {
             of_cluster.near = found.near;
             of_cluster.follow(ways.others);
             of_cluster.until_far = self.way + ways.own[cluster] + farthest + found.far;
-            let way = self.way + ways.own[cluster] + of_cluster.other;
+            let way = of_cluster.sum(self.way, ways.own[cluster]);
             of_cluster.until = way + found.clear;
             of_cluster.renew(way, found.points, &mut self.before);
         }
