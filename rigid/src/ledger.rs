@@ -91,6 +91,12 @@ impl Ledger {
         self.pairs.entry(key).or_default().add(received, sign);
     }
 
+    /// What objects received, and from whom.
+    pub fn pairs(&self) -> impl Iterator<Item = (usize, ContactPartner, &Received)> {
+        let pairs = self.pairs.iter();
+        pairs.map(|(&(other, object), received)| (object, other, received))
+    }
+
     /// Adds what a spring gave to an object.
     pub fn add_spring(&mut self, object: usize, given: &Given) {
         self.springs.entry(object).or_default().add(given);

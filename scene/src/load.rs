@@ -302,7 +302,7 @@ translation = [1, 0, 0]
 name = "c"
 clone = "a"
 translation = [2, 0, 0]
-restitution = 0.5
+fidelity = "auto"
 [[objects]]
 name = "d"
 clone = "a"
@@ -315,7 +315,7 @@ solver = "spatial"
         let text = "version = 1 # with a remark\ndx = 0.05\n\
             objects = [{ name = \"a\", shape = { kind = \"box\", size = [0.2, 0.2, 0.2] }, material = \"jelly\" },\n\
             { name = \"b\", clone = \"a\", translation = [1, 0, 0] },\n\
-            { name = \"c\", clone = \"a\", translation = [2, 0, 0], restitution = 0.5 },\n\
+            { name = \"c\", clone = \"a\", translation = [2, 0, 0], fidelity = \"auto\" },\n\
             { name = \"d\", clone = \"a\", translation = [3, 0, 0], solver = \"spatial\" }]\n";
         let own = [
             Solver::Lagrangian,

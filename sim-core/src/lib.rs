@@ -39,7 +39,7 @@ pub use cosplat_matter::{
     Scene, expression, kinematics, mat3, materials, num, rotation, scene,
     simd::{self, Isa},
 };
-use cosplat_rigid::{bodies, ledger};
+use cosplat_rigid::{bodies, episodes, ledger, motion};
 pub use cosplat_rigid::{colliders, distance};
 use cosplat_solid as solid;
 

@@ -214,7 +214,7 @@ pub struct Torn {
     pub apart: f64,
 }
 
-/// Contact of two deformable objects from first touch to parting. Speeds are those of their rigid motions at the
+/// Contact of two objects that deform, or one of which does, from first touch to parting. Speeds are those of their rigid motions at the
 /// place of contact, along its mean normal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct ContactEpisode {

@@ -3,6 +3,7 @@
 //! A step borrows the groups one by one: what a phase does not get it cannot change. All groups are saved in checkpoints.
 
 pub(crate) mod away;
+pub(crate) mod in_contact;
 pub(crate) mod rigid;
 pub(crate) mod sleep;
 
@@ -11,7 +12,6 @@ use serde::{Deserialize, Serialize};
 use crate::{
     bodies::{body::Body, engine::CachedImpulse, shape::Shape},
     colliders::{Paths, rules::Pins},
-    contact::Episodes,
     grid::Grid,
     ledger::Ledger,
     materials::{Material, limits::DeformationBounds},
@@ -21,6 +21,7 @@ use crate::{
     solid::{advance::Scratch, state::SolidState},
 };
 use away::Away;
+use in_contact::InContact;
 use rigid::RigidBody;
 use sleep::SleepState;
 
@@ -37,8 +38,8 @@ pub(crate) struct State {
     pub matter: Matter,
     /// Written by the grid pass and the guard.
     pub motion: GridMotion,
-    /// Pairs of objects in contact. Written by contact on the grid.
-    pub episodes: Episodes,
+    /// Pairs in contact. Written by contact on the grid, and by solids.
+    pub in_contact: InContact,
     /// Written by the rigid bodies.
     pub bodies: RigidBodies,
     /// Per object, where it is a solid on a grid of its own. Written by their substeps.
@@ -137,7 +138,7 @@ pub(crate) struct GridMotion {
 pub(crate) struct Moving<'a> {
     pub matter: &'a mut Matter,
     pub motion: &'a mut GridMotion,
-    pub episodes: &'a mut Episodes,
+    pub in_contact: &'a mut InContact,
     pub bodies: &'a mut RigidBodies,
     pub solids: &'a mut [Option<SolidState>],
 }
@@ -154,7 +155,7 @@ impl State {
         let moving = Moving {
             matter: &mut self.matter,
             motion: &mut self.motion,
-            episodes: &mut self.episodes,
+            in_contact: &mut self.in_contact,
             bodies: &mut self.bodies,
             solids: &mut self.solids,
         };

@@ -64,11 +64,12 @@ pub(crate) fn substep(
     let input = &NodeInput::new(at, passes, matter, concerned, grid, tally);
     let on_nodes = grid_pass(at, input, grid, tally);
     // Contact: between the fields of objects.
-    let in_contact = contact(at, input, matter, motion, grid, moving.episodes, tally);
+    let in_contact = contact(at, input, matter, motion, grid, moving.in_contact, tally);
     // Rigid bodies and solids: at nodes, at each other and at colliders.
     let off_grid = OffGrid {
         bodies: moving.bodies,
         solids: moving.solids,
+        episodes: &mut moving.in_contact.of_solids,
     };
     let at_bodies = move_bodies(
         &given, &at.now, passes, matter, motion, off_grid, workspace, tally,
@@ -84,7 +85,7 @@ pub(crate) fn substep(
     let next = segment.next(at, matter, motion);
     let ends = segment.ends(schedule, matter.drift, travel);
     let deformation = gather(at, &next, ends, matter, motion, workspace, tally);
-    book_springs(&given, &mut moving.episodes.ledger);
+    book_springs(&given, &mut moving.in_contact.ledger);
     // Guard: nothing may be inside out, or nowhere.
     bounds.and(deformation)?;
     offset_velocities(at, motion);

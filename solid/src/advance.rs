@@ -217,7 +217,7 @@ impl<'a> Solid<'a> {
     }
 
     /// Whether the frame moves with the solid: nothing holds it in the world.
-    fn is_free(&self) -> bool {
+    pub(super) fn is_free(&self) -> bool {
         self.scratch.held.is_empty()
     }
 

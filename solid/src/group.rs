@@ -2,19 +2,18 @@
 
 use super::{
     advance::{Outside, Shares, Solid},
-    bonds::HeldFace,
     grip::{ContactWith, Grip},
     inverse::Start,
-    object::SolidObject,
+    mover::{Around, Mover},
     pairs::{PointContact, Presence},
     rigid::{
         Exchange, Pressed as PressedByBodies, RigidPeers, Wrench, near_body, opposite, stand_of,
     },
     search::Bounds,
-    springs::SolidSpring,
+    wholes::{Members, Wholes},
 };
 use crate::{
-    colliders::{Boundaries, Paths, Placed, Substep},
+    colliders::{Placed, Substep},
     ledger::{ContactPartner, Ledger},
     mat3::length,
     scene::Scene,
@@ -22,44 +21,6 @@ use crate::{
 
 /// How far ahead solids that come near each other are looked for [substeps].
 const AHEAD: f64 = 4.0;
-
-/// A solid of a group.
-#[derive(Debug)]
-pub struct Mover<'a> {
-    /// Itself.
-    pub solid: Solid<'a>,
-    /// What the scene says of it.
-    pub object: &'a SolidObject,
-    /// Its number in the scene.
-    pub id: usize,
-    /// Friction that its surface states.
-    pub friction: Option<f64>,
-    /// Colliders that it may touch, by their numbers.
-    pub colliders: Vec<usize>,
-    /// Forces on nodes throughout the span, over the squared cell size [Pa].
-    pub steady: Vec<(usize, [f32; 3])>,
-    /// Springs that hold patches of it.
-    pub springs: Vec<SolidSpring<'a>>,
-    /// Velocity of each held node [m/s].
-    pub given: Vec<[f64; 3]>,
-    /// Parts of its surface that are held.
-    pub faces: Vec<HeldFace<'a>>,
-}
-
-/// Everything around solids.
-#[derive(Clone, Copy, Debug)]
-pub struct Around<'a> {
-    /// What acts everywhere.
-    pub outside: Outside,
-    /// Colliders [m].
-    pub scene: &'a Scene,
-    /// The same, placed at moments.
-    pub boundaries: &'a Boundaries,
-    /// Where commanded ones go during the frame.
-    pub paths: &'a Paths,
-    /// Start and length of the frame [s].
-    pub frame: [f64; 2],
-}
 
 /// What a span came to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +33,7 @@ pub struct Passed {
     pub last: f64,
 }
 
-/// Moves a group, and the rigid bodies that it may touch, from `start` for `length` [s] > 0; notes what colliders gave.
+/// Moves a group, and the rigid bodies that it may touch, from `start` for `length` [s] > 0; notes what contact gave.
 ///
 /// # Errors
 /// The number of the first object that is nowhere in the end: whoever called undoes what has changed by then.
@@ -81,7 +42,7 @@ pub fn advance_group(
     mut peers: Option<&mut dyn RigidPeers>,
     around: &Around<'_>,
     [start, length]: [f64; 2],
-    ledger: &mut Ledger,
+    (mut wholes, ledger): (Wholes<'_>, &mut Ledger),
 ) -> Result<Passed, usize> {
     let outside = &around.outside;
     let meets = group.len() > 1 || peers.is_some();
@@ -117,11 +78,8 @@ pub fn advance_group(
             frame_start: around.frame[0],
             frame_length: around.frame[1],
         };
-        let on_bodies = find_forces(group, peers.as_deref(), around, &now, [moved, kick], ledger);
-        move_nodes(group, outside, [kick, shares.dt], &shares, ledger)?;
-        if let Some(peers) = &mut peers {
-            peers.advance(&now, &exchange.through(on_bodies, now.dt));
-        }
+        let mut members = Members::new(group, &mut peers, around, &now);
+        ledger.merge(&members.substep(moved, &shares, &mut exchange, &mut wholes)?);
         passed.substeps += 1;
         passed.smallest = passed.smallest.min(shares.dt);
         (passed.last, moved) = (shares.dt, shares.dt);
@@ -138,12 +96,8 @@ pub fn advance_group(
         frame_start: around.frame[0],
         frame_length: around.frame[1],
     };
-    let times = [moved, now.kick];
-    let on_bodies = find_forces(group, peers.as_deref(), around, &now, times, ledger);
-    move_nodes(group, outside, [now.kick, 0.0], &shares, ledger)?;
-    if let Some(peers) = &mut peers {
-        peers.push(&exchange.rest(&on_bodies));
-    }
+    let mut members = Members::new(group, &mut peers, around, &now);
+    ledger.merge(&members.substep(moved, &shares, &mut exchange, &mut wholes)?);
     for mover in group {
         for spring in &mover.springs {
             ledger.add_spring(mover.id, &spring.given);
@@ -152,15 +106,41 @@ pub fn advance_group(
     Ok(passed)
 }
 
+impl Members<'_, '_> {
+    /// Moves all by a substep, or brings velocities level with positions where that has no length; returns what contact gave. Things
+    /// have moved for `moved` [s] since they were last looked at.
+    fn substep(
+        &mut self,
+        moved: f64,
+        shares: &Shares,
+        exchange: &mut Exchange,
+        wholes: &mut Wholes<'_>,
+    ) -> Result<Ledger, usize> {
+        let (mut given, around, now) = (Ledger::default(), self.around, self.now);
+        let on_bodies = find_forces(self, moved, &mut given);
+        wholes.take_in(self, &given);
+        let times = [now.kick, now.dt];
+        move_nodes(self.group, &around.outside, times, shares, &mut given)?;
+        if let Some(peers) = &mut self.peers {
+            match now.dt > 0.0 {
+                true => peers.advance(now, &exchange.through(on_bodies, now.dt)),
+                false => peers.push(&exchange.rest(&on_bodies)),
+            }
+        }
+        wholes.part(self, &mut given);
+        Ok(given)
+    }
+}
+
 /// External forces at the moment; returns those on rigid bodies.
-fn find_forces(
-    group: &mut [Mover<'_>],
-    peers: Option<&dyn RigidPeers>,
-    around: &Around<'_>,
-    now: &Substep,
-    times: [f64; 2],
-    ledger: &mut Ledger,
-) -> Vec<Wrench> {
+fn find_forces(members: &mut Members<'_, '_>, moved: f64, ledger: &mut Ledger) -> Vec<Wrench> {
+    let Members {
+        group,
+        peers,
+        around,
+        now,
+    } = members;
+    let times = [moved, now.kick];
     let touched = group.iter().any(|mover| !mover.colliders.is_empty());
     let placed = match touched {
         true => around.boundaries.all(around.paths, now),
@@ -192,7 +172,7 @@ fn find_forces(
         meet_each_other(group, around, times, ledger);
     }
     match peers {
-        Some(peers) => meet_bodies(group, peers, around.scene, times, ledger),
+        Some(peers) => meet_bodies(group, &**peers, around.scene, times, ledger),
         None => vec![],
     }
 }

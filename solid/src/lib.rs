@@ -38,6 +38,7 @@ mod lattice;
 mod limit;
 pub mod memory;
 pub mod model;
+pub mod mover;
 pub mod nodes;
 pub mod object;
 pub mod pairs;
@@ -53,9 +54,10 @@ pub mod surface;
 pub mod vibrating;
 pub mod volumes;
 pub mod walls;
+pub mod wholes;
 
 use cosplat_matter::{mat3, materials, rotation, scene, simd};
-use cosplat_rigid::{bodies, colliders, ledger};
+use cosplat_rigid::{bodies, colliders, episodes, ledger, motion};
 
 #[cfg(test)]
 mod tests;

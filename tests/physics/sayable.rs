@@ -67,9 +67,9 @@ fn explain_says_which_grid_objects_are_on_and_why() {
     let cases = [
         (BALL.to_owned(), "lagrangian", None),
         (
-            format!("{BALL}{floor}restitution = 0.5\n"),
+            format!("{BALL}{floor}surface = \"slip\"\nrestitution = 0.5\n"),
             "spatial",
-            Some("the restitution of collider `floor` does not go with a grid of its own"),
+            Some("the restitution of the slip collider `floor` does not go with a grid of its own"),
         ),
         (
             BALL.replace("jelly", "water"),

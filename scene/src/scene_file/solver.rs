@@ -23,6 +23,12 @@ pub(super) fn choose(
     let mut reasons: Vec<Option<String>> = objects
         .map(|((object, spec), checked)| why_spatial(scene, object, spec, checked))
         .collect();
+    while let Some((object, other)) = bounces_off_spatial(scene, specs, &reasons) {
+        let name = &scene.objects[other].name;
+        reasons[object] = Some(format!(
+            "its restitution to `{name}`, which is on that grid, needs it there"
+        ));
+    }
     for entry in &file.objects {
         let own = |&id: &usize| std::ptr::eq(specs[id], entry);
         let own: Vec<usize> = (0..specs.len()).filter(own).collect();
@@ -43,6 +49,27 @@ pub(super) fn choose(
         report.chosen.push(entry.solver.is_none().then_some(chosen));
     }
     report.why_spatial = reasons;
+}
+
+/// An object that would have a grid of its own, and one that has none, of which restitution is asked: the two grids know nothing of that.
+fn bounces_off_spatial(
+    scene: &Scene,
+    specs: &[&ObjectSpec],
+    reasons: &[Option<String>],
+) -> Option<(usize, usize)> {
+    let all = 0..scene.objects.len();
+    let is_free = |&n: &usize| {
+        let is_stated = specs[n].solver == Some(Solver::Lagrangian);
+        scene.objects[n].is_matter() && reasons[n].is_none() && !is_stated
+    };
+    let bounces = |a: usize, b: usize| {
+        let keeps_shape = scene.objects[b].materials().all(|m| m.law.may_be_solid());
+        let asked = scene.surface_between(a, b).restitution.is_some();
+        reasons[b].is_some() && keeps_shape && asked
+    };
+    all.clone()
+        .filter(is_free)
+        .find_map(|a| Some((a, all.clone().find(|&b| b != a && bounces(a, b))?)))
 }
 
 /// Why an object is on the spatial grid; none where it may have a grid of its own, is said to have one, or is no matter.
@@ -149,22 +176,16 @@ mod tests {
     #[test]
     fn what_solids_do_not_do_leaves_objects_on_the_spatial_grid() {
         let sand = BLOCK.replace("jelly", "dry_sand");
-        let bouncy = format!("{BLOCK}restitution = 0.5\n");
         let part = format!(
             "{BLOCK}[[objects.regions]]\nmaterial = \"water\"\nbox = {{ min = [0, -1, -1], max = [1, 1, 1] }}\n"
         );
         let floor = format!(
-            "{BLOCK}[[colliders]]\nname = \"floor\"\nnormal = [0, 1, 0]\npoint = [0, -1, 0]\nrestitution = 0.5\n"
-        );
-        let pair = format!(
-            "{BLOCK}{OTHER}[[contact_pairs]]\nobjects = [\"block\", \"other\"]\nrestitution = 0.5\n"
+            "{BLOCK}[[colliders]]\nname = \"floor\"\nnormal = [0, 1, 0]\npoint = [0, -1, 0]\nsurface = \"slip\"\nrestitution = 0.5\n"
         );
         for (text, words) in [
             (sand, "the law drucker_prager"),
             (part, "the law fluid"),
-            (bouncy, "restitution to other objects"),
-            (floor, "the restitution of collider `floor`"),
-            (pair, "restitution of a pair"),
+            (floor, "the restitution of the slip collider `floor`"),
             (
                 format!("contact = \"single_field\"\n{BLOCK}{OTHER}"),
                 "single_field",
@@ -202,21 +223,36 @@ mod tests {
 
     #[test]
     fn what_an_entry_says_is_kept() {
-        let stated = format!("{BLOCK}solver = \"lagrangian\"\nrestitution = 0.5\n");
+        let stated = format!("{BLOCK}solver = \"lagrangian\"\n").replace("jelly", "dry_sand");
         let (scene, report) = built(&stated);
         assert_eq!(solvers(&scene), [Solver::Lagrangian]);
         assert_eq!(
             (report.chosen, report.why_spatial),
             (vec![None], vec![None])
         );
-        let error = World::check_scene(&scene).expect_err("no solid has restitution");
+        let error = World::check_scene(&scene).expect_err("no solid is of sand");
         assert!(matches!(error, WorldError::Solid { .. }), "{error}");
         // A clone has what its source says, and chooses for itself where that says nothing.
         let (scene, _) = built(&format!("{BLOCK}solver = \"spatial\"\n{OTHER}"));
         assert_eq!(solvers(&scene), [Solver::Spatial; 2]);
-        let (scene, report) = built(&format!("{BLOCK}{OTHER}restitution = 0.5\n"));
+        let auto = format!("{BLOCK}{OTHER}fidelity = \"auto\"\n");
+        let (scene, report) = built(&auto);
         let both = [Solver::Lagrangian, Solver::Spatial];
         assert_eq!(solvers(&scene), both);
         assert_eq!(report.chosen, both.map(Some));
+        // What bounces off it as is asked shares its grid.
+        let (scene, report) = built(&format!("{auto}restitution = 0.5\n"));
+        assert_eq!(solvers(&scene), [Solver::Spatial; 2]);
+        let why = report.why_spatial[0].as_ref().expect("a reason");
+        assert!(why.contains("its restitution to `other`"), "{why}");
+        // An entry that says otherwise is refused.
+        let stated = auto.replacen("]]\n", "]]\nsolver = \"lagrangian\"\n", 1);
+        let (scene, _) = built(&format!(
+            "{stated}solver = \"spatial\"\nrestitution = 0.5\n"
+        ));
+        let error = World::check_scene(&scene)
+            .expect_err("two grids")
+            .to_string();
+        assert!(error.contains("restitution to `other`"), "{error}");
     }
 }

@@ -38,8 +38,6 @@ pub(crate) struct AccumulatedImpulse {
     pub impulse: [f64; 3],
     /// Its size along the normal, >= 0.
     pub normal_impulse: f64,
-    /// Mean velocity of both when they first pressed.
-    pub drift: [f64; 3],
 }
 
 /// Change of what two points hold that makes [`contact_impulse`] true of all of it, or none where nothing changes.

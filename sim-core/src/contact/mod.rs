@@ -1,10 +1,9 @@
 //! Contact between objects that deform: impulses between their velocity fields at the nodes that they share.
 //!
-//! Order: shared nodes and normals (`sites`), normals of patches (`patches`), gaps (`edge`, `gap`), impulses (`solve`), what
-//! they add up to from first touch to parting (`episodes`, `motion`).
+//! Order: shared nodes and normals (`sites`), normals of patches (`patches`), gaps (`edge`, `gap`), impulses (`solve`), and
+//! objects as wholes (`motion`), of which [`episodes`](crate::episodes) ask restitution.
 
 mod edge;
-mod episodes;
 mod gap;
 mod impulse;
 mod motion;
@@ -13,13 +12,13 @@ mod sites;
 mod solve;
 
 use edge::ClosingSpeed;
-pub(crate) use episodes::{Closed, Episodes, RequestedRestitution};
-use episodes::{PairExchange, by_pair};
 pub(crate) use gap::{LARGEST_RADIUS, Radii};
+use motion::Fields;
 use sites::{ContactBlocks, read};
-use solve::Surroundings;
+use solve::{Surroundings, by_pair};
 
 use crate::{
+    episodes::{Episodes, PairExchange, RequestedRestitution},
     grid::{Grid, approach::BoundaryConditions},
     mat3::dot,
     particles::Particles,
@@ -103,23 +102,28 @@ pub(crate) fn meet(
     };
     let solved = solve::solve(grid, &sites, &friction, &around);
     let mut exchanged = by_pair(&sites.sites, &solved);
-    episodes.take_in(grid, &exchanged, meeting.frame_velocity, meeting.dt);
-    let mut largest = 0_u32;
+    let mut fields = Fields { grid, largest: 0 };
+    episodes.take_in(&fields, &exchanged, meeting.frame_velocity, meeting.dt);
     for (n, block) in solved.into_iter().flat_map(|place| place.blocks) {
         for node in block.0.iter().flat_map(|row| row.0.chunks_exact(4)) {
             for v in &node[..3] {
-                // As integers, so that NaN is the largest of all.
-                largest = largest.max(v.abs().to_bits());
+                fields.largest = fields.largest.max(v.abs().to_bits());
             }
         }
-        grid.velocities[n] = block;
+        fields.grid.velocities[n] = block;
     }
     // Twice what gravity adds in a substep: bodies at rest on each other do not bounce.
     let resting = 2.0 * meeting.gravity * meeting.dt;
-    let given = episodes.part(grid, meeting.wish, resting, meeting.time, &mut exchanged);
+    episodes.part(
+        &mut fields,
+        meeting.wish,
+        resting,
+        meeting.time,
+        &mut exchanged,
+    );
     ContactResult {
         exchanged,
-        largest: f32::from_bits(largest.max(given)),
+        largest: f32::from_bits(fields.largest),
         work,
     }
 }

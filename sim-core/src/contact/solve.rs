@@ -7,86 +7,56 @@ use super::{
     sites::{ContactBlock, ContactBlocks, Node, read},
 };
 use crate::{
+    episodes::{Exchange, PairExchange},
     grid::{
         Grid, Velocities,
         approach::{BlockConstraints, BoundaryConditions},
     },
-    ledger::Received,
     mat3::dot,
 };
 
 /// Sweeps where more than two objects, or boundaries, act on the same nodes.
 const SWEEPS: usize = 4;
 
-/// What a pair exchanged at some nodes [mass units, cells, s].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Exchange {
-    /// Impulse that `b` received.
-    pub impulse: [f64; 3],
-    /// Part of it along the normals.
-    pub normal_impulse: [f64; 3],
-    /// Sum of the sizes of the normal impulses.
-    pub weight: f64,
-    /// Sum of positions, with those as weights.
-    pub moment: [f64; 3],
-    /// Sum of velocities relative to the frame velocity, likewise.
-    pub drift: [f64; 3],
+/// What the nodes of a site exchanged [mass units, cells, s].
+fn exchange_of(site: &ContactBlock, nodes: &[Node], held: &[AccumulatedImpulse]) -> Exchange {
+    let mut sum = Exchange::default();
+    for (node, held) in nodes
+        .iter()
+        .zip(held)
+        .filter(|(_, held)| held.normal_impulse > 0.0)
+    {
+        let x = site.position(node.at);
+        let normal_impulse = dot(held.impulse, node.normal);
+        sum.weight += normal_impulse;
+        for i in 0..3 {
+            sum.impulse[i] += held.impulse[i];
+            sum.normal_impulse[i] += normal_impulse * node.normal[i];
+            sum.moment[i] += normal_impulse * x[i];
+        }
+    }
+    sum
 }
 
-impl Exchange {
-    /// What the nodes of a site hold.
-    fn of(site: &ContactBlock, nodes: &[Node], held: &[AccumulatedImpulse]) -> Self {
-        let mut sum = Self::default();
-        for (node, held) in nodes
-            .iter()
-            .zip(held)
-            .filter(|(_, held)| held.normal_impulse > 0.0)
-        {
-            let x = site.position(node.at);
-            let normal_impulse = dot(held.impulse, node.normal);
-            sum.weight += normal_impulse;
-            for i in 0..3 {
-                sum.impulse[i] += held.impulse[i];
-                sum.normal_impulse[i] += normal_impulse * node.normal[i];
-                sum.moment[i] += normal_impulse * x[i];
-                sum.drift[i] += normal_impulse * held.drift[i];
-            }
+/// Exchanges per pair of fields, by fields.
+pub(super) fn by_pair(sites: &[ContactBlock], solved: &[Solved]) -> Vec<PairExchange> {
+    let exchanged = solved.iter().flat_map(|place| &place.exchanged);
+    let mut found: Vec<PairExchange> = sites
+        .iter()
+        .zip(exchanged)
+        .filter(|(_, exchange)| exchange.weight > 0.0)
+        .map(|(site, exchange)| (site.fields, *exchange))
+        .collect();
+    // Stable: sums run in the order of places.
+    found.sort_by_key(|(fields, _)| *fields);
+    found.dedup_by(|next, sum| {
+        let same = next.0 == sum.0;
+        if same {
+            sum.1.add(&next.1);
         }
-        sum
-    }
-
-    /// An impulse along a normal at a point.
-    pub fn corrected(point: [f64; 3], normal: [f64; 3], impulse: f64) -> Self {
-        let given = normal.map(|n| impulse * n);
-        Self {
-            impulse: given,
-            normal_impulse: given,
-            weight: impulse.abs(),
-            moment: point.map(|x| impulse.abs() * x),
-            drift: [0.0; 3],
-        }
-    }
-
-    /// What `b` received in SI units, in units of `mass` [kg] and `dx` [m].
-    pub fn received(&self, mass: f64, dx: f64) -> Received {
-        Received {
-            impulse: self.impulse.map(|j| j * mass * dx),
-            normal_impulse: self.normal_impulse.map(|j| j * mass * dx),
-            weight: self.weight * mass * dx,
-            moment: self.moment.map(|x| x * mass * dx * dx),
-        }
-    }
-
-    /// Adds another.
-    pub fn add(&mut self, other: &Self) {
-        for a in 0..3 {
-            self.impulse[a] += other.impulse[a];
-            self.normal_impulse[a] += other.normal_impulse[a];
-            self.moment[a] += other.moment[a];
-            self.drift[a] += other.drift[a];
-        }
-        self.weight += other.weight;
-    }
+        same
+    });
+    found
 }
 
 /// The answer at one place.
@@ -192,7 +162,7 @@ fn solve_place(
         }
     }
     let exchanged = sites.iter().zip(&held);
-    let exchanged = exchanged.map(|(site, held)| Exchange::of(site, &nodes[site.range()], held));
+    let exchanged = exchanged.map(|(site, held)| exchange_of(site, &nodes[site.range()], held));
     Solved {
         exchanged: exchanged.collect(),
         blocks,
@@ -233,9 +203,6 @@ fn press(
         ) else {
             continue;
         };
-        if held.drift == [0.0; 3] {
-            held.drift = std::array::from_fn(|i| 0.5 * (v_a[i] + v_b[i]));
-        }
         touched |= 1 << node.at;
         push(&mut blocks[a].1, node.at, impulse, -1.0 / node.mass[0]);
         push(&mut blocks[b].1, node.at, impulse, 1.0 / node.mass[1]);

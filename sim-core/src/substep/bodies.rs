@@ -57,6 +57,7 @@ pub(crate) fn move_bodies(
             states: off_grid.solids,
             scratch: &mut workspace.solids,
             at_nodes: &solids_at_nodes.impulses,
+            episodes: off_grid.episodes,
         };
         move_solids(given, now, solids, &mut rigid, tally);
     } else {

@@ -6,11 +6,12 @@ use super::{
     tally::{Tally, timed},
 };
 use crate::{
-    contact::{ContactInput, Episodes, RequestedRestitution, meet},
+    contact::{ContactInput, meet},
+    episodes::{COLLIDERS, RequestedRestitution},
     grid::Grid,
     mat3::dot,
     materials::Law,
-    state::{Given, GridMotion, Matter},
+    state::{Given, GridMotion, Matter, in_contact::InContact},
 };
 
 /// Lets fields meet at the nodes that they share; returns the largest velocity component given to a node [cells/s].
@@ -20,7 +21,7 @@ pub(super) fn contact(
     matter: &Matter,
     motion: &GridMotion,
     grid: &mut Grid,
-    episodes: &mut Episodes,
+    in_contact: &mut InContact,
     Tally { timings, work, .. }: &mut Tally,
 ) -> f32 {
     let (given, now) = (&at.given, &at.now);
@@ -40,22 +41,32 @@ pub(super) fn contact(
         acting: input.acting(),
         frame_velocity: motion.frame_velocity,
     };
-    let met = timed(&mut timings.contact, || meet(grid, &meeting, episodes));
-    episodes.book(&met.exchanged, model.mass_unit, scene.dx);
+    let met = timed(&mut timings.contact, || {
+        meet(grid, &meeting, &mut in_contact.at_nodes)
+    });
+    in_contact.book(&met.exchanged, model.mass_unit, scene.dx);
     work.contact_nodes += met.work.nodes;
     work.contact_particles += met.work.particles;
     met.largest
 }
 
-/// Restitution that is asked of two objects.
-fn requested_restitution(given: &Given<'_>, fields: [u32; 2]) -> RequestedRestitution {
+/// Restitution that is asked of two objects, or of an object and a collider. Of what has none the one is absent, of the other 0.
+pub(super) fn requested_restitution(given: &Given<'_>, fields: [u32; 2]) -> RequestedRestitution {
+    let scene = &given.model.scene;
     let [a, b] = fields.map(|field| field as usize);
+    let restitution = match fields[1].checked_sub(COLLIDERS) {
+        None => scene.surface_between(a, b).restitution,
+        Some(collider) => {
+            let collider = scene.colliders.get(collider as usize);
+            collider.map(|c| c.restitution).filter(|&e| e > 0.0)
+        }
+    };
     let all = |what: fn(Law) -> bool| {
         let mut parts = given.model.parts.iter().zip(&given.commanded.materials);
         parts.all(|(part, m)| part.object != a && part.object != b || what(m.law))
     };
     RequestedRestitution {
-        restitution: given.model.scene.surface_between(a, b).restitution,
+        restitution,
         solid: all(Law::is_solid),
         elastic: all(|law| law.is_solid() && !law.is_plastic()),
     }

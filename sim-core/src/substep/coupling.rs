@@ -12,6 +12,7 @@ use crate::{
         nodes::{Coupled, CoupledBody, couple_bodies_to_grid},
         solids::{CoupledSolid, CoupledSolids, couple_solids_to_grid},
     },
+    episodes::Episodes,
     grid::{FieldPass, anchors::Anchors},
     solid::{
         advance::Scratch,
@@ -26,6 +27,8 @@ pub(crate) struct OffGrid<'a> {
     pub bodies: &'a mut RigidBodies,
     /// Per object.
     pub solids: &'a mut [Option<SolidState>],
+    /// Solids in contact.
+    pub episodes: &'a mut Episodes,
 }
 
 impl OffGrid<'_> {

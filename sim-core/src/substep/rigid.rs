@@ -94,6 +94,11 @@ impl<'a> RigidGroup<'a> {
         })
     }
 
+    /// Their numbers in the scene.
+    pub fn numbers(&self) -> &[usize] {
+        &self.objects
+    }
+
     /// What the search for impacts has taken in the frame.
     pub fn effort(&self) -> SearchEffort {
         self.effort.get()

@@ -1,20 +1,26 @@
 //! Solids on grids of their own, with the rigid bodies that they may touch: moved in substeps of their own.
 
-use super::{limit::Limit, rigid::RigidGroup, springs::springs_of_solid, tally::Tally};
+use super::{
+    contact::requested_restitution, limit::Limit, rigid::RigidGroup, springs::springs_of_solid,
+    tally::Tally,
+};
 use crate::{
     colliders::{Substep, farthest},
     coupling::solids::NodeImpulses,
+    episodes::Episodes,
     ledger::Ledger,
     report::DtLimit,
     scene::PinnedRegion,
     solid::{
         advance::{Outside, Scratch, Solid},
         bonds::HeldFace,
-        group::{Around, Mover, Passed, advance_group},
+        group::{Passed, advance_group},
         kernel::SolidLaw,
+        mover::{Around, Mover},
         object::{HeldInRegion, SolidObject, law_of},
         rigid::RigidPeers,
         state::{NodeLoad, SolidState},
+        wholes::Wholes,
     },
     state::Given,
 };
@@ -34,6 +40,8 @@ pub(crate) struct Solids<'a> {
     pub scratch: &'a mut Vec<Option<Scratch>>,
     /// What matter on the grid gives in the span.
     pub at_nodes: &'a [NodeImpulses],
+    /// Pairs in contact.
+    pub episodes: &'a mut Episodes,
 }
 
 /// A solid that was taken out of the state to be moved.
@@ -70,6 +78,8 @@ pub(crate) fn move_solids(
 ) {
     let count = solids.states.len();
     solids.scratch.resize_with(count, || None);
+    let is_solid = |n: u32| given.is_moving_solid(n as usize);
+    solids.episodes.retain(is_solid);
     let islands = islands(given, span, &mut solids, rigid);
     if !islands.iter().any(|island| island.has_bodies) {
         rigid.advance(span, None);
@@ -111,16 +121,23 @@ fn islands(
         .reaches(SPEED_MARGIN, span.dt)
         .map(|(com, radius)| [com.map(|x| x - radius), com.map(|x| x + radius)])
         .collect();
+    // What has touched stays together until it has parted.
+    let in_contact = |a: usize, b: usize| {
+        let pair = [a.min(b) as u32, a.max(b) as u32];
+        solids.episodes.pairs().any(|known| known == pair)
+    };
     let mut islands: Vec<Island> = vec![];
     for (id, bounds) in boxes {
         let mut joined = Island {
-            has_bodies: bodies.iter().any(|body| are_near(body, &bounds)),
+            has_bodies: bodies.iter().any(|body| are_near(body, &bounds))
+                || rigid.numbers().iter().any(|&body| in_contact(id, body)),
             objects: vec![(id, bounds)],
         };
         let mut apart = vec![];
         for island in islands {
-            let touches = joined.has_bodies && island.has_bodies
-                || island.objects.iter().any(|one| are_near(&one.1, &bounds));
+            let is_one = |one: &(usize, Bounds)| are_near(&one.1, &bounds) || in_contact(id, one.0);
+            let touches =
+                joined.has_bodies && island.has_bodies || island.objects.iter().any(is_one);
             if touches {
                 joined.objects.extend(island.objects);
                 joined.has_bodies |= island.has_bodies;
@@ -151,16 +168,20 @@ fn move_island(
         .filter_map(|&(id, bounds)| solids.take(given, span, id, bounds))
         .collect();
     let bodies = rigid.places();
+    let has = |n: u32| island.objects.iter().any(|one| one.0 == n as usize);
+    let in_contact = solids.episodes.take_of(has);
     while !left.is_empty() {
         let before: Vec<SolidState> = left.iter().map(|one| one.state.clone()).collect();
         let mut bad = left[0].id;
         for retry in 0..=RETRIES {
-            let mut ledger = Ledger::default();
+            let (mut ledger, mut episodes) = (Ledger::default(), in_contact.clone());
             let cfl = given.model.scene.cfl * 0.5_f64.powi(retry);
             let peers = island.has_bodies.then_some(&mut *rigid);
-            match move_together(given, span, &mut left, cfl, peers, &mut ledger) {
+            let accounts = (&mut episodes, &mut ledger);
+            match move_together(given, span, &mut left, cfl, peers, accounts) {
                 Ok(passed) => {
                     rigid.ledger.merge(&ledger);
+                    solids.episodes.put_back(episodes);
                     count(tally, given, &left, &passed);
                     left.into_iter().for_each(|one| solids.put_back(one));
                     return;
@@ -250,7 +271,7 @@ fn move_together(
     island: &mut [Taken],
     cfl: f64,
     mut rigid: Option<&mut RigidGroup<'_>>,
-    ledger: &mut Ledger,
+    (episodes, ledger): (&mut Episodes, &mut Ledger),
 ) -> Result<Passed, usize> {
     let around = Around {
         outside: Outside {
@@ -283,7 +304,12 @@ fn move_together(
         let peers = rigid
             .as_mut()
             .map(|rigid| &mut **rigid as &mut dyn RigidPeers);
-        let passed = advance_group(&mut group, peers, &around, [at, end - at], ledger)?;
+        let wholes = Wholes {
+            episodes: &mut *episodes,
+            wish: &|pair| requested_restitution(given, pair),
+        };
+        let accounts = (wholes, &mut *ledger);
+        let passed = advance_group(&mut group, peers, &around, [at, end - at], accounts)?;
         all.substeps += passed.substeps;
         all.smallest = all.smallest.min(passed.smallest);
         all.last = passed.last;

@@ -74,7 +74,7 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
     for level in &state.levels {
         level.add_to(&mut hash);
     }
-    hash.update(bytemuck::cast_slice(&state.episodes.bits()));
+    hash.update(bytemuck::cast_slice(&state.in_contact.bits()));
     for path in &state.commanded.paths {
         let pose = path.map(|path| path.to);
         hash.update(&[u8::from(pose.is_some())]);

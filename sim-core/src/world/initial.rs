@@ -54,7 +54,7 @@ impl World {
                 velocity_offsets: vec![0.0; objects],
                 ..GridMotion::default()
             },
-            episodes: Default::default(),
+            in_contact: Default::default(),
             bodies: RigidBodies::default(),
             gone_over: vec![false; objects],
             solids: vec![],

@@ -2,7 +2,7 @@
 
 use super::{World, frame::Frame, hash};
 use crate::{
-    contact::Closed,
+    episodes::{COLLIDERS, Closed},
     moments::total_momentum,
     report::{ContactEpisode, StepReport},
 };
@@ -41,16 +41,21 @@ impl World {
             report.elastic_energy += state.elastic_energy;
             report.objects.push(state);
         }
-        let ledgers = [&self.state.episodes.ledger, &self.state.bodies.ledger];
+        let ledgers = [&self.state.in_contact.ledger, &self.state.bodies.ledger];
         let springs = ledgers.into_iter().flat_map(|ledger| ledger.springs());
         report.spring_work = springs.map(|(_, given)| given.work).sum();
         [report.edit_energy, report.edit_mass] = self.workspace.edited;
         report.particle_updates_full = self
             .updates_of_full_mpm(frame.length, report.substeps)
             .max(report.particle_updates);
-        let ended = self.state.episodes.take_closed();
+        let in_contact = &mut self.state.in_contact;
+        let at_nodes = in_contact.at_nodes.take_closed();
         let (unit, dx) = (self.model.mass_unit, self.model.scene.dx);
-        report.contacts = ended.iter().map(|e| episode(e, unit, dx)).collect();
+        report.contacts = at_nodes.iter().map(|e| episode(e, unit, dx)).collect();
+        let mut of_solids = in_contact.of_solids.take_closed();
+        of_solids.retain(|closed| closed.fields[1] < COLLIDERS);
+        let of_solids = of_solids.iter().map(|e| episode(e, 1.0, 1.0));
+        report.contacts.extend(of_solids);
         (report.linear_momentum, report.angular_momentum) = total_momentum(&report.objects);
         report.state_hash = hash::state_hash(&self.published, &self.state);
         report.torn = self.torn(|id| report.objects[id].level);

@@ -163,7 +163,7 @@ impl World {
 
         // Segments of substeps: bound dt, sort if due, then P2G, grid, contact, bodies, G2P and guard.
         let before = self.before_stop();
-        self.state.episodes.ledger.clear();
+        self.state.in_contact.ledger.clear();
         self.state.bodies.ledger.clear();
         self.set_springs(frame.length);
         self.advance(&mut frame);

@@ -41,7 +41,7 @@ impl World {
             };
         }
         let start = self.state.progress.sim_time;
-        let ledgers = [&self.state.episodes.ledger, &self.state.bodies.ledger];
+        let ledgers = [&self.state.in_contact.ledger, &self.state.bodies.ledger];
         let springs = ledgers.into_iter().flat_map(|ledger| ledger.springs());
         let springs: Vec<_> = springs
             .map(|(object, given)| (object, given.impulse))

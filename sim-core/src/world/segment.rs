@@ -4,12 +4,11 @@ use super::{World, frame::Frame};
 use crate::{
     bodies::{body::Body, engine::CachedImpulse},
     colliders::Substep,
-    contact::Episodes,
     kinematics::kick,
     ledger::Ledger,
     particles::Extremes,
     solid::state::SolidState,
-    state::GridMotion,
+    state::{GridMotion, in_contact::InContact},
     step::{shapes::limit_shapes, volume::average_volume},
     substep::{
         Failure, Limit, OffGrid, Rates, Schedule, Segment, choose_rates, move_bodies, smallest_dt,
@@ -31,7 +30,7 @@ struct Start {
     drift: f64,
     motion: GridMotion,
     extremes: Vec<Extremes>,
-    episodes: Episodes,
+    in_contact: InContact,
 }
 
 impl World {
@@ -82,6 +81,7 @@ impl World {
         let (given, moving) = self.state.split(&self.model);
         let (matter, motion) = (moving.matter, moving.motion);
         let off_grid = OffGrid {
+            episodes: &mut moving.in_contact.of_solids,
             bodies: moving.bodies,
             solids: moving.solids,
         };
@@ -258,7 +258,7 @@ impl World {
             drift: state.matter.drift,
             motion: state.motion.clone(),
             extremes: state.matter.extremes.clone(),
-            episodes: state.episodes.clone(),
+            in_contact: state.in_contact.clone(),
         }
     }
 
@@ -269,7 +269,7 @@ impl World {
         state.matter.drift = to.drift;
         state.matter.extremes.clone_from(&to.extremes);
         state.motion.clone_from(&to.motion);
-        state.episodes.clone_from(&to.episodes);
+        state.in_contact.clone_from(&to.in_contact);
         for (rigid, body) in state.bodies.of.iter_mut().zip(&to.bodies) {
             if let (Some(rigid), Some(body)) = (rigid, body) {
                 rigid.body = *body;

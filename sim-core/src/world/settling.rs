@@ -83,7 +83,7 @@ impl World {
         self.state.motion.velocity_offset = 0.0;
         self.state.motion.velocity_offsets.fill(0.0);
         self.state.matter.drift = f64::INFINITY;
-        self.state.episodes = Default::default();
+        self.state.in_contact = Default::default();
         self.state.progress.momentum.fill([0.0; 3]);
     }
 }

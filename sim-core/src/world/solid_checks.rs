@@ -3,7 +3,7 @@
 use super::error::WorldError;
 use crate::{
     distance::SignedDistance,
-    scene::{ColliderShape, ContactMethod, Fidelity, Object, PairRule, Scene, Surface},
+    scene::{ColliderShape, ContactMethod, Fidelity, Object, Scene, Surface},
     solid::object::is_solid,
 };
 
@@ -23,15 +23,32 @@ pub(super) fn validate(scene: &Scene) -> Result<(), WorldError> {
         return Ok(());
     }
     let checked = scene.objects.iter().zip(check_all(scene));
-    let mut solids = checked.filter(|(object, _)| is_solid(object));
-    solids.try_for_each(|(_, checked)| checked)
+    let mut solids = checked.enumerate().filter(|(_, one)| is_solid(one.0));
+    solids.try_for_each(|(id, (_, checked))| checked.and_then(|()| of_pairs(scene, id)))
+}
+
+/// Refuses restitution between matter on two kinds of grids: neither would give it.
+fn of_pairs(scene: &Scene, object: usize) -> Result<(), WorldError> {
+    let mut others = scene.objects.iter().enumerate();
+    let spatial = others.find(|&(id, other)| {
+        let keeps_shape = other.materials().all(|m| m.law.may_be_solid());
+        let asked = id != object && scene.surface_between(object, id).restitution.is_some();
+        other.is_matter() && !is_solid(other) && keeps_shape && asked
+    });
+    spatial.map_or(Ok(()), |(_, other)| {
+        Err(WorldError::Solid {
+            object,
+            what: format!("restitution to `{}` on the spatial grid", other.name),
+            expected: "both on grids of one kind",
+        })
+    })
 }
 
 /// Refuses every object that cannot be a solid in its scene, whatever solver it has.
 pub(super) fn check_all(scene: &Scene) -> Vec<Result<(), WorldError>> {
     let of_colliders = of_colliders(scene);
     let check = |(id, object): (usize, &Object)| {
-        let own = of_object(scene, object).or_else(|| of_contact(scene, id));
+        let own = of_object(scene, object).or_else(|| of_contact(scene));
         match own.or_else(|| of_colliders.clone()) {
             Some((what, expected)) => Err(WorldError::Solid {
                 object: id,
@@ -50,10 +67,6 @@ fn of_object(scene: &Scene, object: &Object) -> Option<Refused> {
         let law = material.law.name();
         return Some((format!("the law {law}"), SOLID_LAWS));
     }
-    if object.surface.restitution.is_some() {
-        let what = "restitution to other objects".into();
-        return Some((what, "none: what deforms bounces by itself"));
-    }
     let positions = &scene.particles.position[object.particles.clone()];
     for a in 0..3 {
         let all = positions.iter().map(|x| x[a]);
@@ -69,35 +82,29 @@ fn of_object(scene: &Scene, object: &Object) -> Option<Refused> {
 }
 
 /// Of how objects meet.
-fn of_contact(scene: &Scene, id: usize) -> Option<Refused> {
+fn of_contact(scene: &Scene) -> Option<Refused> {
     let simulated = |o: &&Object| o.fidelity != Fidelity::Static && !o.particles.is_empty();
     let is_alone = scene.objects.iter().filter(simulated).count() == 1;
     match scene.contact.method {
         ContactMethod::ComSphere => {
-            return Some(("contact = \"com_sphere\"".into(), "contact = \"two_scale\""));
+            Some(("contact = \"com_sphere\"".into(), "contact = \"two_scale\""))
         }
         ContactMethod::SingleField if !is_alone => {
             let what = "contact = \"single_field\"".into();
-            return Some((what, "contact = \"two_scale\""));
+            Some((what, "contact = \"two_scale\""))
         }
-        _ => {}
+        _ => None,
     }
-    let mut pairs = scene.contact.pairs.iter();
-    let bounces =
-        |pair: &PairRule| pair.surface.restitution.is_some() && pair.objects.contains(&id);
-    pairs.any(bounces).then(|| {
-        let what = "restitution of a pair".into();
-        (what, "none: what deforms bounces by itself")
-    })
 }
 
 /// Of the colliders.
 fn of_colliders(scene: &Scene) -> Option<Refused> {
     for collider in &scene.colliders {
         let name = &collider.name;
-        if collider.restitution > 0.0 && collider.surface != Surface::Sticky {
-            let what = format!("the restitution of collider `{name}`");
-            return Some((what, "none: what deforms bounces by itself"));
+        // What has met it never leaves.
+        if collider.restitution > 0.0 && collider.surface == Surface::Slip {
+            let what = format!("the restitution of the slip collider `{name}`");
+            return Some((what, "none, or surface = \"separate\""));
         }
         let is_mesh = matches!(collider.shape, ColliderShape::Mesh(_));
         if is_mesh && SignedDistance::new(&collider.shape).loose_edges().is_some() {

@@ -35,7 +35,7 @@ impl World {
     /// at once, each gets the part along its normal, and friction in that proportion. What pins take of its momentum is
     /// counted with them.
     pub fn contacts(&self) -> Vec<Contact> {
-        let mut known: Ledger = self.state.episodes.ledger.clone();
+        let mut known: Ledger = self.state.in_contact.ledger.clone();
         known.merge(&self.state.bodies.ledger);
         let mut all = known.clone();
         for object in 0..self.model.scene.objects.len() {

@@ -7,6 +7,7 @@ use super::{
 use crate::{
     bodies::{body::Body, shape::Shape},
     command::Action,
+    episodes::COLLIDERS,
     mat3::length,
     model::Painted,
     particles::{Block, Extremes, NO_PARTICLE},
@@ -57,10 +58,14 @@ impl World {
         self.check_particles(state)?;
         self.check_bodies(state)?;
         self.check_levels(state)?;
-        let objects = self.model.scene.objects.len();
-        match state.episodes.fields().any(|n| n as usize >= objects) {
-            true => Err(inconsistent("an object in contact is not there".into())),
-            false => check_arrangement(&state.matter.particles, state.matter.drift, &self.model),
+        let scene = &self.model.scene;
+        let is_there = |n: u32| match n.checked_sub(COLLIDERS) {
+            None => (n as usize) < scene.objects.len(),
+            Some(collider) => (collider as usize) < scene.colliders.len(),
+        };
+        match state.in_contact.fields().all(is_there) {
+            false => Err(inconsistent("an object in contact is not there".into())),
+            true => check_arrangement(&state.matter.particles, state.matter.drift, &self.model),
         }
     }
 

@@ -1,6 +1,7 @@
 //! Laws and stories of the fast solver.
 
 mod afloat;
+mod asked;
 mod boundaries;
 mod coherence;
 mod edits;

@@ -2,19 +2,100 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{
-    motion::Motion,
-    sites::{ContactBlock, unit},
-    solve::{Exchange, Solved},
-};
 use crate::{
-    grid::Grid,
-    ledger::{ContactPartner, Ledger},
-    mat3::dot,
+    ledger::Received,
+    mat3::{dot, length},
+    motion::RigidMotion,
 };
 
-/// What a pair of fields exchanged.
-pub(crate) type PairExchange = ([u32; 2], Exchange);
+/// From here on numbers are those of colliders, before those of objects.
+pub const COLLIDERS: u32 = 1 << 31;
+
+/// What a pair exchanged in a substep, the lower number first.
+pub type PairExchange = ([u32; 2], Exchange);
+
+/// What a pair exchanged at some places.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Exchange {
+    /// Impulse that `b` received.
+    pub impulse: [f64; 3],
+    /// Part of it along the normals.
+    pub normal_impulse: [f64; 3],
+    /// Sum of the sizes of the normal impulses.
+    pub weight: f64,
+    /// Sum of positions, with those as weights.
+    pub moment: [f64; 3],
+}
+
+impl Exchange {
+    /// Of what `a` received.
+    pub fn opposite_to(received: &Received) -> Self {
+        let to_a = Self {
+            impulse: received.impulse,
+            normal_impulse: received.normal_impulse,
+            weight: received.weight,
+            moment: received.moment,
+        };
+        to_a.opposite()
+    }
+
+    /// The same where the two change places.
+    pub fn opposite(&self) -> Self {
+        Self {
+            impulse: self.impulse.map(|j| -j),
+            normal_impulse: self.normal_impulse.map(|j| -j),
+            ..*self
+        }
+    }
+
+    /// An impulse along a normal at a point.
+    fn corrected(point: [f64; 3], normal: [f64; 3], impulse: f64) -> Self {
+        let given = normal.map(|n| impulse * n);
+        Self {
+            impulse: given,
+            normal_impulse: given,
+            weight: impulse.abs(),
+            moment: point.map(|x| impulse.abs() * x),
+        }
+    }
+
+    /// What `b` received in SI units, in units of `mass` [kg] and `length` [m].
+    pub fn received(&self, mass: f64, length: f64) -> Received {
+        Received {
+            impulse: self.impulse.map(|j| j * mass * length),
+            normal_impulse: self.normal_impulse.map(|j| j * mass * length),
+            weight: self.weight * mass * length,
+            moment: self.moment.map(|x| x * mass * length * length),
+        }
+    }
+
+    /// Adds another.
+    pub fn add(&mut self, other: &Self) {
+        for a in 0..3 {
+            self.impulse[a] += other.impulse[a];
+            self.normal_impulse[a] += other.normal_impulse[a];
+            self.moment[a] += other.moment[a];
+        }
+        self.weight += other.weight;
+    }
+}
+
+/// Objects that meet, and colliders.
+pub trait Movers {
+    /// Rigid part of the motion of one, of a collider that at a place; none of what is held or is not there.
+    fn motion(&self, number: u32, place: [f64; 3]) -> Option<RigidMotion>;
+
+    /// Gives one of this motion an impulse at a place that moves it as a rigid body, and scales what it vibrates with by `keep`.
+    /// Momentum and angular momentum change by what the impulse brings.
+    fn push(
+        &mut self,
+        number: u32,
+        motion: &RigidMotion,
+        place: [f64; 3],
+        impulse: [f64; 3],
+        keep: f64,
+    );
+}
 
 /// Substeps without an impulse after which a pair may count as parted: elastic bodies part and touch again a few
 /// times while the last waves run through them.
@@ -29,7 +110,7 @@ const USABLE: f64 = 0.98;
 
 /// What is asked of a pair.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct RequestedRestitution {
+pub struct RequestedRestitution {
     /// Restitution; none: as it comes.
     pub restitution: Option<f64>,
     /// Whether both are solids, whose rigid motion may be corrected.
@@ -38,7 +119,7 @@ pub(crate) struct RequestedRestitution {
     pub elastic: bool,
 }
 
-/// A pair in contact [mass units, cells, s].
+/// A pair in contact, in units of mass and length of its [`Movers`], and s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Episode {
     fields: [u32; 2],
@@ -68,9 +149,9 @@ struct Episode {
     lasting: bool,
 }
 
-/// An episode that ended, or became lasting [mass units, cells, s].
+/// An episode that ended, or became lasting, in the same units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Closed {
+pub struct Closed {
     /// The objects.
     pub fields: [u32; 2],
     /// Impulse that the second received.
@@ -93,35 +174,11 @@ pub(crate) struct Closed {
 
 /// All pairs in contact, and those that parted since the last report.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Episodes {
+pub struct Episodes {
     /// By fields.
     open: Vec<Episode>,
     /// In the order it happened.
     closed: Vec<Closed>,
-    /// Impulses of the latest frame; not part of a checkpoint.
-    #[serde(skip)]
-    pub ledger: Ledger,
-}
-
-/// Exchanges per pair of fields, by fields.
-pub(super) fn by_pair(sites: &[ContactBlock], solved: &[Solved]) -> Vec<PairExchange> {
-    let exchanged = solved.iter().flat_map(|place| &place.exchanged);
-    let mut found: Vec<PairExchange> = sites
-        .iter()
-        .zip(exchanged)
-        .filter(|(_, exchange)| exchange.weight > 0.0)
-        .map(|(site, exchange)| (site.fields, *exchange))
-        .collect();
-    // Stable: sums run in the order of places.
-    found.sort_by_key(|(fields, _)| *fields);
-    found.dedup_by(|next, sum| {
-        let same = next.0 == sum.0;
-        if same {
-            sum.1.add(&next.1);
-        }
-        same
-    });
-    found
 }
 
 impl Episodes {
@@ -131,13 +188,30 @@ impl Episodes {
         open.chain(self.closed.iter().flat_map(|closed| closed.fields))
     }
 
-    /// Books what objects exchanged on the grid, in units of `mass` [kg] and `dx` [m].
-    pub fn book(&mut self, exchanged: &[PairExchange], mass: f64, dx: f64) {
-        for (fields, exchange) in exchanged {
-            let [a, b] = fields.map(|field| field as usize);
-            let received = exchange.received(mass, dx);
-            self.ledger.add(b, ContactPartner::Object(a), &received);
-        }
+    /// Takes out the pairs of which one is among some.
+    pub fn take_of(&mut self, among: impl Fn(u32) -> bool) -> Self {
+        let has = |episode: &Episode| episode.fields.into_iter().any(&among);
+        let (open, left) = self.open.drain(..).partition(has);
+        self.open = left;
+        let closed = vec![];
+        Self { open, closed }
+    }
+
+    /// Puts others in, of other pairs.
+    pub fn put_back(&mut self, others: Self) {
+        self.open.extend(others.open);
+        self.open.sort_by_key(|episode| episode.fields);
+        self.closed.extend(others.closed);
+    }
+
+    /// Forgets pairs of which none is among some.
+    pub fn retain(&mut self, among: impl Fn(u32) -> bool) {
+        self.open.retain(|e| e.fields.into_iter().any(&among));
+    }
+
+    /// Pairs that have touched and not parted for good.
+    pub fn pairs(&self) -> impl Iterator<Item = [u32; 2]> {
+        self.open.iter().map(|episode| episode.fields)
     }
 
     /// Takes what is to be reported.
@@ -168,10 +242,11 @@ impl Episodes {
         episodes.collect()
     }
 
-    /// Books a substep's impulses. The grid is that from before them.
-    pub(super) fn take_in(
+    /// Books the impulses of a substep of `dt` [s]. Movers are as they were before them, and their velocities relative to
+    /// `frame_velocity`.
+    pub fn take_in(
         &mut self,
-        grid: &Grid,
+        movers: &dyn Movers,
         exchanged: &[PairExchange],
         frame_velocity: [f64; 3],
         dt: f64,
@@ -189,7 +264,7 @@ impl Episodes {
             let at = match self.open.binary_search_by_key(fields, |e| e.fields) {
                 Ok(at) => at,
                 Err(at) => {
-                    let [Some(a), Some(b)] = fields.map(|field| Motion::of(grid, field)) else {
+                    let [Some(a), Some(b)] = fields.map(|field| movers.motion(field, point)) else {
                         continue;
                     };
                     let (v_a, v_b) = (a.at(point), b.at(point));
@@ -200,7 +275,7 @@ impl Episodes {
                         impulse: [0.0; 3],
                         normal_impulse: [0.0; 3],
                         point,
-                        drift: [0.0; 3],
+                        drift: frame_velocity,
                         age: dt,
                         natural: None,
                         lost: 0.0,
@@ -216,26 +291,31 @@ impl Episodes {
             episode.quiet = 0;
             (episode.natural, episode.deadline) = (None, f64::INFINITY);
             episode.point = point;
-            episode.drift = per_weight(exchange.drift);
             for i in 0..3 {
-                episode.drift[i] += frame_velocity[i];
                 episode.impulse[i] += exchange.impulse[i];
                 episode.normal_impulse[i] += exchange.normal_impulse[i];
+            }
+        }
+        for episode in self.open.iter_mut().filter(|e| e.quiet == 1) {
+            let motions = episode.fields.map(|n| movers.motion(n, episode.point));
+            if let [Some(a), Some(b)] = motions {
+                let (v_a, v_b) = (a.at(episode.point), b.at(episode.point));
+                episode.drift =
+                    std::array::from_fn(|i| frame_velocity[i] + 0.5 * (v_a[i] + v_b[i]));
             }
         }
     }
 
     /// Ends the episodes of pairs that parted, with the restitution that is asked. `resting` is the speed below which
-    /// no restitution is given. Adds what it gives to `exchanged`. Returns the largest velocity component given, as bits.
-    pub(super) fn part(
+    /// no restitution is given. Adds what it gives to `exchanged`.
+    pub fn part(
         &mut self,
-        grid: &mut Grid,
+        movers: &mut dyn Movers,
         wish: &dyn Fn([u32; 2]) -> RequestedRestitution,
         resting: f64,
         time: f64,
         exchanged: &mut Vec<PairExchange>,
-    ) -> u32 {
-        let mut largest = 0;
+    ) {
         let mut open = std::mem::take(&mut self.open);
         open.retain_mut(|episode| {
             let normal = unit(episode.normal_impulse);
@@ -252,7 +332,7 @@ impl Episodes {
                 return false;
             }
             let wish = wish(episode.fields);
-            let motions = episode.fields.map(|field| Motion::of(grid, field));
+            let motions = episode.fields.map(|n| movers.motion(n, episode.point));
             let [Some(a), Some(b)] = motions else {
                 self.closed
                     .push(episode.close(before, wish.restitution, time));
@@ -283,7 +363,7 @@ impl Episodes {
                     let sign = if side == 0 { -1.0 } else { 1.0 };
                     let impulse = n.map(|n| sign * change.impulse * n);
                     let field = episode.fields[side];
-                    largest = largest.max(motion.push(grid, field, x, impulse, change.keep));
+                    movers.push(field, motion, x, impulse, change.keep);
                 }
                 for i in 0..3 {
                     episode.impulse[i] += change.impulse * n[i];
@@ -304,7 +384,6 @@ impl Episodes {
             false
         });
         self.open = open;
-        largest
     }
 }
 
@@ -321,6 +400,14 @@ impl Episode {
             duration: self.age,
             time,
         }
+    }
+}
+
+fn unit(v: [f64; 3]) -> [f64; 3] {
+    let size = length(v);
+    match size > 0.0 && size.is_finite() {
+        true => v.map(|v| v / size),
+        false => [0.0; 3],
     }
 }
 

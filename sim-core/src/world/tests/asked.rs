@@ -1,0 +1,133 @@
+//! Restitution that is asked of solids on grids of their own: of objects, not of points (`solid/src/wholes.rs`).
+
+use super::*;
+use crate::{
+    ContactEpisode,
+    scene::{ContactSurface, Fidelity, Object, Solver},
+};
+
+/// Adds a ball of 0.4 m across as a solid.
+fn add_ball(scene: &mut Scene, center: [f64; 3], velocity: [f64; 3], restitution: Option<f64>) {
+    let first = scene.particles.position.len();
+    for (position, volume) in ball(scene.dx, center, 0.2) {
+        scene.particles.position.push(position);
+        scene.particles.volume.push(volume);
+    }
+    let material = elastic(Law::NeoHookean, 1e5, 0.3);
+    scene.objects.push(Object {
+        solver: Solver::Lagrangian,
+        linear_velocity: velocity,
+        surface: ContactSurface {
+            restitution,
+            friction: Some(0.2),
+        },
+        ..Object::new("ball", material, first..scene.particles.position.len())
+    });
+}
+
+/// What two balls that meet off centre make of it, and by how much energy was above that at the start at most, over that.
+fn collide(asked: Option<f64>, change: impl Fn(&mut Scene)) -> (ContactEpisode, f64) {
+    let mut scene = empty(0.05);
+    scene.cfl = 0.8;
+    add_ball(&mut scene, [-0.25, 0.03, 0.0], [1.0, 0.0, 0.0], None);
+    add_ball(&mut scene, [0.25, -0.03, 0.02], [-1.0, 0.0, 0.1], asked);
+    change(&mut scene);
+    let mut world = World::new(scene).expect("valid scene");
+    let first = world.report().clone();
+    let (mut episode, mut growth) = (None, 0.0_f64);
+    for _ in 0..60 {
+        let report = world.step(1.0 / 60.0, &[]);
+        let energy = |r: &StepReport| r.kinetic_energy + r.elastic_energy;
+        growth = growth.max(energy(&report) / energy(&first) - 1.0);
+        // Later ones are vibration.
+        episode = episode.or(report.contacts.first().copied());
+    }
+    let last = world.report();
+    let mass = first.objects[0].mass;
+    let p = distance(last.linear_momentum, first.linear_momentum) / mass;
+    let l = distance(last.angular_momentum, first.angular_momentum) / (mass * 0.2);
+    // As much as single precision takes of velocities.
+    assert!(p < 1e-5 && l < 1e-4, "{asked:?}: {p:e} {l:e}");
+    (episode.expect("they met and parted"), growth)
+}
+
+#[test]
+fn solids_part_as_their_restitution_asks() {
+    let (natural, growth) = collide(None, |_| {});
+    let left = natural.restitution_achieved.expect("they parted");
+    println!("natural {left}, energy {growth}");
+    assert!((0.9..1.0).contains(&left) && natural.energy_taken == 0.0);
+    assert!(growth < 5e-3, "{growth}");
+    for asked in [0.0, 0.3, 0.6] {
+        let (found, growth) = collide(Some(asked), |_| {});
+        let achieved = found.restitution_achieved.expect("they parted");
+        assert!((achieved - asked).abs() < 1e-4, "{asked}: {found:?}");
+        assert_eq!(found.restitution_requested, Some(asked));
+        assert!(growth < 5e-3, "{growth}");
+        // By `J (u + k J / 2)` from one speed of parting to the other, with `1 / k` from the impulse that they exchanged.
+        let [u, v] = [natural.speed_after, found.speed_after];
+        let j = norm(natural.impulse) - norm(found.impulse);
+        let expected = 0.5 * j * (u + v);
+        let error = found.energy_taken / expected - 1.0;
+        println!("{asked}: {achieved}, energy taken {error:e} off");
+        assert!(error.abs() < 0.02, "{asked}: {found:?} {expected}");
+    }
+    // What vibration can pay.
+    let (found, growth) = collide(Some(1.0), |_| {});
+    let achieved = found.restitution_achieved.expect("they parted");
+    println!("asked for all: {achieved}, energy {growth}");
+    assert!(achieved > left && achieved < 1.0 + 1e-4 && growth < 5e-3);
+}
+
+#[test]
+fn a_solid_parts_from_a_rigid_body_as_is_asked() {
+    for asked in [0.2, 0.7] {
+        let (found, growth) = collide(Some(asked), |scene| {
+            scene.objects[0].fidelity = Fidelity::Rigid;
+            scene.objects[0].solver = Solver::Spatial;
+        });
+        let achieved = found.restitution_achieved.expect("they parted");
+        assert!((achieved - asked).abs() < 1e-4, "{asked}: {found:?}");
+        assert!(growth < 5e-3, "{growth}");
+    }
+}
+
+/// Speeds of a ball before and after it meets a floor of this restitution.
+fn bounce(restitution: f64) -> [f64; 2] {
+    let mut scene = empty(0.05);
+    (scene.cfl, scene.gravity) = (0.8, [0.0, 0.0, -10.0]);
+    add_ball(&mut scene, [0.0, 0.0, 0.22], [0.3, 0.0, -2.0], None);
+    let up = [0.0, 0.0, 1.0];
+    add_plane(&mut scene, [0.0; 3], up, Surface::Separate, 0.0);
+    scene.colliders[0].restitution = restitution;
+    let mut world = World::new(scene).expect("valid scene");
+    let (mut fastest, mut after) = (0.0_f64, 0.0);
+    for _ in 0..40 {
+        let report = world.step(1.0 / 240.0, &[]);
+        assert!(report.contacts.is_empty(), "pairs of objects alone");
+        let object = &report.objects[0];
+        fastest = fastest.max(-object.linear_velocity[2]);
+        // The last that the floor gives it is what is asked.
+        if norm(object.contact_impulse) > 0.02 * object.mass {
+            after = object.linear_velocity[2];
+        }
+    }
+    [fastest, after]
+}
+
+#[test]
+fn a_solid_bounces_off_a_floor_as_is_asked() {
+    let [before, natural] = bounce(0.0);
+    println!("natural: {natural} of {before}");
+    assert!(natural > 0.85 * before);
+    for asked in [0.3, 0.6] {
+        let [before, after] = bounce(asked);
+        let bounced = after / before;
+        println!("{asked}: {bounced}");
+        // Frames are 0.04 m/s of fall apart, before and after.
+        assert!(
+            (after - asked * before).abs() < 20.0 / 240.0,
+            "{asked}: {bounced}"
+        );
+    }
+}
