@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::skyline::Skyline;
+use super::{grip::Grip, skyline::Skyline};
 use crate::{colliders::Placed, mat3::dot, scene::Surface};
 
 /// Distance from a wall below which a point is on it [cells].
@@ -44,16 +44,60 @@ impl Bond {
     }
 }
 
+/// A point that a flat slip wall holds. All that the wall asks of it is linear in its place, so that patches are asked in its stead.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Bound {
+    pub point: usize,
+    /// The wall, as of a [`Bond`].
+    pub with: u32,
+    /// How far in front of the wall it stays [m].
+    pub in_front: f64,
+}
+
+/// How a wall holds a point.
+#[derive(Clone, Debug)]
+pub(super) enum Hold {
+    Point(Bond),
+    Flat(Bound),
+}
+
+impl Hold {
+    /// What the point remembers of it; `normal` is that of the wall.
+    pub fn grip(&self, normal: [f64; 3]) -> Grip {
+        let (with, stretch) = match self {
+            Self::Point(bond) => (bond.with, bond.stretch),
+            Self::Flat(bound) => (bound.with, normal.map(|n| bound.in_front * n)),
+        };
+        Grip {
+            with,
+            stretch,
+            energy: 0.0,
+        }
+    }
+}
+
 /// Nodes that bear a point or some, with weights.
 pub(super) type Borne = Vec<(u32, f64)>;
+
+/// What moves a point: nodes that are free to, and all others.
+#[derive(Clone, Debug, Default)]
+pub(super) struct MovedBy {
+    pub free: Borne,
+    pub others: Borne,
+}
 
 /// Points about a corner of cells that one wall holds: it holds their mean, by area. The motion of a surface has one value per cell and
 /// axis, and more constraints would say the same again; fewer, as means of the points of a cell, let it bulge between them.
 #[derive(Clone, Debug)]
 pub(super) struct Patch {
-    /// Places among the bonds, with shares of the area.
+    /// Places among the bonds, with shares of the area; none at a flat slip wall.
     pub bonds: Vec<(usize, f64)>,
+    /// Free nodes that bear it, and others that move it.
     pub borne: Borne,
+    pub others: Borne,
+    /// Where it is at rest, and how far in front of a flat slip wall it stays [m].
+    pub rest: [f64; 3],
+    pub in_front: f64,
     /// How nodes answer an impulse on it, by that of each [1/kg].
     pub answers: Borne,
     pub with: u32,
@@ -86,9 +130,9 @@ pub(super) type Constraint = (usize, [f64; 3]);
 pub struct Walls {
     pub(super) bonds: Vec<Bond>,
     /// Of every point that was held since nodes were last held or let go.
-    pub(super) borne: BTreeMap<usize, Borne>,
-    /// Points of the latest bonds and what held them, their patches, and the nodes that bear these.
-    pub(super) latest: Vec<(usize, u32)>,
+    pub(super) borne: BTreeMap<usize, MovedBy>,
+    /// Points that were held latest, those of bonds first, their patches, and the nodes that bear these.
+    pub(super) latest: Vec<Bound>,
     pub(super) patches: Vec<Patch>,
     pub(super) nodes: Vec<u32>,
     /// Outer nodes that follow those, by their places in the list.

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::{
     advance::{Scratch, Solid},
-    bonds::{Bond, TOUCH, binds},
+    bonds::{Bond, Bound, Hold, TOUCH, binds},
     clusters::{Cluster, bounds_of, curve, parts_of},
     grip::{ContactWith, Grip, NOTHING, OBJECTS},
     model::SolidModel,
@@ -23,7 +23,7 @@ use super::{
     surface::SurfacePoint,
 };
 use crate::{
-    colliders::{Placed, farthest, primitives::Distance},
+    colliders::{Placed, farthest, primitives::Distance, shape::Shape},
     ledger::{ContactPartner, Ledger, Received},
     mat3::{dot, length},
     scene::Surface,
@@ -138,7 +138,7 @@ struct Pressed {
     /// By the first collider that presses on it, and by others.
     received: Option<(usize, Received)>,
     more: Vec<(usize, Received)>,
-    bond: Option<Bond>,
+    hold: Option<Hold>,
 }
 
 impl Solid<'_> {
@@ -151,6 +151,7 @@ impl Solid<'_> {
         (object, ledger): (usize, &mut Ledger),
     ) {
         if colliders.is_empty() {
+            self.scratch.search.bound.clear();
             return;
         }
         self.look(surface);
@@ -185,12 +186,20 @@ impl Solid<'_> {
         });
         self.keep(list);
         // A constraint makes no motion faster.
-        let presses = |one: &Pressed| one.bond.is_none() || one.force != [0.0; 3];
+        let presses = |one: &Pressed| one.hold.is_none() || one.force != [0.0; 3];
         if pressed.iter().flatten().any(presses) {
             self.scratch.search.contact = ContactWith::Walls;
         }
         for one in pressed.into_iter().flatten() {
-            self.scratch.walls.bonds.extend(one.bond);
+            let bound = match one.hold {
+                Some(Hold::Flat(bound)) => Some(bound),
+                Some(Hold::Point(bond)) => {
+                    self.scratch.walls.bonds.push(bond);
+                    None
+                }
+                None => None,
+            };
+            self.scratch.search.bind(one.point, bound);
             self.state.springs[one.point] = one.grip;
             self.push(&surface.points[one.point].bears, one.force);
             for (collider, received) in one.received.iter().chain(&one.more) {
@@ -402,23 +411,30 @@ struct At {
 
 impl At {
     /// How a collider holds it, if it does or begins to.
-    fn bond(
+    fn hold(
         &self,
         point: usize,
         placed: &Placed<'_>,
         found: &Distance,
         stretch: Option<[f64; 3]>,
-    ) -> Option<Bond> {
+    ) -> Option<Hold> {
         if stretch.is_none() && found.value >= self.touch {
             return None;
         }
         // It stays as far from the wall as it met it: what pushed it out would do work on all that moves behind it.
         let slips = placed.contact().surface == Surface::Slip;
         let met = stretch.unwrap_or(found.normal.map(|n| found.value * n));
-        let in_front = dot(met, found.normal);
-        Some(Bond {
+        let (with, in_front) = (placed.id as u32, dot(met, found.normal));
+        if slips && matches!(placed.shape(), Shape::HalfSpace { .. }) {
+            return Some(Hold::Flat(Bound {
+                point,
+                with,
+                in_front,
+            }));
+        }
+        Some(Hold::Point(Bond {
             point,
-            with: placed.id as u32,
+            with,
             x: self.x,
             v: self.v,
             normal: found.normal,
@@ -429,7 +445,7 @@ impl At {
                 true => found.normal.map(|n| in_front * n),
                 false => met,
             },
-        })
+        }))
     }
 
     /// The spring of a collider that presses on it, or that it slips on with friction.
@@ -464,20 +480,30 @@ impl At {
             force: [0.0; 3],
             received: None,
             more: vec![],
-            bond: None,
+            hold: None,
         };
         // One holds it at a time: two would share its memory.
         let holder = |placed: &Placed<'_>| before.with == placed.id as u32 && binds(placed);
         let is_held = before.is_on_region() || colliders.iter().any(holder);
-        let (mut deepest, mut energy) = (0.0, 0.0);
+        let (mut pressed, mut deepest, mut energy) = (Grip::NONE, 0.0, 0.0);
         for placed in colliders {
             let known = before.with == placed.id as u32;
+            let binds = binds(placed);
+            if binds && !known && (is_held || out.hold.is_some()) {
+                continue;
+            }
             let found = placed.distance(self.x);
-            clear = clear.min(found.value);
             let stretch = known.then_some(before.stretch);
-            if binds(placed) {
-                if out.bond.is_none() && (known || !is_held) {
-                    out.bond = self.bond(point, placed, &found, stretch);
+            if binds {
+                out.hold = self.hold(point, placed, &found, stretch);
+            }
+            // What a flat wall holds need not be looked at for that.
+            if !matches!(out.hold, Some(Hold::Flat(held)) if held.with == placed.id as u32) {
+                clear = clear.min(found.value);
+            }
+            if binds {
+                if let Some(hold) = &out.hold {
+                    out.grip = hold.grip(found.normal);
                 }
                 continue;
             }
@@ -497,25 +523,30 @@ impl At {
                 None => out.received = Some((placed.id, received)),
                 Some(_) => out.more.push((placed.id, received)),
             }
-            if out.grip.with == NOTHING || -found.value > deepest {
+            if pressed.with == NOTHING || -found.value > deepest {
                 deepest = -found.value;
-                out.grip = Grip {
+                pressed = Grip {
                     with: placed.id as u32,
                     stretch,
                     energy: 0.0,
                 };
             }
         }
-        let touches = out.grip.with != NOTHING || out.bond.is_some();
+        let presses = pressed.with != NOTHING;
+        let touches = presses || out.hold.is_some();
+        if presses || matches!(out.hold, Some(Hold::Point(_))) {
+            clear = 0.0;
+        }
         // What holds is remembered, whatever presses besides.
-        if let Some(bond) = &out.bond {
-            (out.grip.with, out.grip.stretch) = (bond.with, bond.stretch);
-        } else if before.is_on_region() {
-            out.grip = before;
+        if out.hold.is_none() {
+            out.grip = if before.is_on_region() {
+                before
+            } else {
+                pressed
+            };
         }
         if touches {
             out.grip.energy = energy;
-            clear = 0.0;
         }
         if touches || before.with < OBJECTS {
             met.push(out);

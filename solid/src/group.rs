@@ -1,7 +1,7 @@
 //! Solids that move together through a span of time: those that may touch each other share their substeps.
 
 use super::{
-    advance::{Outside, Shares, Solid},
+    advance::{Shares, Solid},
     grip::{ContactWith, Grip},
     inverse::Start,
     mover::{Around, Mover},
@@ -10,6 +10,7 @@ use super::{
         Exchange, Pressed as PressedByBodies, RigidPeers, Wrench, near_body, opposite, stand_of,
     },
     search::Bounds,
+    walls::WallsAt,
     wholes::{Members, Wholes},
 };
 use crate::{
@@ -117,10 +118,14 @@ impl Members<'_, '_> {
         wholes: &mut Wholes<'_>,
     ) -> Result<Ledger, usize> {
         let (mut given, around, now) = (Ledger::default(), self.around, self.now);
-        let on_bodies = find_forces(self, moved, &mut given);
+        let touched = self.group.iter().any(|mover| !mover.colliders.is_empty());
+        let placed = match touched {
+            true => around.boundaries.all(around.paths, now),
+            false => vec![],
+        };
+        let on_bodies = find_forces(self, &placed, moved, &mut given);
         wholes.take_in(self, &given);
-        let times = [now.kick, now.dt];
-        move_nodes(self.group, &around.outside, times, shares, &mut given)?;
+        self.move_nodes(&placed, shares, &mut given)?;
         if let Some(peers) = &mut self.peers {
             match now.dt > 0.0 {
                 true => peers.advance(now, &exchange.through(on_bodies, now.dt)),
@@ -130,10 +135,41 @@ impl Members<'_, '_> {
         wholes.part(self, &mut given);
         Ok(given)
     }
+
+    fn move_nodes(
+        &mut self,
+        placed: &[Placed<'_>],
+        shares: &Shares,
+        ledger: &mut Ledger,
+    ) -> Result<(), usize> {
+        let (outside, [kick, drift]) = (&self.around.outside, [self.now.kick, self.now.dt]);
+        for mover in self.group.iter_mut() {
+            if mover.solid.substep(outside, kick, drift, shares).bad {
+                return Err(mover.id);
+            }
+            let walls = WallsAt {
+                placed,
+                kick,
+                drift,
+            };
+            mover
+                .solid
+                .bind(&mover.object.surface, &walls, (mover.id, ledger));
+            for spring in &mut mover.springs {
+                spring.settle(&mover.solid);
+            }
+        }
+        Ok(())
+    }
 }
 
 /// External forces at the moment; returns those on rigid bodies.
-fn find_forces(members: &mut Members<'_, '_>, moved: f64, ledger: &mut Ledger) -> Vec<Wrench> {
+fn find_forces(
+    members: &mut Members<'_, '_>,
+    placed: &[Placed<'_>],
+    moved: f64,
+    ledger: &mut Ledger,
+) -> Vec<Wrench> {
     let Members {
         group,
         peers,
@@ -141,11 +177,6 @@ fn find_forces(members: &mut Members<'_, '_>, moved: f64, ledger: &mut Ledger) -
         now,
     } = members;
     let times = [moved, now.kick];
-    let touched = group.iter().any(|mover| !mover.colliders.is_empty());
-    let placed = match touched {
-        true => around.boundaries.all(around.paths, now),
-        false => vec![],
-    };
     for mover in group.iter_mut() {
         let scratch = &mut *mover.solid.scratch;
         scratch.search.contact = ContactWith::Nothing;
@@ -318,24 +349,4 @@ fn press_each_other(
         }
         one.solid.keep(list);
     }
-}
-
-fn move_nodes(
-    group: &mut [Mover<'_>],
-    outside: &Outside,
-    [kick, drift]: [f64; 2],
-    shares: &Shares,
-    ledger: &mut Ledger,
-) -> Result<(), usize> {
-    for mover in group {
-        if mover.solid.substep(outside, kick, drift, shares).bad {
-            return Err(mover.id);
-        }
-        let surface = &mover.object.surface;
-        mover.solid.bind(surface, [kick, drift], (mover.id, ledger));
-        for spring in &mut mover.springs {
-            spring.settle(&mover.solid);
-        }
-    }
-    Ok(())
 }

@@ -6,6 +6,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{
+    bonds::Bound,
     grip::ContactWith,
     inverse::{KnownPlace, Start},
     model::SolidModel,
@@ -345,6 +346,8 @@ pub struct Search {
     pub start: Option<(Start, (Stand, f64))>,
     /// Points near each thing that it may touch.
     pub lists: Vec<CandidateList>,
+    /// Points that flat slip walls hold, ascending.
+    pub(super) bound: Vec<Bound>,
     /// What it is in contact with.
     pub contact: ContactWith,
     /// What is taken for how fast things come nearer while that is not known [m/s].
@@ -360,6 +363,7 @@ impl Search {
         self.boxes.clear();
         (self.is_fresh, self.contact, self.start) = (false, ContactWith::default(), None);
         (self.has_begun, self.speed) = (false, 0.0);
+        self.bound.clear();
         // What was not asked for since the last time is not asked for again.
         self.lists.retain(|list| list.stand.is_some());
         self.lists.iter_mut().for_each(|list| list.stand = None);
@@ -419,6 +423,17 @@ impl Search {
         let start = Start::of(model, state);
         self.start = Some((start, now));
         start
+    }
+
+    /// Takes note of whether a flat slip wall holds a point.
+    pub(super) fn bind(&mut self, point: usize, bound: Option<Bound>) {
+        let at = self.bound.binary_search_by_key(&point, |b| b.point);
+        match (at, bound) {
+            (Ok(at), Some(bound)) => self.bound[at] = bound,
+            (Ok(at), None) => drop(self.bound.remove(at)),
+            (Err(at), Some(bound)) => self.bound.insert(at, bound),
+            (Err(_), None) => {}
+        }
     }
 
     /// Takes this for how fast things come nearer while that is not known [m/s].

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
     advance::Solid,
-    bonds::{Bond, Borne, Constraint, HeldFace, Patch, Walls},
+    bonds::{Bond, Bound, Constraint, HeldFace, MovedBy, Patch, Walls},
     contact::ContactSurface,
     grip::{Grip, OBJECTS},
     kernel::follow_again,
@@ -16,6 +16,7 @@ use super::{
     skyline::Skyline,
 };
 use crate::{
+    colliders::Placed,
     ledger::{ContactPartner, Ledger, Received},
     mat3::{dot, length},
 };
@@ -26,23 +27,36 @@ const SLACK: f64 = 1e-3;
 /// Largest speed of the way back to where points met the wall, over that of sound: what crushes matter shortens substeps, not the way.
 const RECOVERY: f64 = 0.05;
 
+/// Walls where a substep begins.
+pub(crate) struct WallsAt<'a> {
+    /// All of them.
+    pub placed: &'a [Placed<'a>],
+    /// How long forces have acted, and nodes have moved after that [s].
+    pub kick: f64,
+    pub drift: f64,
+}
+
 impl Solid<'_> {
-    /// Keeps points on the walls that hold them, after forces have acted for `kick` [s] and nodes have moved for `drift` [s] of that.
+    /// Keeps points on the walls that hold them, after forces have acted and nodes have moved.
     pub(crate) fn bind(
         &mut self,
         surface: &ContactSurface,
-        [kick, drift]: [f64; 2],
+        at: &WallsAt<'_>,
         (object, ledger): (usize, &mut Ledger),
     ) {
-        let mut walls = std::mem::take(&mut self.scratch.walls);
-        if !walls.bonds.is_empty() && kick > 0.0 {
+        let (mut walls, drift) = (std::mem::take(&mut self.scratch.walls), at.drift);
+        let any = !walls.bonds.is_empty() || !self.scratch.search.bound.is_empty();
+        if any && at.kick > 0.0 {
             self.join(surface, &mut walls);
             let Walls { bonds, patches, .. } = &mut walls;
             for bond in &mut *bonds {
                 [_, bond.v] = self.motion(surface, bond.point);
             }
             for patch in patches {
-                self.ask(bonds, patch, drift);
+                match patch.bonds.is_empty() {
+                    true => self.ask_at_once(at, patch),
+                    false => self.ask(bonds, patch, drift),
+                }
             }
             walls.hold(&self.model.mass);
             for one in &walls.patches {
@@ -118,7 +132,12 @@ impl Solid<'_> {
             by_patch,
             ..
         } = walls;
-        let now = bonds.iter().map(|bond| (bond.point, bond.with));
+        let by_points = bonds.iter().map(|bond| Bound {
+            point: bond.point,
+            with: bond.with,
+            in_front: 0.0,
+        });
+        let now = by_points.chain(self.scratch.search.bound.iter().copied());
         if latest.iter().copied().eq(now.clone()) {
             return;
         }
@@ -127,32 +146,48 @@ impl Solid<'_> {
         let held: BTreeSet<usize> = self.scratch.held.iter().copied().collect();
         // By place: what bears two of them has them near each other in the matrix, whichever walls they are at.
         let mut members: BTreeMap<_, Vec<(usize, f64)>> = BTreeMap::new();
-        for (n, &(point, with)) in latest.iter().enumerate() {
-            let at = &surface.points[point];
+        for (n, bound) in latest.iter().enumerate() {
+            let at = &surface.points[bound.point];
             borne
-                .entry(point)
-                .or_insert_with(|| self.borne(&held, &at.bears));
+                .entry(bound.point)
+                .or_insert_with(|| self.moved_by(&held, &at.bears));
             let corners = self.model.corners_about(at.x);
             let area = at.area / corners.len() as f64;
             for corner in corners {
-                members.entry((corner, with)).or_default().push((n, area));
+                let of_patch = members.entry((corner, bound.with)).or_default();
+                of_patch.push((n, area));
             }
         }
         let joined = members.into_iter().map(|((_, with), members)| {
             let all: f64 = members.iter().map(|one| one.1).sum();
-            let mut weights: BTreeMap<u32, f64> = BTreeMap::new();
-            for (n, area) in &members {
-                for (slot, w) in &borne[&latest[*n].0] {
-                    *weights.entry(*slot).or_default() += area / all * w;
+            let (mut free, mut others) = (BTreeMap::new(), BTreeMap::new());
+            let (mut rest, mut in_front) = ([0.0; 3], 0.0);
+            for &(n, area) in &members {
+                let (bound, share) = (&latest[n], area / all);
+                let of = &borne[&bound.point];
+                for (sums, own) in [(&mut free, &of.free), (&mut others, &of.others)] {
+                    for (slot, w) in own {
+                        *sums.entry(*slot).or_default() += share * w;
+                    }
+                }
+                in_front += share * bound.in_front;
+                let x = surface.points[bound.point].x;
+                for a in 0..3 {
+                    rest[a] += share * x[a];
                 }
             }
-            let share = |(&slot, w): (&u32, &f64)| (slot, w / self.model.mass[slot as usize]);
+            let answer = |(&slot, w): (&u32, &f64)| (slot, w / self.model.mass[slot as usize]);
+            // Those of bonds come first, and a wall has one kind or the other.
+            let of_bonds = members.iter().filter(|one| one.0 < bonds.len());
             Patch {
-                answers: weights.iter().map(share).collect(),
-                bonds: members.iter().map(|(n, area)| (*n, area / all)).collect(),
-                borne: weights.into_iter().collect(),
+                answers: free.iter().map(answer).collect(),
+                slips: bonds.get(members[0].0).is_none_or(|bond| bond.slips),
+                bonds: of_bonds.map(|(n, area)| (*n, area / all)).collect(),
+                borne: free.into_iter().collect(),
+                others: others.into_iter().collect(),
+                rest,
+                in_front,
                 with,
-                slips: bonds[members[0].0].slips,
                 x: [0.0; 3],
                 normal: [0.0; 3],
                 missing: [0.0; 3],
@@ -168,13 +203,62 @@ impl Solid<'_> {
         *outer = self.model.extension.followers_of(nodes);
     }
 
-    /// What bears a point of nodes that are free to move: outer ones that are held follow nobody.
-    fn borne(&self, held: &BTreeSet<usize>, bears: &Bears) -> Borne {
+    /// What moves a point: outer nodes that are held follow nobody.
+    fn moved_by(&self, held: &BTreeSet<usize>, bears: &Bears) -> MovedBy {
         let is_held = |slot: u32| held.contains(&(slot as usize));
-        let free = bears.map(|(slot, w)| (slot, if is_held(slot) { 0.0 } else { w }));
-        let nodes = self.model.borne_by(&free).into_iter();
-        let nodes = nodes.filter(|&(slot, w)| w != 0.0 && !is_held(slot));
-        nodes.map(|(slot, w)| (slot, f64::from(w))).collect()
+        let (mut free, mut others) = (BTreeMap::new(), MovedBy::default().others);
+        for &(slot, w) in bears.iter().filter(|one| one.1 != 0.0) {
+            if is_held(slot) {
+                others.push((slot, f64::from(w)));
+                continue;
+            }
+            for (inner, e) in self.model.extension.borne_by(slot) {
+                let w = f64::from(w * e);
+                // Nodes without mass bear nothing.
+                match is_held(inner) || self.model.mass[inner as usize] <= 0.0 {
+                    true => others.push((inner, w)),
+                    false => *free.entry(inner).or_default() += w,
+                }
+            }
+        }
+        let free = free.into_iter().filter(|one| one.1 != 0.0).collect();
+        MovedBy { free, others }
+    }
+
+    /// Asks a patch at a flat slip wall for what keeps it there: of the nodes that move it, not of its points.
+    fn ask_at_once(&self, at: &WallsAt<'_>, patch: &mut Patch) {
+        let rows = &self.scratch.tiles.rows;
+        let mut sums = [0.0; 6];
+        for &(slot, w) in patch.borne.iter().chain(&patch.others) {
+            let row = &rows[slot as usize].0;
+            for n in 0..6 {
+                sums[n] += w * f64::from(row[n]);
+            }
+        }
+        let (mut x, mut v) = (patch.rest, self.state.velocity);
+        for a in 0..3 {
+            v[a] += self.model.dx * sums[3 + a];
+            // Where the substep began.
+            x[a] += self.state.shift[a] + self.model.dx * sums[a] - at.drift * v[a];
+        }
+        patch.missing = [0.0; 3];
+        let Some(wall) = at.placed.iter().find(|p| p.id == patch.with as usize) else {
+            return;
+        };
+        let found = wall.distance(x);
+        let u = wall.velocity(x);
+        let back = patch.in_front - found.value;
+        let way_back = match at.drift > 0.0 {
+            true => back.signum() * (back.abs() / at.drift).min(self.fastest_back()),
+            false => 0.0,
+        };
+        (patch.x, patch.normal) = (x, found.normal);
+        patch.missing = std::array::from_fn(|a| u[a] - v[a] + way_back * found.normal[a]);
+    }
+
+    /// Largest speed of the way back to where points met a wall [m/s].
+    fn fastest_back(&self) -> f64 {
+        RECOVERY * self.sound_at_rest()
     }
 
     /// Asks for what keeps the mean of a patch where it met the wall: across it and, where nothing slips, along it.
@@ -191,8 +275,7 @@ impl Solid<'_> {
             }
         }
         if drift > 0.0 {
-            let most = RECOVERY * self.sound_at_rest();
-            let share = drift.recip().min(most / length(back));
+            let share = drift.recip().min(self.fastest_back() / length(back));
             for a in 0..3 {
                 missing[a] += share * back[a];
             }
