@@ -90,6 +90,10 @@ pub(super) struct MovedBy {
 /// axis, and more constraints would say the same again; fewer, as means of the points of a cell, let it bulge between them.
 #[derive(Clone, Debug)]
 pub(super) struct Patch {
+    /// The corner, the points, and the sum of their areas there [m^2].
+    pub corner: [i32; 3],
+    pub points: Vec<Bound>,
+    pub area: f64,
     /// Places among the bonds, with shares of the area; none at a flat slip wall.
     pub bonds: Vec<(usize, f64)>,
     /// Free nodes that bear it, and others that move it.
@@ -114,6 +118,11 @@ pub(super) struct Patch {
 }
 
 impl Patch {
+    /// Where it is among others.
+    pub fn place(&self) -> ([i32; 3], u32) {
+        (self.corner, self.with)
+    }
+
     /// Directions in which the wall decides, one after the other.
     pub fn directions(&self) -> impl Iterator<Item = [f64; 3]> + Clone + use<> {
         let unit = |axis: usize| std::array::from_fn(|a| if a == axis { 1.0 } else { 0.0 });
@@ -155,6 +164,7 @@ impl Walls {
     pub(super) fn restart(&mut self) {
         self.borne.clear();
         self.latest.clear();
+        self.patches.clear();
     }
 }
 

@@ -149,6 +149,7 @@ impl Members<'_, '_> {
             }
             let walls = WallsAt {
                 placed,
+                isa: outside.isa,
                 kick,
                 drift,
             };

@@ -3,6 +3,8 @@
 
 use std::ops::Range;
 
+use crate::simd::{Isa, Lanes, on_isa};
+
 /// Sums that a product of rows is gathered in: a fixed number, so that every instruction set has the same bits.
 const SUMS: usize = 8;
 
@@ -46,44 +48,63 @@ impl Skyline {
     }
 
     /// Replaces the matrix by its factor `L`, with one over the diagonal.
-    pub fn factorise(&mut self) {
-        for row in 0..self.columns.len() {
-            let first = self.columns[row].start;
-            for column in first..=row {
-                let shared = first.max(self.columns[column].start)..column;
-                let known = product(
-                    self.part(row, shared.clone()),
-                    self.part(column, shared.clone()),
-                );
-                let diagonal = *self.entry(column, column);
-                let entry = self.entry(row, column);
-                *entry = match column < row {
-                    true => (*entry - known) * diagonal,
-                    false => (*entry - known).sqrt().recip(),
-                };
-            }
-        }
+    pub fn factorise(&mut self, isa: Isa) {
+        factorise_with_isa(isa, self);
     }
 
     /// Solves `L L^T x = b` in place, of a factor.
-    pub fn solve(&self, b: &mut [f64]) {
-        for (row, columns) in self.columns.iter().enumerate() {
-            let before = columns.start..row;
-            let known = product(self.part(row, before.clone()), &b[before]);
-            b[row] = (b[row] - known) * self.part(row, row..row + 1)[0];
-        }
-        for (row, columns) in self.columns.iter().enumerate().rev() {
-            let before = columns.start..row;
-            let x = b[row] * self.part(row, row..row + 1)[0];
-            b[row] = x;
-            let factors = self.part(row, before.clone());
-            for (b, l) in b[before].iter_mut().zip(factors) {
-                *b -= l * x;
-            }
+    pub fn solve(&self, isa: Isa, b: &mut [f64]) {
+        solve_with_isa(isa, self, b);
+    }
+}
+
+on_isa! {
+    fn factorise_with_isa = factorise(matrix: &mut Skyline)
+}
+
+on_isa! {
+    fn solve_with_isa = solve(factor: &Skyline, b: &mut [f64])
+}
+
+#[inline(always)]
+fn factorise<L: Lanes>(matrix: &mut Skyline) {
+    for row in 0..matrix.columns.len() {
+        let first = matrix.columns[row].start;
+        for column in first..=row {
+            let shared = first.max(matrix.columns[column].start)..column;
+            let known = product(
+                matrix.part(row, shared.clone()),
+                matrix.part(column, shared.clone()),
+            );
+            let diagonal = *matrix.entry(column, column);
+            let entry = matrix.entry(row, column);
+            *entry = match column < row {
+                true => (*entry - known) * diagonal,
+                false => (*entry - known).sqrt().recip(),
+            };
         }
     }
 }
 
+#[inline(always)]
+fn solve<L: Lanes>(factor: &Skyline, b: &mut [f64]) {
+    for (row, columns) in factor.columns.iter().enumerate() {
+        let before = columns.start..row;
+        let known = product(factor.part(row, before.clone()), &b[before]);
+        b[row] = (b[row] - known) * factor.part(row, row..row + 1)[0];
+    }
+    for (row, columns) in factor.columns.iter().enumerate().rev() {
+        let before = columns.start..row;
+        let x = b[row] * factor.part(row, row..row + 1)[0];
+        b[row] = x;
+        let factors = factor.part(row, before.clone());
+        for (b, l) in b[before].iter_mut().zip(factors) {
+            *b -= l * x;
+        }
+    }
+}
+
+#[inline(always)]
 fn product(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; SUMS];
     let (a, b) = (a.chunks_exact(SUMS), b.chunks_exact(SUMS));
@@ -114,6 +135,16 @@ mod tests {
 
     #[test]
     fn factor_solves_what_the_matrix_says() {
+        let bits: Vec<Vec<u64>> = Isa::ALL
+            .into_iter()
+            .filter(|isa| isa.is_available())
+            .map(factor_and_solve)
+            .collect();
+        assert!(bits.iter().all(|x| *x == bits[0]));
+    }
+
+    /// Bits of the answer.
+    fn factor_and_solve(isa: Isa) -> Vec<u64> {
         let n = 12_usize;
         let mut factor = Skyline::new((0..n * n).map(|row| row.saturating_sub(n)));
         for row in 0..n * n {
@@ -121,17 +152,18 @@ mod tests {
                 *factor.entry(row, column) = stiffness(n, row, column);
             }
         }
-        factor.factorise();
+        factor.factorise(isa);
         let expected: Vec<f64> = (0..n * n).map(|k| (k as f64).sin()).collect();
         let row_of = |row| -> f64 {
             let terms = expected.iter().enumerate();
             terms.map(|(c, x)| stiffness(n, row, c) * x).sum()
         };
         let mut x: Vec<f64> = (0..n * n).map(row_of).collect();
-        factor.solve(&mut x);
+        factor.solve(isa, &mut x);
         for (x, expected) in x.iter().zip(&expected) {
             // Rounding times the condition of the matrix, about n^2.
             assert!((x - expected).abs() < 1e-13, "{x} {expected}");
         }
+        x.iter().map(|x| x.to_bits()).collect()
     }
 }

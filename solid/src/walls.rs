@@ -19,6 +19,7 @@ use crate::{
     colliders::Placed,
     ledger::{ContactPartner, Ledger, Received},
     mat3::{dot, length},
+    simd::Isa,
 };
 
 /// Share of its own answer that a patch gives way by: patches say the same where matter is one cell thick, and rounding lets them
@@ -31,6 +32,8 @@ const RECOVERY: f64 = 0.05;
 pub(crate) struct WallsAt<'a> {
     /// All of them.
     pub placed: &'a [Placed<'a>],
+    /// Instruction set of the kernels.
+    pub isa: Isa,
     /// How long forces have acted, and nodes have moved after that [s].
     pub kick: f64,
     pub drift: f64,
@@ -58,7 +61,7 @@ impl Solid<'_> {
                     false => self.ask(bonds, patch, drift),
                 }
             }
-            walls.hold(&self.model.mass);
+            walls.hold(at.isa, &self.model.mass);
             for one in &walls.patches {
                 // Pulls count as pushes do.
                 let along = dot(one.impulse, one.normal);
@@ -158,49 +161,73 @@ impl Solid<'_> {
                 of_patch.push((n, area));
             }
         }
-        let joined = members.into_iter().map(|((_, with), members)| {
-            let all: f64 = members.iter().map(|one| one.1).sum();
-            let (mut free, mut others) = (BTreeMap::new(), BTreeMap::new());
-            let (mut rest, mut in_front) = ([0.0; 3], 0.0);
-            for &(n, area) in &members {
-                let (bound, share) = (&latest[n], area / all);
-                let of = &borne[&bound.point];
-                for (sums, own) in [(&mut free, &of.free), (&mut others, &of.others)] {
-                    for (slot, w) in own {
-                        *sums.entry(*slot).or_default() += share * w;
-                    }
-                }
-                in_front += share * bound.in_front;
-                let x = surface.points[bound.point].x;
-                for a in 0..3 {
-                    rest[a] += share * x[a];
-                }
-            }
-            let answer = |(&slot, w): (&u32, &f64)| (slot, w / self.model.mass[slot as usize]);
+        let mut before = std::mem::take(patches).into_iter().peekable();
+        for ((corner, with), members) in members {
+            let of_points = members.iter().map(|one| latest[one.0]);
+            let points: Vec<Bound> = of_points.collect();
+            while before.next_if(|p| p.place() < (corner, with)).is_some() {}
+            let is_known = |p: &Patch| p.place() == (corner, with) && p.points == points;
+            let mut patch = before.next_if(is_known).unwrap_or_else(|| {
+                let shares = members.iter().map(|one| one.1);
+                self.patch(surface, borne, corner, points, shares)
+            });
             // Those of bonds come first, and a wall has one kind or the other.
-            let of_bonds = members.iter().filter(|one| one.0 < bonds.len());
-            Patch {
-                answers: free.iter().map(answer).collect(),
-                slips: bonds.get(members[0].0).is_none_or(|bond| bond.slips),
-                bonds: of_bonds.map(|(n, area)| (*n, area / all)).collect(),
-                borne: free.into_iter().collect(),
-                others: others.into_iter().collect(),
-                rest,
-                in_front,
-                with,
-                x: [0.0; 3],
-                normal: [0.0; 3],
-                missing: [0.0; 3],
-                impulse: [0.0; 3],
-            }
-        });
-        *patches = joined.collect();
+            patch.slips = bonds.get(members[0].0).is_none_or(|bond| bond.slips);
+            let of_bonds = members.into_iter().filter(|one| one.0 < bonds.len());
+            patch.bonds = of_bonds.map(|(n, area)| (n, area / patch.area)).collect();
+            patches.push(patch);
+        }
         nodes.clear();
         let all = patches.iter().flat_map(|patch| &patch.borne);
         nodes.extend(all.map(|node| node.0));
         nodes.sort_unstable();
         nodes.dedup();
         *outer = self.model.extension.followers_of(nodes);
+    }
+
+    /// A patch about a corner of cells of points with areas [m^2] of theirs.
+    fn patch(
+        &self,
+        surface: &ContactSurface,
+        borne: &BTreeMap<usize, MovedBy>,
+        corner: [i32; 3],
+        points: Vec<Bound>,
+        areas: impl Iterator<Item = f64> + Clone,
+    ) -> Patch {
+        let area: f64 = areas.clone().sum();
+        let (mut free, mut others) = (BTreeMap::new(), BTreeMap::new());
+        let (mut rest, mut in_front) = ([0.0; 3], 0.0);
+        for (bound, own) in points.iter().zip(areas) {
+            let (of, share) = (&borne[&bound.point], own / area);
+            for (sums, own) in [(&mut free, &of.free), (&mut others, &of.others)] {
+                for (slot, w) in own {
+                    *sums.entry(*slot).or_default() += share * w;
+                }
+            }
+            in_front += share * bound.in_front;
+            let x = surface.points[bound.point].x;
+            for a in 0..3 {
+                rest[a] += share * x[a];
+            }
+        }
+        let answer = |(&slot, w): (&u32, &f64)| (slot, w / self.model.mass[slot as usize]);
+        Patch {
+            corner,
+            with: points[0].with,
+            points,
+            area,
+            bonds: vec![],
+            answers: free.iter().map(answer).collect(),
+            borne: free.into_iter().collect(),
+            others: others.into_iter().collect(),
+            rest,
+            in_front,
+            slips: true,
+            x: [0.0; 3],
+            normal: [0.0; 3],
+            missing: [0.0; 3],
+            impulse: [0.0; 3],
+        }
     }
 
     /// What moves a point: outer nodes that are held follow nobody.
@@ -324,8 +351,8 @@ impl Solid<'_> {
 
 impl Walls {
     /// Finds the impulses on all patches that change their velocities by what is missing, and what they make of nodes of these masses [kg].
-    fn hold(&mut self, mass: &[f64]) {
-        self.order(mass);
+    fn hold(&mut self, isa: Isa, mass: &[f64]) {
+        self.order(isa, mass);
         self.change.resize(mass.len(), [0.0; 3]);
         let missing = |(patch, along): &Constraint| {
             let patch: &Patch = &self.patches[*patch];
@@ -336,7 +363,7 @@ impl Walls {
         };
         self.sought.clear();
         self.sought.extend(self.rows.iter().map(missing));
-        self.answers.solve(&mut self.sought);
+        self.answers.solve(isa, &mut self.sought);
         for patch in &mut self.patches {
             patch.impulse = [0.0; 3];
         }
@@ -357,7 +384,7 @@ impl Walls {
     }
 
     /// Puts constraints in order and makes their matrix, if they are not those of the substep before.
-    fn order(&mut self, mass: &[f64]) {
+    fn order(&mut self, isa: Isa, mass: &[f64]) {
         let patches = self.patches.iter().enumerate();
         let rows = patches.flat_map(|(n, patch)| patch.directions().map(move |along| (n, along)));
         let is_same = |(row, known): (Constraint, &Constraint)| row == *known;
@@ -407,7 +434,7 @@ impl Walls {
                 1.0
             };
         }
-        answers.factorise();
+        answers.factorise(isa);
         self.answers = answers;
     }
 }
