@@ -21,7 +21,7 @@ use crate::{
 /// Sweeps over all nodes at most.
 const SWEEPS: usize = 30;
 /// Sweeps end when no impulse changes by more than this part of the largest.
-const DONE: f64 = 1e-6;
+const DONE: f64 = 1e-3;
 
 /// A solid among nodes of the grid.
 pub(crate) struct CoupledSolid<'a> {
