@@ -9,7 +9,7 @@ use super::{
     obstacle::{GAP_LOOKAHEAD, GapSample, NODES, Obstacle},
 };
 use crate::{
-    bodies::vector::{Vec3, length},
+    bodies::vector::Vec3,
     contact::{LARGEST_RADIUS, Radii},
     grid::Grid,
     particles::{BLOCK, Block, Particles},
@@ -104,30 +104,9 @@ fn of_block<O: Obstacle>(
         let mut radii = Radii::new(cells_per_mass[run.part]);
         for g in run.groups.clone() {
             let (mass, x) = (&particles.fixed[g].mass.0, &particles.groups[g].x);
-            let inner =
-                |lane: usize| -> Vec3 { std::array::from_fn(|a| f64::from(x[a].0[lane]) + 1.5) };
-            let in_world =
-                |inner: Vec3| -> Vec3 { std::array::from_fn(|a| dx * (start[a] + inner[a])) };
-            let lanes = (0..LANES).filter(|&lane| mass[lane] > 0.0);
-            // Those of a group are neighbours: most groups are far as wholes.
-            let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-            for x in lanes.clone().map(inner) {
-                for a in 0..3 {
-                    (min[a], max[a]) = (min[a].min(x[a]), max[a].max(x[a]));
-                }
-            }
-            if lanes.clone().next().is_none() {
-                continue;
-            }
-            let half: Vec3 = std::array::from_fn(|a| 0.5 * (max[a] - min[a]));
-            let middle = std::array::from_fn(|a| min[a] + half[a]);
-            let far = most + (LARGEST_RADIUS + length(half)) * dx;
-            if obstacle.towards(in_world(middle), far).is_none() {
-                continue;
-            }
-            for lane in lanes {
-                let inner = inner(lane);
-                let place = in_world(inner);
+            for lane in (0..LANES).filter(|&lane| mass[lane] > 0.0) {
+                let inner: Vec3 = std::array::from_fn(|a| f64::from(x[a].0[lane]) + 1.5);
+                let place = [0, 1, 2].map(|a| dx * (start[a] + inner[a]));
                 let towards = obstacle.towards(place, most + LARGEST_RADIUS * dx);
                 let Some((distance, normal)) = towards else {
                     continue;
