@@ -14,6 +14,7 @@ mod materials;
 mod pace;
 mod paint;
 mod proxy;
+mod ragged;
 mod resting;
 mod rigid;
 mod robustness;
