@@ -465,6 +465,34 @@ impl At {
         })
     }
 
+    /// Adds what a collider presses on it with to what others do; returns its spring.
+    fn press(
+        &self,
+        placed: &Placed<'_>,
+        (found, stretch): (&Distance, Option<[f64; 3]>),
+        kick: f64,
+        out: &mut Pressed,
+    ) -> Option<Grip> {
+        let mut spring = self.spring(placed, found, stretch.is_some())?;
+        let u = placed.velocity(self.x);
+        let relative = std::array::from_fn(|a| self.v[a] - u[a]);
+        let (force, stretch) = spring.pull(stretch, relative, self.moved);
+        for a in 0..3 {
+            out.force[a] += force[a];
+        }
+        let impulse = force.map(|f| kick * f);
+        let received = Received::at(self.x, found.normal, kick * spring.pressure, impulse);
+        match &out.received {
+            None => out.received = Some((placed.id, received)),
+            Some(_) => out.more.push((placed.id, received)),
+        }
+        Some(Grip {
+            with: placed.id as u32,
+            stretch,
+            energy: spring.energy(stretch),
+        })
+    }
+
     /// How far it is from all colliders [m]; adds what they do to it, but where it neither touches nor touched any.
     fn meet(
         &self,
@@ -507,29 +535,12 @@ impl At {
                 }
                 continue;
             }
-            let Some(mut spring) = self.spring(placed, &found, known) else {
+            let Some(grip) = self.press(placed, (&found, stretch), kick, &mut out) else {
                 continue;
             };
-            let u = placed.velocity(self.x);
-            let relative = std::array::from_fn(|a| self.v[a] - u[a]);
-            let (force, stretch) = spring.pull(stretch, relative, self.moved);
-            for a in 0..3 {
-                out.force[a] += force[a];
-            }
-            energy += spring.energy(stretch);
-            let impulse = force.map(|f| kick * f);
-            let received = Received::at(self.x, found.normal, kick * spring.pressure, impulse);
-            match &out.received {
-                None => out.received = Some((placed.id, received)),
-                Some(_) => out.more.push((placed.id, received)),
-            }
+            energy += grip.energy;
             if pressed.with == NOTHING || -found.value > deepest {
-                deepest = -found.value;
-                pressed = Grip {
-                    with: placed.id as u32,
-                    stretch,
-                    energy: 0.0,
-                };
+                (pressed, deepest) = (grip, -found.value);
             }
         }
         let presses = pressed.with != NOTHING;

@@ -66,6 +66,10 @@ on_isa! {
     fn solve_with_isa = solve(factor: &Skyline, b: &mut [f64])
 }
 
+#[expect(
+    clippy::extra_unused_type_parameters,
+    reason = "compiled once per instruction set"
+)]
 #[inline(always)]
 fn factorise<L: Lanes>(matrix: &mut Skyline) {
     for row in 0..matrix.columns.len() {
@@ -86,6 +90,10 @@ fn factorise<L: Lanes>(matrix: &mut Skyline) {
     }
 }
 
+#[expect(
+    clippy::extra_unused_type_parameters,
+    reason = "compiled once per instruction set"
+)]
 #[inline(always)]
 fn solve<L: Lanes>(factor: &Skyline, b: &mut [f64]) {
     for (row, columns) in factor.columns.iter().enumerate() {
