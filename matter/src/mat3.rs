@@ -21,6 +21,17 @@ pub fn length(v: [f64; 3]) -> f64 {
     dot(v, v).sqrt()
 }
 
+/// A vector of length 1 in the same direction; zero where there is none.
+#[inline]
+pub fn unit(v: [f64; 3]) -> [f64; 3] {
+    let length = length(v);
+    if length > 0.0 && length.is_finite() {
+        v.map(|v| v / length)
+    } else {
+        [0.0; 3]
+    }
+}
+
 /// `a x b` of 3-vectors.
 #[inline(always)]
 pub fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {

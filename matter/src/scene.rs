@@ -193,6 +193,11 @@ impl Object {
             && self.materials().any(|material| !material.law.is_rigid())
     }
 
+    /// Whether all of it keeps its shape: no law of it flows.
+    pub fn keeps_shape(&self) -> bool {
+        self.materials().all(|material| material.law.may_be_solid())
+    }
+
     /// Its material and those of its regions.
     pub fn materials(&self) -> impl Iterator<Item = &Material> {
         let regions = self.regions.iter().map(|region| &region.material);

@@ -4,81 +4,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     ledger::Received,
-    mat3::{dot, length},
+    mat3::{dot, unit},
     motion::RigidMotion,
 };
 
 /// From here on numbers are those of colliders, before those of objects.
 pub const COLLIDERS: u32 = 1 << 31;
 
-/// What a pair exchanged in a substep, the lower number first.
-pub type PairExchange = ([u32; 2], Exchange);
-
-/// What a pair exchanged at some places.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Exchange {
-    /// Impulse that `b` received.
-    pub impulse: [f64; 3],
-    /// Part of it along the normals.
-    pub normal_impulse: [f64; 3],
-    /// Sum of the sizes of the normal impulses.
-    pub weight: f64,
-    /// Sum of positions, with those as weights.
-    pub moment: [f64; 3],
-}
-
-impl Exchange {
-    /// Of what `a` received.
-    pub fn opposite_to(received: &Received) -> Self {
-        let to_a = Self {
-            impulse: received.impulse,
-            normal_impulse: received.normal_impulse,
-            weight: received.weight,
-            moment: received.moment,
-        };
-        to_a.opposite()
-    }
-
-    /// The same where the two change places.
-    pub fn opposite(&self) -> Self {
-        Self {
-            impulse: self.impulse.map(|j| -j),
-            normal_impulse: self.normal_impulse.map(|j| -j),
-            ..*self
-        }
-    }
-
-    /// An impulse along a normal at a point.
-    fn corrected(point: [f64; 3], normal: [f64; 3], impulse: f64) -> Self {
-        let given = normal.map(|n| impulse * n);
-        Self {
-            impulse: given,
-            normal_impulse: given,
-            weight: impulse.abs(),
-            moment: point.map(|x| impulse.abs() * x),
-        }
-    }
-
-    /// What `b` received in SI units, in units of `mass` [kg] and `length` [m].
-    pub fn received(&self, mass: f64, length: f64) -> Received {
-        Received {
-            impulse: self.impulse.map(|j| j * mass * length),
-            normal_impulse: self.normal_impulse.map(|j| j * mass * length),
-            weight: self.weight * mass * length,
-            moment: self.moment.map(|x| x * mass * length * length),
-        }
-    }
-
-    /// Adds another.
-    pub fn add(&mut self, other: &Self) {
-        for a in 0..3 {
-            self.impulse[a] += other.impulse[a];
-            self.normal_impulse[a] += other.normal_impulse[a];
-            self.moment[a] += other.moment[a];
-        }
-        self.weight += other.weight;
-    }
-}
+/// A pair `a`, `b`, the lower number first, and what `b` received in a substep.
+pub type PairExchange = ([u32; 2], Received);
 
 /// Objects that meet, and colliders.
 pub trait Movers {
@@ -368,8 +302,10 @@ impl Episodes {
                 for i in 0..3 {
                     episode.impulse[i] += change.impulse * n[i];
                 }
-                let given = Exchange::corrected(x, n, change.impulse);
-                exchanged.push((episode.fields, given));
+                let (size, given) = (change.impulse.abs(), n.map(|n| change.impulse * n));
+                let normal = n.map(|n| n * change.impulse.signum());
+                let received = Received::at(x, normal, size, given);
+                exchanged.push((episode.fields, received));
                 episode.lost += change.lost;
                 after += k * change.impulse;
                 reached = !wish.elastic || after >= 0.999 * e * before;
@@ -400,14 +336,6 @@ impl Episode {
             duration: self.age,
             time,
         }
-    }
-}
-
-fn unit(v: [f64; 3]) -> [f64; 3] {
-    let size = length(v);
-    match size > 0.0 && size.is_finite() {
-        true => v.map(|v| v / size),
-        false => [0.0; 3],
     }
 }
 

@@ -52,7 +52,27 @@ impl Received {
         }
     }
 
-    fn add(&mut self, more: &Self, sign: f64) {
+    /// The same where giver and receiver change places.
+    pub fn opposite(&self) -> Self {
+        Self {
+            impulse: self.impulse.map(|j| -j),
+            normal_impulse: self.normal_impulse.map(|j| -j),
+            ..*self
+        }
+    }
+
+    /// In SI units what is in units of `mass` [kg] and `length` [m].
+    pub fn in_si(&self, mass: f64, length: f64) -> Self {
+        Self {
+            impulse: self.impulse.map(|j| j * mass * length),
+            normal_impulse: self.normal_impulse.map(|j| j * mass * length),
+            weight: self.weight * mass * length,
+            moment: self.moment.map(|x| x * mass * length * length),
+        }
+    }
+
+    /// Adds `sign` times another; sizes add up whatever that is.
+    pub fn add(&mut self, more: &Self, sign: f64) {
         for a in 0..3 {
             self.impulse[a] += sign * more.impulse[a];
             self.normal_impulse[a] += sign * more.normal_impulse[a];

@@ -524,15 +524,15 @@ impl At {
             let stretch = known.then_some(before.stretch);
             if binds {
                 out.hold = self.hold(point, placed, &found, stretch);
-            }
-            // What a flat wall holds need not be looked at for that.
-            if !matches!(out.hold, Some(Hold::Flat(held)) if held.with == placed.id as u32) {
-                clear = clear.min(found.value);
-            }
-            if binds {
                 if let Some(hold) = &out.hold {
                     out.grip = hold.grip(found.normal);
                 }
+            }
+            // What a flat wall holds need not be looked at for that.
+            if !(binds && matches!(out.hold, Some(Hold::Flat(_)))) {
+                clear = clear.min(found.value);
+            }
+            if binds {
                 continue;
             }
             let Some(grip) = self.press(placed, (&found, stretch), kick, &mut out) else {

@@ -132,6 +132,12 @@ impl SolidState {
         std::array::from_fn(|a| rest[a] + self.shift[a] + model.dx * f64::from(u[a]))
     }
 
+    /// Positions of all nodes by their numbers [m].
+    pub fn positions(&self, model: &SolidModel) -> Vec<[f64; 3]> {
+        let slots = 0..model.mass.len();
+        slots.map(|slot| self.position(model, slot)).collect()
+    }
+
     /// Displacement of a node in the solid's frame [cells].
     pub fn displacement(&self, slot: usize) -> [f32; 3] {
         read(&self.nodes[slot / NODES].u, slot)

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     bodies::actor::Drive,
     colliders::Substep,
-    episodes::{COLLIDERS, Episodes, Exchange, Movers, RequestedRestitution},
+    episodes::{COLLIDERS, Episodes, Movers, RequestedRestitution},
     ledger::{ContactPartner, Ledger},
     mat3::{Mat3, length},
     motion::{RigidMotion, SUMS, add_to_sums},
@@ -61,7 +61,7 @@ impl Wholes<'_> {
     pub(super) fn take_in(&mut self, members: &Members<'_, '_>, given: &Ledger) {
         let pairs = given.pairs().map(|(object, other, received)| {
             let pair = [object as u32, number(other)];
-            (pair, Exchange::opposite_to(received))
+            (pair, received.opposite())
         });
         let matters =
             |pair: [u32; 2]| pair[1] < COLLIDERS || (self.wish)(pair).restitution.is_some();
@@ -82,13 +82,12 @@ impl Wholes<'_> {
         let end = now.time + now.dt;
         self.episodes
             .part(members, self.wish, resting, end, &mut parted);
-        for ([object, other], exchange) in parted {
-            let received = exchange.opposite().received(1.0, 1.0);
+        for ([object, other], received) in parted {
             let other = match other.checked_sub(COLLIDERS) {
                 None => ContactPartner::Object(other as usize),
                 Some(collider) => ContactPartner::Collider(collider as usize),
             };
-            given.add(object as usize, other, &received);
+            given.add(object as usize, other, &received.opposite());
         }
     }
 }
@@ -174,9 +173,7 @@ fn push(
     keep: f64,
 ) {
     let after = motion.after(place, impulse);
-    let at: Vec<[f64; 3]> = (0..model.mass.len())
-        .map(|slot| state.position(model, slot))
-        .collect();
+    let at = state.positions(model);
     state.change_velocities(model, |slot, v| {
         let (rigid, pushed) = (motion.at(at[slot]), after.at(at[slot]));
         std::array::from_fn(|a| pushed[a] + keep * (v[a] - rigid[a]))

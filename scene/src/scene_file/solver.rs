@@ -63,9 +63,8 @@ fn bounces_off_spatial(
         scene.objects[n].is_matter() && reasons[n].is_none() && !is_stated
     };
     let bounces = |a: usize, b: usize| {
-        let keeps_shape = scene.objects[b].materials().all(|m| m.law.may_be_solid());
         let asked = scene.surface_between(a, b).restitution.is_some();
-        reasons[b].is_some() && keeps_shape && asked
+        reasons[b].is_some() && scene.objects[b].keeps_shape() && asked
     };
     all.clone()
         .filter(is_free)
@@ -108,11 +107,7 @@ fn why_better(scene: &Scene, object: &Object) -> Option<String> {
     }
     // Its contact with solids is less exact than what is lost by sharing the grid with it.
     let mut others = scene.objects.iter().filter(|object| object.is_matter());
-    let flowing = others.find(|other| {
-        other
-            .materials()
-            .any(|material| !material.law.may_be_solid())
-    })?;
+    let flowing = others.find(|other| !other.keeps_shape())?;
     Some(format!(
         "`{}` needs that grid, and both share it",
         flowing.name

@@ -326,9 +326,8 @@ mod tests {
     use super::*;
     use crate::{
         colliders::{Boundaries, Paths},
-        contact::sites::unit,
         grid::FieldPass,
-        mat3::dot,
+        mat3::{dot, unit},
         particles::NO_PARTICLE,
         step::sort::{Newcomer, place},
         test_scenes::{empty, random},

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::sites::{ContactBlock, ContactBlocks, Node, coordinates, members, unit};
-use crate::mat3::dot;
+use super::sites::{ContactBlock, ContactBlocks, Node, coordinates, members};
+use crate::mat3::{dot, unit};
 
 /// Length of the mean normal of a patch from which on the patch counts as flat: its nodes within some 25 degrees.
 const FLAT: f64 = 0.9;

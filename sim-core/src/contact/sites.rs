@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::{
     grid::{FieldPass, Grid, NONE, Shared, Velocities, anchors::Anchors},
-    mat3::dot,
+    mat3::unit,
 };
 
 /// Nodes along an edge of a block with one more on each side.
@@ -207,16 +207,6 @@ fn at_place(
         }
     }
     found
-}
-
-/// A vector of length 1 in the same direction; zero where there is none.
-pub(super) fn unit(v: [f64; 3]) -> [f64; 3] {
-    let length = dot(v, v).sqrt();
-    if length > 0.0 && length.is_finite() {
-        v.map(|v| v / length)
-    } else {
-        [0.0; 3]
-    }
 }
 
 /// Nodes with mass, one bit each.

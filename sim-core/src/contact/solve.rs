@@ -7,11 +7,12 @@ use super::{
     sites::{ContactBlock, ContactBlocks, Node, read},
 };
 use crate::{
-    episodes::{Exchange, PairExchange},
+    episodes::PairExchange,
     grid::{
         Grid, Velocities,
         approach::{BlockConstraints, BoundaryConditions},
     },
+    ledger::Received,
     mat3::dot,
 };
 
@@ -19,8 +20,8 @@ use crate::{
 const SWEEPS: usize = 4;
 
 /// What the nodes of a site exchanged [mass units, cells, s].
-fn exchange_of(site: &ContactBlock, nodes: &[Node], held: &[AccumulatedImpulse]) -> Exchange {
-    let mut sum = Exchange::default();
+fn exchange_of(site: &ContactBlock, nodes: &[Node], held: &[AccumulatedImpulse]) -> Received {
+    let mut sum = Received::default();
     for (node, held) in nodes
         .iter()
         .zip(held)
@@ -52,7 +53,7 @@ pub(super) fn by_pair(sites: &[ContactBlock], solved: &[Solved]) -> Vec<PairExch
     found.dedup_by(|next, sum| {
         let same = next.0 == sum.0;
         if same {
-            sum.1.add(&next.1);
+            sum.1.add(&next.1, 1.0);
         }
         same
     });
@@ -64,7 +65,7 @@ pub(super) struct Solved {
     /// New velocities of node blocks.
     pub blocks: Vec<(usize, Velocities)>,
     /// Per site of the place.
-    pub exchanged: Vec<Exchange>,
+    pub exchanged: Vec<Received>,
 }
 
 /// What acts besides contact.
@@ -121,7 +122,7 @@ fn solve_place(
     if !presses {
         return Solved {
             blocks: vec![],
-            exchanged: vec![Exchange::default(); sites.len()],
+            exchanged: vec![Received::default(); sites.len()],
         };
     }
     let mut blocks: Vec<(usize, Velocities)> = Vec::with_capacity(sites.len() + 1);

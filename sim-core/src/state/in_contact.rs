@@ -38,7 +38,7 @@ impl InContact {
     pub fn book(&mut self, exchanged: &[PairExchange], mass: f64, dx: f64) {
         for (fields, exchange) in exchanged {
             let [a, b] = fields.map(|field| field as usize);
-            let received = exchange.received(mass, dx);
+            let received = exchange.in_si(mass, dx);
             self.ledger.add(b, ContactPartner::Object(a), &received);
         }
     }

@@ -31,9 +31,8 @@ pub(super) fn validate(scene: &Scene) -> Result<(), WorldError> {
 fn of_pairs(scene: &Scene, object: usize) -> Result<(), WorldError> {
     let mut others = scene.objects.iter().enumerate();
     let spatial = others.find(|&(id, other)| {
-        let keeps_shape = other.materials().all(|m| m.law.may_be_solid());
         let asked = id != object && scene.surface_between(object, id).restitution.is_some();
-        other.is_matter() && !is_solid(other) && keeps_shape && asked
+        other.is_matter() && !is_solid(other) && other.keeps_shape() && asked
     });
     spatial.map_or(Ok(()), |(_, other)| {
         Err(WorldError::Solid {

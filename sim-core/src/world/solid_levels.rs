@@ -97,9 +97,7 @@ impl World {
         let (grid, body) = (&solid.grid, rigid.body);
         place_nodes(grid, state, |x| body.point(x));
         let (velocity, spin, com) = rigid_motion(grid, state, &body, shape.inertia.mass);
-        let at: Vec<[f64; 3]> = (0..grid.mass.len())
-            .map(|slot| state.position(grid, slot))
-            .collect();
+        let at = state.positions(grid);
         state.velocity = velocity;
         state.change_velocities(grid, |slot, _| {
             let turn = cross(spin, std::array::from_fn(|a| at[slot][a] - com[a]));
