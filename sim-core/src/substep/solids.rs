@@ -7,7 +7,7 @@ use super::{
 use crate::{
     colliders::{Substep, farthest},
     coupling::solids::NodeImpulses,
-    episodes::Episodes,
+    episodes::{COLLIDERS, Episodes},
     ledger::Ledger,
     report::DtLimit,
     scene::PinnedRegion,
@@ -78,7 +78,7 @@ pub(crate) fn move_solids(
 ) {
     let count = solids.states.len();
     solids.scratch.resize_with(count, || None);
-    let is_solid = |n: u32| given.is_moving_solid(n as usize);
+    let is_solid = |n: u32| n < COLLIDERS && given.is_moving_solid(n as usize);
     solids.episodes.retain(is_solid);
     let islands = islands(given, span, &mut solids, rigid);
     if !islands.iter().any(|island| island.has_bodies) {

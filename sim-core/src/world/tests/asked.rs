@@ -131,3 +131,42 @@ fn a_solid_bounces_off_a_floor_as_is_asked() {
         );
     }
 }
+
+/// What it was in contact with is forgotten, the collider too.
+#[test]
+fn a_solid_may_go_over_while_it_bounces_as_is_asked() {
+    let mut scene = empty(0.05);
+    scene.gravity = [0.0, 0.0, -10.0];
+    add_ball(&mut scene, [0.0, 0.0, 0.22], [0.0, 0.0, -2.0], None);
+    add_ball(&mut scene, [2.0, 0.0, 0.9], [0.0; 3], None);
+    let up = [0.0, 0.0, 1.0];
+    add_plane(&mut scene, [0.0; 3], up, Surface::Separate, 0.0);
+    scene.colliders[0].restitution = 0.5;
+    let mut world = World::new(scene).expect("valid scene");
+    // It is on the floor from 0.01 s on, for half the way of a wave of 10 m/s about it at least.
+    for _ in 0..8 {
+        world.step(1.0 / 240.0, &[]);
+    }
+    assert!(norm(world.report().objects[0].contact_impulse) > 0.0);
+    let water = Law::Fluid {
+        bulk_modulus: 1e5,
+        viscosity: 1.0,
+    };
+    let command = Command {
+        client: 1,
+        sequence: 0,
+        apply_at_step: 0,
+        action: crate::Action::SetMaterial {
+            object: 0,
+            region: None,
+            patch: None,
+            material: elastic(water, 1e5, 0.3),
+        },
+    };
+    let report = world.step(1.0 / 240.0, &[command]);
+    assert_eq!(report.gone_over.len(), 1);
+    for _ in 0..8 {
+        let report = world.step(1.0 / 240.0, &[]);
+        assert!(report.quarantined.is_empty() && report.contacts.is_empty());
+    }
+}
