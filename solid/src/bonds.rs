@@ -72,6 +72,7 @@ impl Hold {
             with,
             stretch,
             energy: 0.0,
+            pressure: 0.0,
         }
     }
 }

@@ -490,6 +490,7 @@ impl At {
             with: placed.id as u32,
             stretch,
             energy: spring.energy(stretch),
+            pressure: spring.pressure,
         })
     }
 

@@ -17,8 +17,6 @@ pub struct DepthField {
     first: [f64; 3],
     size: [usize; 3],
     values: Vec<f32>,
-    /// Whether all of it is near the surface: no place is as deep as distances are exact.
-    pub(crate) is_thin: bool,
 }
 
 /// Share by which a facet may be farther than the nearest and still tell on which side a point is.
@@ -124,7 +122,6 @@ impl DepthField {
             }
         }
         Self {
-            is_thin: values.iter().all(|&value| value > -far),
             first: std::array::from_fn(|a| first[a] + edge * min[a] as f64),
             lattice: lattice.clone(),
             size,

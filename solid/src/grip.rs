@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::penalty::Account;
 use crate::mat3::dot;
 
 /// Nothing is touched.
@@ -34,6 +35,8 @@ pub struct Grip {
     pub stretch: [f64; 3],
     /// What the contact holds, pressed in and stretched [J].
     pub energy: f64,
+    /// Normal force [N].
+    pub pressure: f64,
 }
 
 impl Grip {
@@ -47,10 +50,12 @@ impl Grip {
         OBJECTS + id as u32
     }
 
-    /// How deep the point was pressed in [m], by a spring of some stiffness [N/m].
-    pub fn depth(&self, stiffness: f64) -> f64 {
-        let squared = 2.0 * self.energy / stiffness - dot(self.stretch, self.stretch);
-        squared.max(0.0).sqrt()
+    /// What it took in along the normal and has not given back, by a spring of some stiffness [N/m].
+    pub fn account(&self, stiffness: f64) -> Account {
+        Account {
+            energy: self.energy - 0.5 * stiffness * dot(self.stretch, self.stretch),
+            pressure: self.pressure,
+        }
     }
 
     /// Whether it holds on to a held region.
@@ -60,7 +65,7 @@ impl Grip {
 
     /// What presses on the point, by what the contact holds.
     pub fn contact(&self) -> ContactWith {
-        match (self.energy > 0.0, self.with < OBJECTS) {
+        match (self.pressure != 0.0, self.with < OBJECTS) {
             (false, _) => ContactWith::Nothing,
             (true, true) => ContactWith::Walls,
             (true, false) => ContactWith::Objects,
@@ -72,5 +77,6 @@ impl Grip {
         with: NOTHING,
         stretch: [0.0; 3],
         energy: 0.0,
+        pressure: 0.0,
     };
 }

@@ -264,11 +264,6 @@ impl<'a> LocalInverse<'a> {
         })
     }
 
-    /// Whether it is thin all over.
-    pub fn is_thin(&self) -> bool {
-        self.depth.is_thin
-    }
-
     /// Unit normal outwards of its own surface at a point of that, where it is now.
     pub fn normal_now(&self, point: &SurfacePoint) -> Option<[f64; 3]> {
         let site = self.model.site_near(point.x)?;

@@ -6,7 +6,7 @@ use super::{
     clusters::middle,
     contact::ContactSurface,
     depth::DepthField,
-    grip::Grip,
+    grip::{Grip, NOTHING},
     inverse::{FACING, KnownPlace, LocalInverse, Missing, SURE, SeenSurface, Start},
     nodes::Bears,
     penalty::Spring,
@@ -22,8 +22,6 @@ use crate::{
 const ENTRY: f64 = 1.0;
 /// How many times as far as what is beside a point what it faces may be.
 const LATERAL: f64 = 2.0;
-/// How much deeper than it came a point may be found to be in a substep [cells].
-const GOES_ON: f64 = 0.02;
 /// Depth up to which it hardly matters which surface a point came in by [cells].
 const SHALLOW: f64 = 0.02;
 /// Cosine between a normal and the opposite of a point's from which on the point faces that surface.
@@ -235,8 +233,8 @@ impl<'a> Presence<'a> {
         number: u32,
     ) -> f64 {
         let n = watched.point as usize;
-        let before = self.inverse.state.springs[n];
-        let before = (before.with == number).then_some(before);
+        let held = self.inverse.state.springs[n];
+        let before = (held.with == number).then_some(held);
         let x = self.solid.place(self.surface, n);
         if before.is_none()
             && let Some(known) = &watched.known
@@ -261,12 +259,9 @@ impl<'a> Presence<'a> {
         };
         let pressed = seen
             .ok()
-            .and_then(|seen| self.press(other, n, (&seen, x), before, [friction, moved]));
+            .and_then(|seen| self.press(other, n, (&seen, x), number, [friction, moved]));
         match pressed {
-            Some(mut one) => {
-                one.grip.with = number;
-                met.push(one);
-            }
+            Some(one) => met.push(one),
             None => met.extend(before.map(|_| PointContact::none(n, x))),
         }
         clear
@@ -283,16 +278,9 @@ impl<'a> Presence<'a> {
         self.inverse.back(x, [now, rest])
     }
 
-    /// What of the other presses on a point that is in it: the nearest surface, or, where that is thin, one that the point faces and that is
-    /// little farther. A point amid thin matter is nearer to what is beside it than to what it came in by. `reached` tells the depth along a normal
-    /// that the point may have come to since it was looked at last [m].
-    fn contact_at(
-        &self,
-        other: &Self,
-        n: usize,
-        nearest: &SeenSurface,
-        reached: impl Fn([f64; 3]) -> f64,
-    ) -> Contact {
+    /// What of the other presses on a point that is in it: the nearest surface, or one that the point faces and that is little farther. A
+    /// point amid thin matter is nearer to what is beside it than to what it came in by.
+    fn contact_at(&self, other: &Self, n: usize, nearest: &SeenSurface) -> Contact {
         let depth = -nearest.distance;
         // The force is the slope of a potential, of half the squared depth: amid matter, where the depth is at its largest, it ends.
         let nearest_at = |farther: f64| Contact {
@@ -300,7 +288,7 @@ impl<'a> Presence<'a> {
             slope: nearest.steepness * farther,
             normal: nearest.normal,
         };
-        if !other.inverse.is_thin() || depth < SHALLOW * other.inverse.model.dx {
+        if depth < SHALLOW * other.inverse.model.dx {
             return nearest_at(1.0);
         }
         let Some(own) = self.inverse.normal_now(&self.surface.points[n]) else {
@@ -312,23 +300,13 @@ impl<'a> Presence<'a> {
         }
         let farther = 1.0 + (LATERAL - 1.0) * (1.0 - facing / FACING).clamp(0.0, 1.0);
         let faced = other.inverse.faced(nearest, own, depth * farther);
-        let found = match faced {
+        match faced {
             Some((depth, normal)) => Contact {
                 depth,
                 slope: 1.0,
                 normal,
             },
             None => nearest_at(farther),
-        };
-        // What a point faces may change at once, and what it holds must not.
-        let most = depth.max(reached(found.normal));
-        match found.depth > most {
-            true => Contact {
-                depth: most,
-                slope: 1.0,
-                ..found
-            },
-            false => found,
         }
     }
 
@@ -338,7 +316,7 @@ impl<'a> Presence<'a> {
         other: &Self,
         n: usize,
         (nearest, x): (&SeenSurface, [f64; 3]),
-        before: Option<Grip>,
+        number: u32,
         [friction, moved]: [f64; 2],
     ) -> Option<PointContact> {
         if nearest.distance >= 0.0 {
@@ -349,29 +327,39 @@ impl<'a> Presence<'a> {
         let u = other.inverse.velocity_of(&bears);
         let [_, v] = self.solid.motion(self.surface, n);
         let relative = std::array::from_fn(|a| v[a] - u[a]);
-        let was = before.map_or(0.0, |grip| grip.depth(stiffness));
-        let dx = other.inverse.model.dx;
-        let found = self.contact_at(other, n, nearest, |normal| {
-            was + LATERAL * (-moved * dot(relative, normal)).max(0.0) + GOES_ON * dx
-        });
-        if before.is_none() && found.depth > ENTRY * dx {
+        let found = self.contact_at(other, n, nearest);
+        let held = self.inverse.state.springs[n];
+        let before = (held.with == number).then_some(held);
+        if before.is_none() && found.depth > ENTRY * other.inverse.model.dx {
             return None;
         }
-        let effective_depth = found.depth * found.slope;
+        // A point on which two others press remembers one of them.
+        let account = (before.is_some() || held.with == NOTHING).then(|| held.account(stiffness));
+        let approach = -moved * dot(relative, found.normal);
+        let depth = account.map_or(found.depth, |account| {
+            let deepest = account.deepest(stiffness, found.slope, approach);
+            found.depth.min(deepest)
+        });
+        let effective_depth = depth * found.slope;
         let mut spring = Spring {
             stiffness,
-            depth: found.depth,
+            depth,
             pressure: stiffness * effective_depth,
             normal: found.normal,
             most: friction * effective_depth,
         };
         let (force, stretch) = spring.pull(before.map(|grip| grip.stretch), relative, moved);
+        let pressed_in = match account {
+            Some(account) => account.after(approach, spring.pressure),
+            None => 0.5 * stiffness * depth * depth,
+        };
         Some(PointContact {
             point: n,
             grip: Grip {
-                with: 0,
+                with: number,
                 stretch,
-                energy: spring.energy(stretch),
+                energy: pressed_in + 0.5 * stiffness * dot(stretch, stretch),
+                pressure: spring.pressure,
             },
             force,
             at: [x, found.normal],

@@ -10,6 +10,35 @@ const SLIDING: f64 = 0.5;
 /// Share of the way to Coulomb's limit that friction of what slides goes in a substep.
 const FOLLOWS: f64 = 0.25;
 
+/// What a contact has taken in along its normal. Depth in deformed matter is the potential of no force between two solids: the surface that a
+/// point faces may change at once, and distances at rest are stretched. So work tells how deep a point is at most, and no more than that
+/// comes back: a passivity observer (Hannaford and Ryu 2002).
+#[derive(Clone, Copy, Debug)]
+pub struct Account {
+    /// Work along the normal that has not been given back [J].
+    pub energy: f64,
+    /// Normal force by which it was done last [N].
+    pub pressure: f64,
+}
+
+impl Account {
+    /// Depth [m] at which a spring of some stiffness [N/m] holds what there is after an approach [m] along which it
+    /// gets deeper by `slope`: half of the work is that of the force before, half that of the force then, as leapfrog kicks.
+    pub fn deepest(&self, stiffness: f64, slope: f64, approach: f64) -> f64 {
+        let half = 0.5 * slope * approach;
+        let squared = half * half + (2.0 * self.energy + self.pressure * approach) / stiffness;
+        match squared > 0.0 {
+            true => (half + squared.sqrt()).max(0.0),
+            false => 0.0,
+        }
+    }
+
+    /// What there is after an approach [m], with a normal force [N] in the end [J].
+    pub fn after(&self, approach: f64, pressure: f64) -> f64 {
+        self.energy + 0.5 * (self.pressure + pressure) * approach
+    }
+}
+
 /// What presses and holds a point.
 pub struct Spring {
     /// Force per stretch, and per depth [N/m].
@@ -89,6 +118,35 @@ mod tests {
             normal: [0.0, 0.0, 1.0],
             most: friction * depth,
         }
+    }
+
+    #[test]
+    fn depth_is_bounded_by_the_work_that_was_done() {
+        let stiffness = 100.0;
+        let of = |depth: f64| Account {
+            energy: 0.5 * stiffness * depth * depth,
+            pressure: stiffness * depth,
+        };
+        // A spring that gets deeper as bodies approach is bounded by itself, on its way in and out.
+        for (from, to) in [(0.0, 0.01), (0.01, 0.03), (0.03, 0.02), (0.02, 0.0)] {
+            let (account, approach) = (of(from), to - from);
+            let deepest = account.deepest(stiffness, 1.0, approach);
+            assert!((deepest - to).abs() < 1e-9, "{deepest} {to}");
+            let after = account.after(approach, stiffness * deepest);
+            assert!((after - of(to).energy).abs() < 1e-9);
+        }
+        // What is found inside and parts was given nothing.
+        assert_eq!(of(0.0).deepest(stiffness, 1.0, -0.01), 0.0);
+        // A surface that is farther at once gives back what was put in, but for the substep in which bodies part.
+        let (mut account, mut given) = (of(0.01), 0.0);
+        for _ in 0..100 {
+            let pressure = stiffness * account.deepest(stiffness, 1.0, -1e-3).min(0.05);
+            let energy = account.after(-1e-3, pressure);
+            given += account.energy - energy;
+            account = Account { energy, pressure };
+        }
+        let last = 0.5 * stiffness * 1e-3 * 1e-3;
+        assert!((given - of(0.01).energy).abs() <= last, "{given}");
     }
 
     #[test]

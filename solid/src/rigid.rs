@@ -171,6 +171,7 @@ impl Pressed<'_> {
                     with: number,
                     stretch,
                     energy: spring.energy(stretch),
+                    pressure: spring.pressure,
                 },
                 force,
                 at: [x, normal],
