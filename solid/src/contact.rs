@@ -358,6 +358,18 @@ impl Solid<'_> {
         find: impl FnOnce(&Self, &[usize]) -> Vec<FoundInCluster>,
     ) -> CandidateList {
         let mut list = self.scratch.search.take(with);
+        self.refresh(&mut list, (with, others), moved, find);
+        list
+    }
+
+    /// Brings a list that was taken up to where things stand, as [`candidates`](Self::candidates) does.
+    pub fn refresh(
+        &self,
+        list: &mut CandidateList,
+        (with, others): (&[(u32, Stand)], &[f64]),
+        moved: f64,
+        find: impl FnOnce(&Self, &[usize]) -> Vec<FoundInCluster>,
+    ) {
         let own = &self.scratch.search.own;
         let ways = Ways { own, others };
         list.go_on(self.stand(), with, &ways, moved);
@@ -365,7 +377,6 @@ impl Solid<'_> {
         if !due.is_empty() {
             list.renew(&due, &ways, find(self, &due));
         }
-        list
     }
 
     /// Keeps a list of points for the next substep.

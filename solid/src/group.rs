@@ -1,5 +1,7 @@
 //! Solids that move together through a span of time: those that may touch each other share their substeps.
 
+use rayon::prelude::*;
+
 use super::{
     advance::{Shares, Solid},
     grip::{ContactWith, Grip},
@@ -9,7 +11,8 @@ use super::{
     rigid::{
         Exchange, Pressed as PressedByBodies, RigidPeers, Wrench, near_body, opposite, stand_of,
     },
-    search::Bounds,
+    search::{Bounds, CandidateList},
+    stand::Stand,
     walls::WallsAt,
     wholes::{Members, Wholes},
 };
@@ -143,25 +146,37 @@ impl Members<'_, '_> {
         ledger: &mut Ledger,
     ) -> Result<(), usize> {
         let (outside, [kick, drift]) = (&self.around.outside, [self.now.kick, self.now.dt]);
-        for mover in self.group.iter_mut() {
+        let walls = WallsAt {
+            placed,
+            isa: outside.isa,
+            kick,
+            drift,
+        };
+        let moved = each(self.group, |mover| {
+            let mut given = Ledger::default();
             if mover.solid.substep(outside, kick, drift, shares).bad {
                 return Err(mover.id);
             }
-            let walls = WallsAt {
-                placed,
-                isa: outside.isa,
-                kick,
-                drift,
-            };
-            mover
-                .solid
-                .bind(&mover.object.surface, &walls, (mover.id, ledger));
+            let surface = &mover.object.surface;
+            mover.solid.bind(surface, &walls, (mover.id, &mut given));
             for spring in &mut mover.springs {
                 spring.settle(&mover.solid);
             }
+            Ok(given)
+        });
+        for given in moved {
+            ledger.merge(&given?);
         }
         Ok(())
     }
+}
+
+/// Does the same to each of a group, side by side; what comes of it is in their order.
+fn each<'a, T: Send>(
+    group: &mut [Mover<'a>],
+    act: impl Fn(&mut Mover<'a>) -> T + Send + Sync,
+) -> Vec<T> {
+    group.par_iter_mut().map(act).collect()
 }
 
 /// External forces at the moment; returns those on rigid bodies.
@@ -178,27 +193,8 @@ fn find_forces(
         now,
     } = members;
     let times = [moved, now.kick];
-    for mover in group.iter_mut() {
-        let scratch = &mut *mover.solid.scratch;
-        scratch.search.contact = ContactWith::Nothing;
-        scratch.search.begin_look();
-        // Those of a substep that was undone would be bound twice.
-        scratch.walls.bonds.clear();
-        let conditions = &mut scratch.conditions;
-        conditions.clear_forces();
-        for &(slot, force) in &mover.steady {
-            conditions.add_force(slot, force);
-        }
-        for spring in &mut mover.springs {
-            spring.push(&mut mover.solid, now);
-        }
-        let near = placed.iter().filter(|p| mover.colliders.contains(&p.id));
-        let near: Vec<Placed<'_>> = near.map(|p| p.against(mover.friction)).collect();
-        let surface = &mover.object.surface;
-        mover.solid.hold_faces(surface, &mover.faces);
-        mover
-            .solid
-            .meet_colliders(surface, &near, times, (mover.id, ledger));
+    for given in each(group, |mover| meet_outside(mover, placed, times, now)) {
+        ledger.merge(&given);
     }
     if group.len() > 1 {
         meet_each_other(group, around, times, ledger);
@@ -207,6 +203,37 @@ fn find_forces(
         Some(peers) => meet_bodies(group, &**peers, around.scene, times, ledger),
         None => vec![],
     }
+}
+
+/// External forces on a solid, by springs that hold it and colliders; returns what these gave.
+fn meet_outside(
+    mover: &mut Mover<'_>,
+    placed: &[Placed<'_>],
+    times: [f64; 2],
+    now: &Substep,
+) -> Ledger {
+    let mut given = Ledger::default();
+    let scratch = &mut *mover.solid.scratch;
+    scratch.search.contact = ContactWith::Nothing;
+    scratch.search.begin_look();
+    // Those of a substep that was undone would be bound twice.
+    scratch.walls.bonds.clear();
+    let conditions = &mut scratch.conditions;
+    conditions.clear_forces();
+    for &(slot, force) in &mover.steady {
+        conditions.add_force(slot, force);
+    }
+    for spring in &mut mover.springs {
+        spring.push(&mut mover.solid, now);
+    }
+    let near = placed.iter().filter(|p| mover.colliders.contains(&p.id));
+    let near: Vec<Placed<'_>> = near.map(|p| p.against(mover.friction)).collect();
+    let surface = &mover.object.surface;
+    mover.solid.hold_faces(surface, &mover.faces);
+    mover
+        .solid
+        .meet_colliders(surface, &near, times, (mover.id, &mut given));
+    given
 }
 
 /// Forces between the solids of a group and rigid bodies; returns those on bodies.
@@ -259,10 +286,11 @@ fn touches(met: &[Vec<PointContact>]) -> bool {
     met.iter().any(|of_cluster| !of_cluster.is_empty())
 }
 
-/// What a mover presses on points of another with.
+/// Points of a mover that may touch another, and what that presses on them with.
 struct Pressed {
     /// Places in the group: whose points, and of whom.
     pair: [usize; 2],
+    list: CandidateList,
     /// Cluster after cluster.
     met: Vec<Vec<PointContact>>,
 }
@@ -274,13 +302,12 @@ fn meet_each_other(
     [moved, kick]: [f64; 2],
     ledger: &mut Ledger,
 ) {
-    let look = |one: &mut Mover<'_>| {
+    let seen: Vec<(Bounds, Start)> = each(group, |one| {
         one.solid.look(&one.object.surface);
         let (bounds, solid) = (one.solid.bounds(), &mut one.solid);
         let start = solid.scratch.search.start(solid.model, solid.state);
         (bounds, start)
-    };
-    let seen: Vec<(Bounds, Start)> = group.iter_mut().map(look).collect();
+    });
     let mut found = vec![];
     for i in 0..group.len() {
         for j in i + 1..group.len() {
@@ -289,12 +316,22 @@ fn meet_each_other(
             let speed = length(std::array::from_fn(|a| u[a] - v[a]));
             let margin = group[i].solid.margin() + AHEAD * speed * kick;
             let ([a, b], [c, d]) = (seen[i].0, seen[j].0);
-            if (0..3).all(|n| a[n] <= d[n] + margin && c[n] <= b[n] + margin) {
-                press_each_other(group, [i, j], &seen, around, moved, &mut found);
+            let have_depth = [i, j].iter().all(|&n| group[n].object.depth.is_some());
+            if have_depth && (0..3).all(|n| a[n] <= d[n] + margin && c[n] <= b[n] + margin) {
+                for pair in [[i, j], [j, i]] {
+                    let with = stand_in(group, pair[1]);
+                    let list = group[pair[0]].solid.scratch.search.take(&[with]);
+                    let met = vec![];
+                    found.push(Pressed { pair, list, met });
+                }
             }
         }
     }
-    for Pressed { pair, met } in found {
+    let all = &*group;
+    (found.par_iter_mut()).for_each(|one| one.press(all, &seen, around, moved));
+    for Pressed { pair, list, met } in found {
+        let [owner, other] = pair;
+        group[owner].solid.keep(list);
         let ids = pair.map(|n| group[n].id);
         if touches(&met) {
             for n in pair {
@@ -302,7 +339,6 @@ fn meet_each_other(
             }
         }
         for one in met.into_iter().flatten() {
-            let [owner, other] = pair;
             let bears = &group[owner].object.surface.points[one.point].bears;
             group[owner].solid.state.springs[one.point] = one.grip;
             group[owner].solid.push(bears, one.force);
@@ -314,40 +350,37 @@ fn meet_each_other(
     }
 }
 
-/// What two solids of a group press on each other's points with.
-fn press_each_other(
-    group: &mut [Mover<'_>],
-    both: [usize; 2],
-    seen: &[(Bounds, Start)],
-    around: &Around<'_>,
-    moved: f64,
-    found: &mut Vec<Pressed>,
-) {
-    let [i, j] = both;
-    let [a, b] = [i, j].map(|n| group[n].id);
-    let (isa, friction) = (
-        around.outside.isa,
-        around.scene.surface_between(a, b).friction,
-    );
-    for pair in [[i, j], [j, i]] {
-        let Ok([one, other]) = group.get_disjoint_mut(pair) else {
-            continue;
+/// Where one of a group stands, by the number of its grips.
+fn stand_in(group: &[Mover<'_>], n: usize) -> (u32, Stand) {
+    (Grip::on_object(group[n].id), group[n].solid.stand())
+}
+
+impl Pressed {
+    /// Looks at what the other presses on the points with.
+    fn press(
+        &mut self,
+        group: &[Mover<'_>],
+        seen: &[(Bounds, Start)],
+        around: &Around<'_>,
+        moved: f64,
+    ) {
+        let [one, other] = self.pair.map(|n| &group[n]);
+        let [Some(own_depth), Some(depth)] = [one, other].map(|one| one.object.depth.as_ref())
+        else {
+            return;
         };
-        let (number, objects) = (Grip::on_object(other.id), [one.object, other.object]);
-        let [Some(own_depth), Some(depth)] = objects.map(|object| object.depth.as_ref()) else {
-            continue;
-        };
-        let (surface, others) = (&objects[0].surface, &objects[1].surface);
-        let stand = (number, other.solid.stand());
-        let there = Presence::new(&other.solid, others, depth, seen[pair[1]].1);
-        let find = |solid: &Solid<'_>, due: &[usize]| there.near(isa, solid, surface, number, due);
-        let others = &other.solid.scratch.search.groups;
-        let mut list = one.solid.candidates((&[stand], others), moved, find);
+        let isa = around.outside.isa;
+        let friction = around.scene.surface_between(one.id, other.id).friction;
+        let with = stand_in(group, self.pair[1]);
+        let (surface, others) = (&one.object.surface, &other.object.surface);
+        let there = Presence::new(&other.solid, others, depth, seen[self.pair[1]].1);
+        let find = |solid: &Solid<'_>, due: &[usize]| there.near(isa, solid, surface, with.0, due);
+        let ways = &other.solid.scratch.search.groups;
+        let list = &mut self.list;
+        one.solid.refresh(list, (&[with], ways), moved, find);
         if !list.is_empty() {
-            let here = Presence::new(&one.solid, surface, own_depth, seen[pair[0]].1);
-            let met = here.pressed_by(&there, isa, &mut list, [friction, moved], number);
-            found.push(Pressed { pair, met });
+            let here = Presence::new(&one.solid, surface, own_depth, seen[self.pair[0]].1);
+            self.met = here.pressed_by(&there, isa, list, [friction, moved], with.0);
         }
-        one.solid.keep(list);
     }
 }
