@@ -7,9 +7,11 @@ use super::{
     search::{Bounds, CLUSTER, NOWHERE, PART, PARTS},
     surface::SurfacePoint,
 };
+use crate::mat3::length;
 
-/// Share of their nodes' way that points are taken to go. Weights average: 0.3 of it in the median of `fig4`, 0.55 in nine of ten, and the
-/// ways of two sides seldom add up. Contacts began no deeper with 0.35 than with 1, within what moves in a substep.
+/// Share of their nodes' way that points are taken to go, where those at the ends of a cluster go no farther. Weights average: 0.3 of it in the
+/// median of `fig4`, 0.55 in nine of ten, and the ways of two sides seldom add up. But what turns goes as far as its nodes. Contacts began no
+/// deeper with 0.35 than with 1, within what moves in a substep.
 const MOVED: f64 = 0.4;
 
 /// Points that follow each other in the list, `CLUSTER` of them but for the last, and are near each other.
@@ -45,11 +47,23 @@ impl Cluster {
         }
     }
 
-    /// How far its points have moved where the nodes of every block have moved so far [m].
+    /// Places in the list of its first and last point.
+    pub fn ends(&self) -> [usize; 2] {
+        [self.points.start, self.points.end - 1]
+    }
+
+    /// How far its points have moved where the nodes of every block have moved so far [m], but for what turns.
     pub fn way(&self, ways: &[f64]) -> f64 {
         let of_blocks = self.blocks.iter().map(|&block| ways[block as usize]);
         MOVED * self.spread * of_blocks.fold(0.0, f64::max)
     }
+}
+
+/// Distance between the farther two of two pairs of places [m].
+pub(super) fn farther_of(one: &[[f64; 3]; 2], other: &[[f64; 3]; 2]) -> f64 {
+    let pairs = one.iter().zip(other);
+    let apart = pairs.map(|(a, b)| length(std::array::from_fn(|n| a[n] - b[n])));
+    apart.fold(0.0, f64::max)
 }
 
 /// Box around some points [m].

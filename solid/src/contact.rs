@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::{
     advance::{Scratch, Solid},
     bonds::{Bond, Bound, Hold, TOUCH, binds},
-    clusters::{Cluster, bounds_of, curve, parts_of},
+    clusters::{Cluster, bounds_of, curve, farther_of, parts_of},
     grip::{ContactWith, Grip, NOTHING, OBJECTS},
     model::SolidModel,
     nodes::NodeRow,
@@ -88,6 +88,11 @@ impl ContactSurface {
             parts: parts_of(points, |point| place(model, rows, point)),
             own,
         }
+    }
+
+    /// Where the ends of a cluster are, from the solid's frame [m].
+    fn ends(&self, cluster: &Cluster, model: &SolidModel, rows: &[NodeRow]) -> [[f64; 3]; 2] {
+        cluster.ends().map(|n| place(model, rows, &self.points[n]))
     }
 
     /// Box around all points now, and a speed that none of them exceeds [m, m/s]: from the boxes of their clusters, where these are
@@ -250,6 +255,7 @@ impl Search {
         let Self {
             ways,
             own,
+            ends,
             boxes,
             groups,
             is_fresh,
@@ -260,8 +266,21 @@ impl Search {
             return;
         }
         ways.resize(model.node_blocks.len(), 0.0);
-        own.clear();
-        own.extend(surface.clusters.iter().map(|cluster| cluster.way(ways)));
+        let clusters = &surface.clusters;
+        let at = |cluster: &Cluster| surface.ends(cluster, model, rows);
+        if ends.is_empty() {
+            ends.extend(clusters.iter().map(at));
+            own.clear();
+            own.resize(clusters.len(), 0.0);
+        } else {
+            let all = own.par_iter_mut().zip(ends).zip(clusters);
+            let all = all.with_min_len(TASK / CLUSTER);
+            all.for_each(|((own, ends), cluster)| {
+                let before = std::mem::replace(ends, at(cluster));
+                *own += cluster.way(ways).max(farther_of(&before, ends));
+            });
+        }
+        ways.fill(0.0);
         groups.clear();
         let fastest = |own: &[f64]| own.iter().copied().fold(0.0, f64::max);
         groups.extend(own.chunks(LANES / PARTS).map(fastest));

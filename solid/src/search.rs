@@ -332,10 +332,12 @@ pub(super) fn joined([a, b]: &Bounds, [c, d]: &Bounds) -> Bounds {
 /// something was undone.
 #[derive(Clone, Debug, Default)]
 pub struct Search {
-    /// Way of the fastest node of each block in the solid's frame since the frame began [m].
+    /// Way of the fastest node of each block in the solid's frame since the latest look [m].
     pub ways: Vec<f64>,
-    /// The same of the fastest point of each cluster, as of the latest look.
+    /// Way of the fastest point of each cluster from the first look of the frame to the latest [m].
     pub own: Vec<f64>,
+    /// Where the ends of each cluster were at the latest look, from the solid's frame [m].
+    pub ends: Vec<[[f64; 3]; 2]>,
     /// The same of the fastest cluster of every group of boxes.
     pub groups: Vec<f64>,
     /// Per cluster.
@@ -359,7 +361,7 @@ pub struct Search {
 impl Search {
     /// Forgets everything.
     pub fn restart(&mut self) {
-        self.ways.fill(0.0);
+        self.ends.clear();
         self.boxes.clear();
         (self.is_fresh, self.contact, self.start) = (false, ContactWith::default(), None);
         (self.has_begun, self.speed) = (false, 0.0);

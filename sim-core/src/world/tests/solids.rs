@@ -535,3 +535,34 @@ fn late_region_catches_what_is_in_it() {
     );
     assert!(norm(report.objects[0].linear_velocity) < 1e-6);
 }
+
+/// What turns goes as far as its nodes: its points are looked at again in time. Boxes gained up to 14 times their energy where they were not.
+#[test]
+fn spinning_boxes_gain_no_energy_on_a_floor() {
+    for (spin, height, fall) in [(10.0, 0.32, 1.5), (20.0, 0.4, 0.5), (25.0, 0.4, 1.5)] {
+        let corner = [-0.25, -0.1, height - 0.1];
+        let mut scene = solid_box(0.05, Law::FixedCorotated, 7.7e6, corner, [10, 4, 4]);
+        scene.cfl = 0.8;
+        scene.objects[0].linear_velocity = [0.0, 0.0, -fall];
+        scene.objects[0].velocity_gradient[0][2] = spin;
+        scene.objects[0].velocity_gradient[2][0] = -spin;
+        add_plane(
+            &mut scene,
+            [0.0; 3],
+            [0.0, 0.0, 1.0],
+            Surface::Separate,
+            0.0,
+        );
+        let mut world = World::new(scene).expect("valid scene");
+        let first = world.report().kinetic_energy;
+        let (mut highest, mut pressed) = (0.0_f64, 0.0);
+        for _ in 0..30 {
+            let report = world.step(1.0 / 60.0, &[]);
+            highest = highest.max((report.kinetic_energy + report.elastic_energy) / first);
+            pressed += norm(report.objects[0].contact_impulse);
+        }
+        println!("{spin} rad/s: highest {highest}, impulse {pressed}");
+        assert!(highest < 1.01, "{spin}: {highest}");
+        assert!(pressed > 0.0, "it met the floor");
+    }
+}
