@@ -336,10 +336,10 @@ pub struct Search {
     pub ways: Vec<f64>,
     /// Way of the fastest point of each cluster from the first look of the frame to the latest [m].
     pub own: Vec<f64>,
-    /// Where the ends of each cluster were at the latest look, from the solid's frame [m].
-    pub ends: Vec<[[f64; 3]; 2]>,
     /// The same of the fastest cluster of every group of boxes.
     pub groups: Vec<f64>,
+    /// Where the ends of each cluster were at the latest look, from the solid's frame [m].
+    pub ends: Vec<[[f64; 3]; 2]>,
     /// Per cluster.
     pub boxes: Vec<ClusterBox>,
     /// Whether that is of the substep at hand.
