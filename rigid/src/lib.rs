@@ -12,4 +12,4 @@ pub mod motion;
 
 #[cfg(test)]
 use cosplat_matter::{Scene, test_scenes};
-use cosplat_matter::{expression, mat3, materials, rotation, scene};
+use cosplat_matter::{expression, mat3, materials, num, rotation, scene};

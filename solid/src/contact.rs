@@ -54,7 +54,9 @@ impl ContactSurface {
         let density = model.total_mass / model.volume();
         let most = CONTACT / (density * model.dx * model.dx);
         // Row sums of the springs over the nodes' masses bound their squared frequencies.
-        let borne: Vec<Vec<(u32, f32)>> = points.iter().map(|p| model.borne_by(&p.bears)).collect();
+        let mut shares = vec![f32::NAN; model.mass.len()];
+        let borne = points.iter().map(|p| model.borne_by(&p.bears, &mut shares));
+        let borne: Vec<Vec<(u32, f32)>> = borne.collect();
         let mut load = vec![0.0; model.mass.len()];
         for (point, inner) in points.iter().zip(&borne) {
             let all: f64 = inner.iter().map(|b| f64::from(b.1.abs())).sum();

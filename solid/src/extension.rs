@@ -130,8 +130,9 @@ impl Extension {
 
     /// Inner nodes that bear what acts on a node, with weights: itself if it is one.
     pub fn borne_by(&self, slot: u32) -> impl Iterator<Item = (u32, f32)> + '_ {
-        let found = self.outer.binary_search(&slot);
-        let row = found.map_or(&[][..], |n| self.row(n));
+        let Range { start, end } = self.outer_of[slot as usize / NODES];
+        let found = self.outer[start as usize..end as usize].binary_search(&slot);
+        let row = found.map_or(&[][..], |n| self.row(start as usize + n));
         let own = found.is_err().then_some((slot, 1.0));
         own.into_iter().chain(row.iter().copied())
     }

@@ -321,23 +321,26 @@ impl SolidModel {
             .map(|(slot, w)| (slot as u32, w as f32))
     }
 
-    /// Inner nodes that bear a force at a site, each once, in ascending order.
-    pub fn borne_by(&self, bears: &Bears) -> Vec<(u32, f32)> {
+    /// Inner nodes that bear a force at a site, each once, in ascending order. `shares` is per node NaN, and is so again.
+    pub fn borne_by(&self, bears: &Bears, shares: &mut [f32]) -> Vec<(u32, f32)> {
         let mut all: Vec<(u32, f32)> = Vec::with_capacity(2 * bears.len());
         for &(slot, w) in bears {
-            let inner = self.extension.borne_by(slot);
-            all.extend(inner.map(|(inner, e)| (inner, w * e)));
-        }
-        all.sort_by_key(|one| one.0);
-        all.dedup_by(|next, kept| {
-            let same = next.0 == kept.0;
-            if same {
-                kept.1 += next.1;
+            for (inner, e) in self.extension.borne_by(slot) {
+                let share = &mut shares[inner as usize];
+                if share.is_nan() {
+                    *share = w * e;
+                    all.push((inner, 0.0));
+                } else {
+                    *share += w * e;
+                }
             }
-            same
-        });
+        }
+        for (slot, share) in &mut all {
+            *share = std::mem::replace(&mut shares[*slot as usize], f32::NAN);
+        }
         // Nodes without mass bear nothing.
         all.retain(|&(slot, _)| self.mass[slot as usize] > 0.0);
+        all.sort_unstable_by_key(|one| one.0);
         all
     }
 

@@ -38,6 +38,8 @@ use crate::{
 const REACH: f64 = 1.5;
 /// Gap below which matter is in a boundary, and not on it, at 8 particles per cell [cells].
 const OVERLAP: f64 = -0.25;
+/// Ranks of nodes that may move as one with a node of its lines.
+const NEAR: [i32; 2] = [-2, 4];
 /// Round-off in coordinates of boundaries that are meant to lie halfway between nodes [cells].
 const SLACK: f64 = 1e-6;
 
@@ -111,6 +113,13 @@ impl Attached {
         }
     }
 
+    /// What a face alone has changed.
+    pub fn to(face: &Face, velocity: [f64; 3]) -> Self {
+        let mut found = Self::free(velocity);
+        found.owners[0] = Some(face.owner);
+        found
+    }
+
     /// Whether something is obeyed already.
     pub fn obeys(&self, owner: Owner) -> bool {
         self.owners.contains(&Some(owner))
@@ -119,6 +128,17 @@ impl Attached {
 
 /// Mass and velocity, relative to the boundary, of the three nodes of a line: the target and the two behind.
 type Members = [(f64, [f64; 3]); 3];
+
+/// What a face makes of a line of nodes.
+#[derive(Clone, Copy, Debug)]
+struct HeldLine {
+    /// Velocity, relative to the boundary, of its target if it is attached.
+    carried: [f64; 3],
+    /// Speeds away from the boundary of the target and the two behind, where it presses only.
+    across: Option<[f64; 3]>,
+    /// Part of its way to where it would be attached, along the boundary, that friction moves it.
+    rubs: f64,
+}
 
 /// Per axis and side.
 type All<'a> = [[Option<&'a Face>; 2]; 3];
@@ -240,6 +260,29 @@ impl Face {
         })
     }
 
+    /// Whether it may act on some node of a box of nodes, or on what moves as one with it; by places in the grid.
+    pub fn is_near(&self, first: [i32; 3], last: [i32; 3], cell: f64) -> bool {
+        (0..3).all(|a| {
+            if a != self.axis {
+                let [low, high] = [first[a], last[a]].map(|i| f64::from(i) * cell);
+                return high >= self.bounds.min[a] && low <= self.bounds.max[a];
+            }
+            let ranks = [self.rank(first[a]), self.rank(last[a])];
+            ranks[0].max(ranks[1]) >= NEAR[0] && ranks[0].min(ranks[1]) <= NEAR[1]
+        })
+    }
+
+    /// The axis that it is across, and the first and last node of its lines along that.
+    pub fn lines(&self) -> (usize, [i32; 2]) {
+        let far = self.target - 2 * self.side;
+        (self.axis, [self.target.min(far), self.target.max(far)])
+    }
+
+    /// Which of the nodes of its lines one is, by its place along that axis: 0 for the target.
+    pub fn rank_of(&self, i: i32) -> usize {
+        self.rank(i) as usize
+    }
+
     /// How near matter in the line of nodes through `index` is to it [units]; none where it does not act on it.
     fn gap(&self, index: [i32; 3], nodes: &impl Nodes, cell: f64) -> Option<f64> {
         if !self.bounds.contains(index.map(|i| f64::from(i) * cell)) {
@@ -286,18 +329,71 @@ impl Face {
         shared.map(|shared| if mass > 0.0 { shared / mass } else { 0.0 })
     }
 
-    /// Moves a node of a line that is attached to it, and to nothing else.
-    fn bond(&self, velocity: &mut [f64; 3], line: &Members, rank: usize, frictional: [bool; 3]) {
-        let carried = self.carried(line);
-        for q in (0..3).filter(|&q| self.constrained_axes[q]) {
-            velocity[q] = self.velocity[q] + self.share[rank] * carried[q];
-        }
+    /// What becomes of a line that is attached to it, and to nothing else.
+    fn bond(&self, line: &Members, frictional: [bool; 3]) -> HeldLine {
+        let mut held = HeldLine {
+            carried: self.carried(line),
+            across: None,
+            rubs: 0.0,
+        };
         if self.friction > 0.0 {
+            let carried = held.carried[self.axis];
             let given = line.iter().zip(self.share);
-            let given =
-                given.map(|((m, v), share)| m * (share * carried[self.axis] - v[self.axis]));
+            let given = given.map(|((m, v), share)| m * (share * carried - v[self.axis]));
             let normal_impulse = f64::from(self.side) * given.sum::<f64>();
-            self.apply_friction(velocity, line, normal_impulse, rank, frictional);
+            held.rubs = self.rubs(line, &held.carried, normal_impulse, frictional);
+        }
+        held
+    }
+
+    /// What becomes of a line that presses on it, and may come closer by `max_closing_speed`; none where it does not press.
+    fn press(
+        &self,
+        line: &Members,
+        max_closing_speed: f64,
+        frictional: [bool; 3],
+    ) -> Option<HeldLine> {
+        let (speed, given) = self.clamp_inward(line, max_closing_speed);
+        if given.is_nan() || given <= 0.0 {
+            return None;
+        }
+        let carried = self.carried(line);
+        Some(HeldLine {
+            carried,
+            across: Some(speed),
+            rubs: self.rubs(line, &carried, given, frictional),
+        })
+    }
+
+    /// Moves the node of a line that is `rank` behind its target, in components along the boundary that are `frictional`.
+    fn move_node(
+        &self,
+        velocity: &mut [f64; 3],
+        held: &HeldLine,
+        rank: usize,
+        frictional: [bool; 3],
+    ) {
+        match &held.across {
+            Some(speed) => {
+                velocity[self.axis] = self.velocity[self.axis] + f64::from(self.side) * speed[rank];
+            }
+            None => {
+                for q in (0..3).filter(|&q| self.constrained_axes[q]) {
+                    velocity[q] = self.velocity[q] + self.share[rank] * held.carried[q];
+                }
+            }
+        }
+        self.rub(velocity, held, rank, frictional);
+    }
+
+    /// Moves it as friction does.
+    fn rub(&self, velocity: &mut [f64; 3], held: &HeldLine, rank: usize, frictional: [bool; 3]) {
+        if held.rubs <= 0.0 {
+            return;
+        }
+        for q in (0..3).filter(|&q| q != self.axis && frictional[q]) {
+            let attached = self.velocity[q] + self.share[rank] * held.carried[q];
+            velocity[q] += held.rubs * (attached - velocity[q]);
         }
     }
 
@@ -336,33 +432,28 @@ impl Face {
         (speed.map(|speed| speed - max_closing_speed), given)
     }
 
-    /// Coulomb friction on a node of a line on which this momentum presses: the line goes towards where it would be
-    /// attached along the boundary, all of the way if that takes no more than the coefficient allows. Only in the
-    /// components `frictional`, which no other boundary has a hold of.
-    fn apply_friction(
+    /// Coulomb friction on a line on which this momentum presses: the part of its way towards where it would be attached along
+    /// the boundary, all of it if that takes no more than the coefficient allows. Only in the components `frictional`, which
+    /// no other boundary has a hold of.
+    fn rubs(
         &self,
-        v: &mut [f64; 3],
         line: &Members,
+        carried: &[f64; 3],
         normal_impulse: f64,
-        rank: usize,
         frictional: [bool; 3],
-    ) {
-        let carried = self.carried(line);
-        let along = || (0..3).filter(|&q| q != self.axis && frictional[q]);
-        let mut taken = [0.0; 3];
-        for ((m, v), share) in line.iter().zip(self.share) {
-            along().for_each(|q| taken[q] += m * (share * carried[q] - v[q]));
-        }
-        let all = dot(taken, taken).sqrt();
+    ) -> f64 {
         let most = self.friction * normal_impulse;
         if most <= 0.0 {
-            return;
+            return 0.0;
         }
-        let part = if all > most { most / all } else { 1.0 };
-        for q in along() {
-            let attached = self.velocity[q] + self.share[rank] * carried[q];
-            v[q] += part * (attached - v[q]);
+        let mut taken = [0.0; 3];
+        for ((m, v), share) in line.iter().zip(self.share) {
+            for q in (0..3).filter(|&q| q != self.axis && frictional[q]) {
+                taken[q] += m * (share * carried[q] - v[q]);
+            }
         }
+        let all = dot(taken, taken).sqrt();
+        if all > most { most / all } else { 1.0 }
     }
 }
 
@@ -436,23 +527,46 @@ pub fn attached(
         (None, _) => {}
         // Nearly always.
         (Some(face), None) if face.has(index) => {
+            let held = face.bond(&face.members(index, nodes), frictional);
             let rank = face.rank(index[face.axis]) as usize;
-            let line = face.members(index, nodes);
-            face.bond(&mut found.velocity, &line, rank, frictional);
+            face.move_node(&mut found.velocity, &held, rank, frictional);
         }
         _ => bond_all(&mut found.velocity, &all, index, nodes, frictional),
     }
     for (face, gap) in unilateral.into_iter().flatten() {
-        let rank = face.rank(index[face.axis]) as usize;
         let line = face.members(index, nodes);
-        let (speed, given) = face.clamp_inward(&line, gap.max(0.0) / dt);
-        if given > 0.0 {
-            found.velocity[face.axis] =
-                face.velocity[face.axis] + f64::from(face.side) * speed[rank];
-            face.apply_friction(&mut found.velocity, &line, given, rank, frictional);
+        if let Some(held) = face.press(&line, gap.max(0.0) / dt, frictional) {
+            let rank = face.rank(index[face.axis]) as usize;
+            face.move_node(&mut found.velocity, &held, rank, frictional);
         }
     }
     Some(found)
+}
+
+/// The same of all nodes of the line through `index` across a face, where no other one is near: velocities of its target and the
+/// two behind, zero where there is no matter. None where it does not act on the line.
+pub fn attached_line(
+    face: &Face,
+    index: [i32; 3],
+    nodes: &impl Nodes,
+    cell: f64,
+    dt: f64,
+) -> Option<[[f64; 3]; 3]> {
+    let gap = face.gap(index, nodes, cell)?;
+    let line = face.members(index, nodes);
+    let frictional = std::array::from_fn(|q| q != face.axis && !face.constrained_axes[q]);
+    let held = match face.releases {
+        true => face.press(&line, gap.max(0.0) / dt, frictional),
+        false => Some(face.bond(&line, frictional)),
+    };
+    let of_node = |rank| {
+        let (_, mut velocity) = nodes.node(face.behind(index, rank as i32))?;
+        if let Some(held) = &held {
+            face.move_node(&mut velocity, held, rank, frictional);
+        }
+        Some(velocity)
+    };
+    Some([0, 1, 2].map(|rank| of_node(rank).unwrap_or([0.0; 3])))
 }
 
 /// The faces that act on a node or on those that move as one with it.
@@ -477,7 +591,7 @@ impl<'a> FacesAt<'a> {
         let mut count = 0;
         for face in faces {
             let of = &mut all[face.axis][usize::from(face.side > 0)];
-            let is_in_reach = (-2..=4).contains(&face.rank(index[face.axis]));
+            let is_in_reach = (NEAR[0]..=NEAR[1]).contains(&face.rank(index[face.axis]));
             if of.is_some() || !is_in_reach {
                 continue;
             }
@@ -538,9 +652,20 @@ fn bond_all(
     for face in holding().filter(|face| face.friction > 0.0) {
         let u = face.velocity[face.axis];
         let given = component(all, index, face.axis, u, nodes).1;
-        let (line, rank) = (face.members(index, nodes), face.rank(index[face.axis]));
+        let line = face.members(index, nodes);
+        let carried = face.carried(&line);
         let normal_impulse = given * f64::from(face.side);
-        face.apply_friction(velocity, &line, normal_impulse, rank as usize, frictional);
+        let held = HeldLine {
+            rubs: face.rubs(&line, &carried, normal_impulse, frictional),
+            across: None,
+            carried,
+        };
+        face.rub(
+            velocity,
+            &held,
+            face.rank(index[face.axis]) as usize,
+            frictional,
+        );
     }
 }
 

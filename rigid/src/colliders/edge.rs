@@ -16,7 +16,7 @@
 //! films and grains, the nearest particle decides as before: matter never ends nearer than it.
 
 use super::approach::RANGE;
-use crate::materials::Law;
+use crate::{materials::Law, num::cube_root};
 
 /// Nodes in front of the one that is looked at, one of which is inside matter.
 const INSIDE: i32 = 3;
@@ -31,10 +31,10 @@ const GAP_MAX: f64 = 0.95 * RANGE;
 fn height(share: f64) -> f64 {
     const TAIL: f64 = 1.0 / 6.0;
     if share < TAIL {
-        return 1.5 - (6.0 * share).cbrt();
+        return 1.5 - cube_root(6.0 * share);
     }
     if share > 1.0 - TAIL {
-        return (6.0 * (1.0 - share)).cbrt() - 1.5;
+        return cube_root(6.0 * (1.0 - share)) - 1.5;
     }
     // 1/2 - 3/4 h + h^3 / 3, by Newton's method: less than 1e-10 is left after three steps.
     let mut h = (0.5 - share) / 0.75;
@@ -42,6 +42,13 @@ fn height(share: f64) -> f64 {
         h -= (0.5 - 0.75 * h + h * h * h / 3.0 - share) / (h * h - 0.75);
     }
     h
+}
+
+/// The node nearest to a place on an axis [nodes], the one farther from 0 of two: a call of the library per axis and node otherwise,
+/// where the processor need not round.
+#[inline(always)]
+pub fn nearest_node(x: f64) -> i32 {
+    (x + 0.5_f64.copysign(x)) as i32
 }
 
 /// Height above the first node of a line from which on matter covers it, by the masses of the nodes from it inwards [cells];
@@ -66,7 +73,7 @@ pub(super) fn line(
 ) -> f64 {
     off + end(|n| {
         mass(std::array::from_fn(|a| {
-            base[a] + (f64::from(n) * normal[a]).round() as i32
+            base[a] + nearest_node(f64::from(n) * normal[a])
         }))
     })
 }
@@ -81,9 +88,8 @@ pub fn edge(
     let ((off, normal), mut base) = (surface(index), index);
     // The node of its line that is nearest to the surface, as far as lines may begin beside a node.
     for a in 0..3 {
-        base[a] -= (off * normal[a])
-            .clamp(-LINE_OFFSET_MAX, LINE_OFFSET_MAX)
-            .round() as i32;
+        let by = (off * normal[a]).clamp(-LINE_OFFSET_MAX, LINE_OFFSET_MAX);
+        base[a] -= nearest_node(by);
     }
     let off = if base == index { off } else { surface(base).0 };
     line(base, normal, off, mass)

@@ -20,7 +20,7 @@ pub mod sweep;
 pub mod touch;
 
 pub use approach::GapSample;
-pub use attach::{Attached, Face, Nodes, Owner, attached};
+pub use attach::{Attached, Face, Nodes, Owner, attached, attached_line};
 pub use commanded::{CommandedForce, Loaded};
 pub use edge::reconstructs_surface;
 pub use rules::{Members, Pins, Rules};
@@ -480,7 +480,10 @@ impl Placed<'_> {
     /// Whether a point of a box may be closer than `margin` [units]; may err on the side of yes.
     pub fn is_near(&self, min: [f64; 3], max: [f64; 3], margin: f64) -> bool {
         if let Shape::HalfSpace { normal } = self.body.shape {
-            let normal = rotate(self.start.rotation, normal);
+            let normal = match self.start.rotation == Pose::IDENTITY.rotation {
+                true => normal,
+                false => rotate(self.start.rotation, normal),
+            };
             let lowest: [f64; 3] = std::array::from_fn(|a| {
                 let corner = if normal[a] > 0.0 { min[a] } else { max[a] };
                 corner - self.start.translation[a]

@@ -4,8 +4,7 @@
 //! segment meets the surface, the velocity condition acts and the rest of the way is gone with what is left.
 
 use super::{Placed, shape::Shape};
-use crate::mat3::dot;
-use crate::rotation::rotate;
+use crate::{mat3::dot, rotation::rotate, scene::Pose};
 
 /// Distance that particles keep from surfaces [cells]: a thousand times the round-off of positions.
 pub const SKIN: f64 = 1e-3;
@@ -96,6 +95,9 @@ impl Placed<'_> {
     /// cell size. Returns whether it did.
     pub fn stop(&self, way: &mut Way, dt: f64, cell: f64) -> bool {
         let skin = SKIN * cell;
+        if self.clears(way, skin) {
+            return false;
+        }
         let mut from = self.start.inverse_point(way.from);
         let mut to = self.end.inverse_point(way.to);
         let mut met = false;
@@ -130,6 +132,20 @@ impl Placed<'_> {
         met
     }
 
+    /// Whether both ends of a way, and so all of it, are in front of a half-space that is not turned.
+    fn clears(&self, way: &Way, skin: f64) -> bool {
+        let heights = [(&self.start, way.from), (&self.end, way.to)].map(|(pose, x)| {
+            let Shape::HalfSpace { normal } = self.body.shape else {
+                return f64::NEG_INFINITY;
+            };
+            match pose.rotation == Pose::IDENTITY.rotation {
+                true => dot(minus(x, pose.translation), normal),
+                false => f64::NEG_INFINITY,
+            }
+        });
+        heights.iter().all(|&height| height >= skin)
+    }
+
     /// Applies the velocity condition at a point of the collider's frame; returns the relative velocity after it
     /// in that frame.
     fn react(&self, way: &mut Way, local: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
@@ -149,7 +165,7 @@ mod tests {
     use super::*;
     use crate::{
         colliders::{Body, Boundaries, Substep},
-        scene::{Collider, ColliderMotion, ColliderShape, Pose, Surface, TimeSpan, TriangleMesh},
+        scene::{Collider, ColliderMotion, ColliderShape, Surface, TimeSpan, TriangleMesh},
         test_scenes::box_mesh,
     };
 

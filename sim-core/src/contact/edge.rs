@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::sites::{ContactBlock, ContactBlocks, Node, coordinates, read};
 use crate::{
-    colliders::edge::{end, gap},
+    colliders::edge::{end, gap, nearest_node},
     grid::{Grid, NONE, anchors::Anchors},
     particles::BLOCK,
 };
@@ -139,7 +139,7 @@ impl<'a> Around<'a> {
     /// Height above a node from which on a side covers it, looking inwards [cells]; infinite where there is none of it.
     fn height(&self, side: usize, at: [i32; 3], inward: [f64; 3]) -> f64 {
         end(|n| {
-            let along = |a: usize| at[a] + (f64::from(n) * inward[a]).round() as i32;
+            let along = |a: usize| at[a] + nearest_node(f64::from(n) * inward[a]);
             self.mass(side, std::array::from_fn(along))
         })
     }
@@ -156,11 +156,8 @@ impl<'a> Around<'a> {
         if !middle.is_finite() {
             return f64::INFINITY;
         }
-        let step = |a: usize| {
-            (middle * normal[a])
-                .clamp(-LINE_OFFSET_MAX, LINE_OFFSET_MAX)
-                .round() as i32
-        };
+        let step =
+            |a: usize| nearest_node((middle * normal[a]).clamp(-LINE_OFFSET_MAX, LINE_OFFSET_MAX));
         let better = std::array::from_fn(|a| at[a] + step(a));
         let [a, b] = if better == at {
             [a, b]

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::sites::{ContactBlock, ContactBlocks, Node, coordinates};
 use crate::{
     grid::{Grid, NONE, OFFSETS},
+    num::cube_root,
     particles::{BLOCK, Block, Particles},
     simd::{F32x16, Isa, LANES, Lanes, on_isa},
 };
@@ -313,12 +314,7 @@ fn radius_of(volume: f64) -> f64 {
     if volume >= (2.0 * LARGEST_RADIUS).powi(3) {
         return LARGEST_RADIUS;
     }
-    // Newton's iteration from above; volumes of interest are some thousandths to 1.
-    let mut edge = 1.0;
-    for _ in 0..16 {
-        edge = (2.0 * edge + volume / (edge * edge)) / 3.0;
-    }
-    0.5 * edge
+    0.5 * cube_root(volume)
 }
 
 #[cfg(test)]

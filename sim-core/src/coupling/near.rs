@@ -10,6 +10,7 @@ use super::{
 };
 use crate::{
     bodies::vector::Vec3,
+    colliders::edge,
     contact::{LARGEST_RADIUS, Radii},
     grid::Grid,
     particles::{BLOCK, Block, Particles},
@@ -125,7 +126,7 @@ fn of_block<O: Obstacle>(
 /// The nodes that a particle reaches, given where it is from the first node of its block [cells]: which of the 27 blocks around
 /// that, and which node of it.
 fn reached(x: Vec3, mut node: impl FnMut(usize, usize)) {
-    let [i, j, k] = x.map(|x| x.round() as i32 - 1);
+    let [i, j, k] = x.map(|x| edge::nearest_node(x) - 1);
     for i in i..i + 3 {
         for j in j..j + 3 {
             for k in k..k + 3 {

@@ -93,6 +93,9 @@ struct MetNode {
     velocity: [Vec3; 2],
 }
 
+/// Per node block which of the nodes that meet solids each of its nodes is.
+type KnownSites = BTreeMap<usize, [Option<usize>; NODES]>;
+
 /// A node of the grid against a solid.
 struct NodeContact {
     site: usize,
@@ -128,7 +131,7 @@ pub(crate) fn couple_solids_to_grid(
     solids: &[CoupledSolid<'_>],
     input: &CouplingInput<'_>,
 ) -> CoupledSolids {
-    let (mut sites, mut known, mut contacts) = (vec![], BTreeMap::new(), vec![]);
+    let (mut sites, mut known, mut contacts) = (vec![], KnownSites::new(), vec![]);
     for (n, solid) in solids.iter().enumerate() {
         let sites = (&mut sites, &mut known);
         find_contacts(grid, solid, n, input, sites, &mut contacts);
@@ -193,10 +196,11 @@ fn find_contacts(
     solid: &CoupledSolid<'_>,
     n: usize,
     input: &CouplingInput<'_>,
-    (sites, known): (&mut Vec<MetNode>, &mut BTreeMap<[usize; 3], usize>),
+    (sites, known): (&mut Vec<MetNode>, &mut KnownSites),
     contacts: &mut Vec<NodeContact>,
 ) {
     let told = near(input, grid, solid, solid.speed);
+    let mut shares = vec![f32::NAN; solid.inverse.model.mass.len()];
     for block in told.blocks() {
         let nodes = &grid.nodes[block];
         let faced = FacedBlock {
@@ -214,10 +218,10 @@ fn find_contacts(
                 continue;
             };
             let place = faced.place(faced.index(at));
-            let at = [block, at / 4, 4 * (at % 4)];
-            let site = *known.entry(at).or_insert_with(|| {
+            let of_block = known.entry(block).or_insert([None; NODES]);
+            let site = *of_block[at].get_or_insert_with(|| {
                 sites.push(MetNode {
-                    at,
+                    at: [block, at / 4, 4 * (at % 4)],
                     mass,
                     velocity: [velocity; 2],
                 });
@@ -225,7 +229,7 @@ fn find_contacts(
             });
             let model = solid.inverse.model;
             let about = seen.bears(model);
-            let bears = solid.bearers(&model.borne_by(&about));
+            let bears = solid.bearers(&model.borne_by(&about, &mut shares));
             let answers = bears.iter().map(|one| one.share * one.answer);
             contacts.push(NodeContact {
                 site,

@@ -441,9 +441,16 @@ impl BlockConstraints<'_> {
             return obeyed.velocity;
         }
         let (index, conditions) = (self.place(at), &self.conditions);
-        let ends = conditions.ends(index, nearest, self.dt, 1.0, obeyed, nodes);
-        let nearest = ends.as_deref().unwrap_or(nearest);
-        conditions.constrain(index.map(f64::from), nearest, self.dt, 1.0, obeyed)
+        let x = index.map(f64::from);
+        // Matter ends no nearer than the nearest particle: what that leaves alone is let be.
+        let allowed = conditions.constrain(x, nearest, self.dt, 1.0, obeyed);
+        if allowed == obeyed.velocity {
+            return allowed;
+        }
+        match conditions.ends(index, nearest, self.dt, 1.0, obeyed, nodes) {
+            Some(ends) => conditions.constrain(x, &ends, self.dt, 1.0, obeyed),
+            None => allowed,
+        }
     }
 
     /// Per collider the nearest of the particles that reach a node.

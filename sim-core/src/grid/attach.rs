@@ -1,7 +1,7 @@
 //! Nodes whose matter is attached to flat boundaries along the axes move as lines across them; others that boundaries act
 //! on may ask the nodes around them how near matter is.
 
-use std::cell::Cell;
+use std::{borrow::Cow, cell::Cell};
 
 use rayon::prelude::*;
 
@@ -13,15 +13,14 @@ use super::{
     topology::Place,
 };
 use crate::{
-    colliders::{
-        attach::{Attached, Nodes, attached},
-        edge,
-    },
+    colliders::{Attached, Face, Nodes, attached, attached_line, edge},
     particles::BLOCK,
 };
 
 /// Node blocks per task at least, of all and of those near such a boundary.
 const TASK: [usize; 2] = [256, 8];
+/// Nodes of a block.
+const NODES: usize = 64;
 /// Not looked for yet.
 const UNKNOWN: u32 = NONE - 1;
 
@@ -123,6 +122,8 @@ pub(super) fn attach(
         .iter()
         .map(|(_, at, ..)| (at.field, at.index))
         .collect();
+    let fields = 0..acting.passes.len() as u32;
+    let faces: Vec<Cow<'_, [Face]>> = fields.map(|f| acting.boundaries.faces_for(f)).collect();
     let before: Vec<Before<'_>> = near
         .par_iter()
         .with_min_len(TASK[1])
@@ -151,25 +152,32 @@ pub(super) fn attach(
                 reconstructs_surface: acting.reconstructs_surface[place.0 as usize],
                 anchors: acting.anchors,
             };
-            constrain_block(out, &around, acting)
+            constrain_block(out, &around, &faces[place.0 as usize])
         })
         .reduce(|| 0, u32::max)
 }
 
 /// All conditions on the nodes of one block, which are what they were. Returns the largest magnitude as above.
-fn constrain_block(
-    out: &mut Velocities,
-    around: &Around<'_>,
-    acting: &BoundaryConditions<'_>,
-) -> u32 {
+fn constrain_block(out: &mut Velocities, around: &Around<'_>, faces: &[Face]) -> u32 {
     let allowed = around.own.allowed.as_ref();
     let given = allowed.map_or(0, |allowed| (allowed.speed() as f32).to_bits());
-    let (field, block) = around.place;
-    let faces = acting.boundaries.faces_for(field);
+    let (_, block) = around.place;
+    let corners = [0, BLOCK - 1].map(|i| block.map(|b| BLOCK * b + i));
+    let mut near = faces
+        .iter()
+        .filter(|face| face.is_near(corners[0], corners[1], 1.0));
+    let near = [near.next(), near.next()];
+    // Nearly always.
+    let lines = match near {
+        [Some(face), None] => LinesOfBlock::new(face, block, around),
+        _ => LinesOfBlock::default(),
+    };
     let left = constrain(out, around.frame_velocity, |at, v| {
-        let local = [at / 16, at / 4 % 4, at % 4];
-        let index = std::array::from_fn(|a| BLOCK * block[a] + local[a] as i32);
-        let obeyed = attached(&faces, index, around, 1.0, around.dt);
+        let obeyed = match near {
+            [None, _] => None,
+            [Some(face), None] => lines.get(at).map(|v| Attached::to(face, v)),
+            _ => attached(faces, place_of(block, at), around, 1.0, around.dt),
+        };
         let obeyed = obeyed.unwrap_or(Attached::free(v));
         match allowed {
             Some(allowed) => allowed.constrain_among(at, &obeyed, around),
@@ -177,4 +185,56 @@ fn constrain_block(
         }
     });
     given.max(left)
+}
+
+/// What a face alone makes of the nodes of a block.
+struct LinesOfBlock {
+    velocities: [[f64; 3]; NODES],
+    /// Nodes that it acts on, one bit each.
+    mask: u64,
+}
+
+impl Default for LinesOfBlock {
+    fn default() -> Self {
+        Self {
+            velocities: [[0.0; 3]; NODES],
+            mask: 0,
+        }
+    }
+}
+
+impl LinesOfBlock {
+    fn new(face: &Face, block: [i32; 3], around: &Around<'_>) -> Self {
+        let mut found = Self::default();
+        let (axis, [first, last]) = face.lines();
+        let start = BLOCK * block[axis];
+        let within = first.max(start)..=last.min(start + BLOCK - 1);
+        if within.is_empty() {
+            return found;
+        }
+        let stride = [16, 4, 1];
+        let across = [[1, 2], [0, 2], [0, 1]][axis].map(|a| stride[a]);
+        for line in 0..16 {
+            let first = across[0] * (line / 4) + across[1] * (line % 4);
+            let place = place_of(block, first);
+            if let Some(of_line) = attached_line(face, place, around, 1.0, around.dt) {
+                for i in within.clone() {
+                    let at = first + stride[axis] * (i - start) as usize;
+                    found.velocities[at] = of_line[face.rank_of(i)];
+                    found.mask |= 1 << at;
+                }
+            }
+        }
+        found
+    }
+
+    fn get(&self, at: usize) -> Option<[f64; 3]> {
+        (self.mask >> at & 1 == 1).then(|| self.velocities[at])
+    }
+}
+
+/// Place in the grid of a node of a block.
+fn place_of(block: [i32; 3], at: usize) -> [i32; 3] {
+    let local = [at / 16, at / 4 % 4, at % 4];
+    std::array::from_fn(|a| BLOCK * block[a] + local[a] as i32)
 }
