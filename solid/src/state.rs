@@ -47,6 +47,8 @@ pub struct NodeLoad {
     pub force: [f64; 3],
     /// Velocity of the node where the span began [m/s].
     pub before: [f64; 3],
+    /// Its acceleration by all but matter, as was expected of the span [m/s^2].
+    pub expected: [f64; 3],
 }
 
 /// Sums over a solid, about the world's origin.
@@ -114,6 +116,7 @@ impl SolidState {
                 .flatten()
                 .all(|v| v.0.iter().all(|x| x.is_finite()))
         };
+        let of_matter = self.of_matter.iter();
         self.nodes
             .iter()
             .all(|block| finite(&block.u) && finite(&block.v))
@@ -121,7 +124,7 @@ impl SolidState {
                 .shift
                 .iter()
                 .chain(&self.velocity)
-                .chain(self.of_matter.iter().flat_map(|load| &load.force))
+                .chain(of_matter.flat_map(|load| load.force.iter().chain(&load.expected)))
                 .all(|x| x.is_finite())
     }
 

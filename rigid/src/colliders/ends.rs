@@ -3,8 +3,9 @@
 use super::{
     NodeConditions, Placed,
     approach::GapSample,
-    attach::{Attached, Nodes, Owner},
+    attach::Attached,
     edge::{edge, gap},
+    face::{Nodes, Owner},
 };
 
 impl Placed<'_> {

@@ -4,8 +4,8 @@ use std::borrow::Cow;
 
 use super::{
     Boundaries, NodeConditions, Placed,
-    attach::Face,
     contact::{Contact, coefficient},
+    face::Face,
 };
 use crate::scene::{Aabb, Collider, ColliderShape, Fidelity, Pose, Scene, Surface};
 

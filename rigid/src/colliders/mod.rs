@@ -3,12 +3,13 @@
 //! Lengths are in units of the solver (cells, or metres in the reference), times in seconds, all in `f64`.
 
 pub mod approach;
-pub mod attach;
+mod attach;
 pub mod commanded;
 mod constrain;
 mod contact;
 pub mod edge;
 mod ends;
+mod face;
 pub mod friction;
 mod held;
 pub mod mesh;
@@ -20,9 +21,10 @@ pub mod sweep;
 pub mod touch;
 
 pub use approach::GapSample;
-pub use attach::{Attached, Face, Nodes, Owner, attached, attached_line};
+pub use attach::{Attached, attached, attached_line};
 pub use commanded::{CommandedForce, Loaded};
 pub use edge::reconstructs_surface;
+pub use face::{Face, Nodes, Owner};
 pub use rules::{Members, Pins, Rules};
 pub use sweep::Way;
 pub use touch::{ANCHOR, ConditionedParticle, Ghost, ParticleConditions};
@@ -479,11 +481,7 @@ impl Placed<'_> {
 
     /// Whether a point of a box may be closer than `margin` [units]; may err on the side of yes.
     pub fn is_near(&self, min: [f64; 3], max: [f64; 3], margin: f64) -> bool {
-        if let Shape::HalfSpace { normal } = self.body.shape {
-            let normal = match self.start.rotation == Pose::IDENTITY.rotation {
-                true => normal,
-                false => rotate(self.start.rotation, normal),
-            };
+        if let Some(normal) = self.flat_normal() {
             let lowest: [f64; 3] = std::array::from_fn(|a| {
                 let corner = if normal[a] > 0.0 { min[a] } else { max[a] };
                 corner - self.start.translation[a]

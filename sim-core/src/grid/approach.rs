@@ -14,9 +14,8 @@ use super::{
 };
 use crate::{
     colliders::{
-        NODES_REACH, NodeConditions, Placed,
+        Attached, NODES_REACH, NodeConditions, Nodes, Placed,
         approach::{GapSample, RADIUS_MAX, RANGE},
-        attach::{Attached, Nodes},
     },
     particles::{BLOCK, Block, NO_PARTICLE, Particles, position_in_cells},
     simd::{F32x16, LANES},

@@ -64,7 +64,7 @@ pub(super) fn constrain(
 mod tests {
     use super::*;
     use crate::{
-        colliders::{Boundaries, Substep, approach::GapSample, attach::Attached},
+        colliders::{Attached, Boundaries, GapSample, Substep},
         mat3::dot,
         scene::{Scene, Surface},
         test_scenes::{add_plane, empty},

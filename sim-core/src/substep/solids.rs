@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     colliders::{Substep, farthest},
-    coupling::solids::NodeImpulses,
+    coupling::solids::{NodeImpulse, NodeImpulses},
     episodes::{COLLIDERS, Episodes},
     ledger::Ledger,
     report::DtLimit,
@@ -234,10 +234,11 @@ impl Solids<'_> {
         let mut state = self.states[id].take()?;
         let own = self.at_nodes.iter().filter(|(object, _)| *object == id);
         let forces = own.flat_map(|(_, impulses)| impulses);
-        let load = |(slot, j): &(usize, [f64; 3])| NodeLoad {
-            slot: *slot as u32,
-            force: j.map(|j| j / span.dt),
-            before: state.velocity_of(&solid.grid, *slot),
+        let load = |given: &NodeImpulse| NodeLoad {
+            slot: given.slot as u32,
+            force: given.impulse.map(|j| j / span.dt),
+            before: state.velocity_of(&solid.grid, given.slot),
+            expected: given.expected,
         };
         (state.of_matter, state.span) = (forces.map(load).collect(), span.dt);
         let scratch = self.scratch[id].take();
