@@ -264,3 +264,32 @@ fn friction_of_one_boundary_leaves_what_another_holds() {
     assert_eq!(rough[..2], smooth[..2]);
     assert!(rough[2] < smooth[2] && rough[2] >= 0.0);
 }
+
+#[test]
+fn a_line_at_once_is_its_nodes_one_by_one() {
+    let mut seed = 5;
+    let mut random = || crate::test_scenes::random(&mut seed);
+    let mut acted = 0;
+    for n in 0..600 {
+        let releases = n % 3 == 0;
+        let face = Face {
+            releases,
+            friction: [0.0, 0.3][n % 2],
+            ..wall(random(), 1, n % 3 == 1)
+        };
+        // Some nodes have no matter.
+        let all = (-4..5).filter(|_| random() > -0.8).collect::<Vec<i32>>();
+        let nodes = Row(all.iter().map(|&i| (i, 1.1 + random(), random())).collect());
+        let line = attached_line(&face, [0; 3], &nodes, 1.0, 1e-3);
+        for rank in 0..3 {
+            let index = face.behind([0; 3], rank);
+            let Some((_, v)) = nodes.node(index) else {
+                continue;
+            };
+            let alone = attached(&[face], index, &nodes, 1.0, 1e-3).map(|found| found.velocity);
+            assert_eq!(line.map(|line| line[rank as usize]), alone, "{face:?}");
+            acted += usize::from(alone.is_some_and(|alone| alone != v));
+        }
+    }
+    assert!(acted > 500, "{acted}");
+}
