@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::{
     advance::{Shares, Solid},
+    depth::DepthField,
     grip::{ContactWith, Grip},
     inverse::Start,
     mover::{Around, Mover},
@@ -287,9 +288,13 @@ fn touches(met: &[Vec<PointContact>]) -> bool {
 }
 
 /// Points of a mover that may touch another, and what that presses on them with.
-struct Pressed {
+struct Pressed<'a> {
     /// Places in the group: whose points, and of whom.
     pair: [usize; 2],
+    /// Depths of both.
+    depths: [&'a DepthField; 2],
+    /// Where the other stands, by the number of its grips.
+    with: (u32, Stand),
     list: CandidateList,
     /// Cluster after cluster.
     met: Vec<Vec<PointContact>>,
@@ -316,20 +321,29 @@ fn meet_each_other(
             let speed = length(std::array::from_fn(|a| u[a] - v[a]));
             let margin = group[i].solid.margin() + AHEAD * speed * kick;
             let ([a, b], [c, d]) = (seen[i].0, seen[j].0);
-            let have_depth = [i, j].iter().all(|&n| group[n].object.depth.is_some());
-            if have_depth && (0..3).all(|n| a[n] <= d[n] + margin && c[n] <= b[n] + margin) {
-                for pair in [[i, j], [j, i]] {
-                    let with = stand_in(group, pair[1]);
-                    let list = group[pair[0]].solid.scratch.search.take(&[with]);
-                    let met = vec![];
-                    found.push(Pressed { pair, list, met });
+            let is_near = (0..3).all(|n| a[n] <= d[n] + margin && c[n] <= b[n] + margin);
+            let [one, other] = [i, j].map(|n| group[n].object.depth.as_ref());
+            if is_near && let (Some(one), Some(other)) = (one, other) {
+                for (pair, depths) in [([i, j], [one, other]), ([j, i], [other, one])] {
+                    let there = &group[pair[1]];
+                    let with = (Grip::on_object(there.id), there.solid.stand());
+                    found.push(Pressed {
+                        pair,
+                        depths,
+                        with,
+                        list: group[pair[0]].solid.scratch.search.take(&[with]),
+                        met: vec![],
+                    });
                 }
             }
         }
     }
     let all = &*group;
     (found.par_iter_mut()).for_each(|one| one.press(all, &seen, around, moved));
-    for Pressed { pair, list, met } in found {
+    for Pressed {
+        pair, list, met, ..
+    } in found
+    {
         let [owner, other] = pair;
         group[owner].solid.keep(list);
         let ids = pair.map(|n| group[n].id);
@@ -350,12 +364,7 @@ fn meet_each_other(
     }
 }
 
-/// Where one of a group stands, by the number of its grips.
-fn stand_in(group: &[Mover<'_>], n: usize) -> (u32, Stand) {
-    (Grip::on_object(group[n].id), group[n].solid.stand())
-}
-
-impl Pressed {
+impl Pressed<'_> {
     /// Looks at what the other presses on the points with.
     fn press(
         &mut self,
@@ -365,13 +374,9 @@ impl Pressed {
         moved: f64,
     ) {
         let [one, other] = self.pair.map(|n| &group[n]);
-        let [Some(own_depth), Some(depth)] = [one, other].map(|one| one.object.depth.as_ref())
-        else {
-            return;
-        };
+        let ([own_depth, depth], with) = (self.depths, self.with);
         let isa = around.outside.isa;
         let friction = around.scene.surface_between(one.id, other.id).friction;
-        let with = stand_in(group, self.pair[1]);
         let (surface, others) = (&one.object.surface, &other.object.surface);
         let there = Presence::new(&other.solid, others, depth, seen[self.pair[1]].1);
         let find = |solid: &Solid<'_>, due: &[usize]| there.near(isa, solid, surface, with.0, due);

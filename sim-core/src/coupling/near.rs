@@ -6,13 +6,13 @@ use rayon::prelude::*;
 
 use super::{
     CouplingInput,
-    obstacle::{GAP_LOOKAHEAD, GapSample, NODES, Obstacle},
+    obstacle::{GAP_LOOKAHEAD, GapSample, Obstacle},
 };
 use crate::{
     bodies::vector::Vec3,
     colliders::edge,
     contact::{LARGEST_RADIUS, Radii},
-    grid::Grid,
+    grid::{Grid, NODES},
     particles::{BLOCK, Block, Particles},
     simd::LANES,
 };

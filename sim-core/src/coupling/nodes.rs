@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use super::{
     CouplingInput,
     near::near,
-    obstacle::{FacedBlock, NODES, Obstacle, RigidObstacle},
+    obstacle::{FacedBlock, Obstacle, RigidObstacle},
 };
 use crate::{
     bodies::{
@@ -18,7 +18,7 @@ use crate::{
         solve::{Mover, Point, sweep},
         vector::{Vec3, add, along, length, scaled, sub},
     },
-    grid::Grid,
+    grid::{Grid, NODES},
     ledger::Received,
     mat3::{Mat3, cross, dot},
 };

@@ -9,14 +9,11 @@ use crate::{
         vector::{Vec3, add, sub},
     },
     colliders::edge,
-    grid::{Grid, NodeBlock},
+    grid::{Grid, NODES, NodeBlock, place_of},
     mat3::{cross, dot},
-    particles::BLOCK,
     rotation::rotate,
 };
 
-/// Nodes of a block.
-pub(super) const NODES: usize = 64;
 /// Gap up to which nodes count that would not close it by themselves [cells]: what others push may.
 pub(super) const GAP_LOOKAHEAD: f64 = 0.1;
 /// Cosine of the angle beyond which a node's normal is that of the other side of a thin obstacle.
@@ -110,8 +107,7 @@ pub(super) struct FacedBlock<'a, O> {
 impl<O: Obstacle> FacedBlock<'_, O> {
     /// Which node of the grid one of the block is.
     pub fn index(&self, at: usize) -> [i32; 3] {
-        let local = [at / 16, at / 4 % 4, at % 4];
-        std::array::from_fn(|a| BLOCK * self.nodes.index[a] + local[a] as i32)
+        place_of(self.nodes.index, at)
     }
 
     /// Where a node of the grid is [m].

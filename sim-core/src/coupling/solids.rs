@@ -8,11 +8,11 @@ use std::collections::BTreeMap;
 use super::{
     CouplingInput,
     near::near,
-    obstacle::{FacedBlock, Facing, NODES, Obstacle, Towards},
+    obstacle::{FacedBlock, Facing, Obstacle, Towards},
 };
 use crate::{
     bodies::vector::{Vec3, add, along, length, scaled, sub},
-    grid::Grid,
+    grid::{Grid, NODES},
     ledger::Received,
     mat3::dot,
     solid::inverse::{LocalInverse, SeenSurface},
@@ -22,7 +22,6 @@ use crate::{
 const SWEEPS: usize = 30;
 /// Sweeps end when no impulse changes by more than this part of the largest.
 const DONE: f64 = 1e-3;
-
 /// Share of the latest substep in what nodes of a solid are expected to do. What is at rest needs the mean alone. With all of the latest,
 /// impulses answered stress that had gone, and what met at a third of the speed of sound came away with up to 2.3 times its energy.
 const FRESH: f64 = 0.1;
@@ -218,7 +217,7 @@ fn find_contacts(
     contacts: &mut Vec<NodeContact>,
 ) {
     let told = near(input, grid, solid, solid.speed);
-    let mut shares = vec![f32::NAN; solid.inverse.model.mass.len()];
+    let mut shares = vec![];
     for block in told.blocks() {
         let nodes = &grid.nodes[block];
         let faced = FacedBlock {
@@ -247,6 +246,7 @@ fn find_contacts(
             });
             let model = solid.inverse.model;
             let about = seen.bears(model);
+            shares.resize(model.mass.len(), f32::NAN);
             let bears = solid.bearers(&model.borne_by(&about, &mut shares));
             let answers = bears.iter().map(|one| one.share * one.answer);
             contacts.push(NodeContact {

@@ -5,7 +5,7 @@
 
 use std::sync::OnceLock;
 
-use super::{NONE, NodeBlock, OFFSETS};
+use super::{NODES, NONE, NodeBlock, OFFSETS};
 use crate::{
     colliders::{
         Substep,
@@ -15,9 +15,6 @@ use crate::{
     particles::{BLOCK, NO_PARTICLE, Particles},
     simd::LANES,
 };
-
-/// Nodes of a block.
-const NODES: usize = 64;
 
 /// Masses of held particles at nodes, of the blocks that are asked for.
 #[derive(Debug)]

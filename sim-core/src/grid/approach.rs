@@ -10,6 +10,7 @@ use super::{
     FieldPass, NONE, NodeBlock, TILE,
     anchors::Anchors,
     boundary::{attaches, corners, near_block},
+    place_of,
     topology::OFFSETS,
 };
 use crate::{
@@ -460,8 +461,7 @@ impl BlockConstraints<'_> {
 
     /// Index of a node.
     fn place(&self, at: usize) -> [i32; 3] {
-        let local = [at / 16, at / 4 % 4, at % 4];
-        std::array::from_fn(|a| BLOCK * self.index[a] + local[a] as i32)
+        place_of(self.index, at)
     }
 
     /// How near matter that reaches a node is to a collider [cells].

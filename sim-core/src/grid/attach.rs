@@ -6,10 +6,11 @@ use std::{borrow::Cow, cell::Cell};
 use rayon::prelude::*;
 
 use super::{
-    NONE, NodeBlock, Velocities,
+    NODES, NONE, NodeBlock, Velocities,
     anchors::Anchors,
     approach::{BlockConstraints, BoundaryConditions},
     boundary::{constrain, holds_matter},
+    place_of,
     topology::Place,
 };
 use crate::{
@@ -19,8 +20,6 @@ use crate::{
 
 /// Node blocks per task at least, of all and of those near such a boundary.
 const TASK: [usize; 2] = [256, 8];
-/// Nodes of a block.
-const NODES: usize = 64;
 /// Not looked for yet.
 const UNKNOWN: u32 = NONE - 1;
 
@@ -231,10 +230,4 @@ impl LinesOfBlock {
     fn get(&self, at: usize) -> Option<[f64; 3]> {
         (self.mask >> at & 1 == 1).then(|| self.velocities[at])
     }
-}
-
-/// Place in the grid of a node of a block.
-fn place_of(block: [i32; 3], at: usize) -> [i32; 3] {
-    let local = [at / 16, at / 4 % 4, at % 4];
-    std::array::from_fn(|a| BLOCK * block[a] + local[a] as i32)
 }

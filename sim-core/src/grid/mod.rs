@@ -12,7 +12,10 @@ use std::ops::Range;
 pub(crate) use node_pass::{Sums, node_means, node_pass};
 pub(crate) use topology::OFFSETS;
 
-use crate::simd::{F32x16, Lanes};
+use crate::{
+    particles::BLOCK,
+    simd::{F32x16, Lanes},
+};
 
 /// Nodes along one edge of a tile: a block, the stencil's reach and one cell of drift on each side.
 pub(crate) const TILE: usize = 8;
@@ -20,6 +23,9 @@ pub(crate) const TILE: usize = 8;
 pub(crate) const FRONT: usize = 16;
 /// Floats of a tile: nodes of four floats, padded at both ends.
 pub(crate) const TILE_FLOATS: usize = FRONT + 4 * TILE * TILE * TILE + 32;
+
+/// Nodes of a block.
+pub(crate) const NODES: usize = 64;
 
 /// No block there.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -91,6 +97,12 @@ pub(crate) struct NodeBlock {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Velocities(pub [F32x16; 16]);
+
+/// Place in the grid of a node of a block, by its number there, z fastest.
+pub(crate) fn place_of(block: [i32; 3], at: usize) -> [i32; 3] {
+    let local = [at / 16, at / 4 % 4, at % 4];
+    std::array::from_fn(|a| BLOCK * block[a] + local[a] as i32)
+}
 
 /// What a substep does to the velocities of one grid field.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,7 +8,7 @@ use super::{
 use crate::{
     colliders::NodeConditions,
     grid::{
-        FieldPass, Grid,
+        FieldPass, Grid, NODES,
         anchors::Anchors,
         approach::{BoundaryConditions, ParticleGaps, approaches},
         node_pass,
@@ -16,9 +16,6 @@ use crate::{
     kinematics::kick,
     state::{CoarseSubstep, Given, GridMotion, Matter},
 };
-
-/// Nodes of a block.
-const NODES: u64 = 64;
 
 /// Lets gravity and damping act on the frame velocity; returns per grid field what becomes of its velocities.
 pub(super) fn field_passes(
@@ -154,7 +151,7 @@ pub(super) fn grid_pass(
 ) -> f32 {
     let active = grid.nodes.iter();
     let active = active.filter(|node| !input.passes[node.field as usize].is_inactive);
-    work.grid_nodes += NODES * active.count() as u64;
+    work.grid_nodes += NODES as u64 * active.count() as u64;
     timed(&mut timings.grid, || {
         node_pass(at.given.model.isa, grid, &input.acting())
     })
