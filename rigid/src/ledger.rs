@@ -71,6 +71,16 @@ impl Received {
         }
     }
 
+    /// So many times as much.
+    pub fn times(&self, factor: f64) -> Self {
+        Self {
+            impulse: self.impulse.map(|j| factor * j),
+            normal_impulse: self.normal_impulse.map(|j| factor * j),
+            weight: factor * self.weight,
+            moment: self.moment.map(|x| factor * x),
+        }
+    }
+
     /// Adds `sign` times another; sizes add up whatever that is.
     pub fn add(&mut self, more: &Self, sign: f64) {
         for a in 0..3 {
@@ -125,6 +135,17 @@ impl Ledger {
     /// What springs gave, by the numbers of objects.
     pub fn springs(&self) -> impl Iterator<Item = (usize, Given)> + '_ {
         self.springs.iter().map(|(object, given)| (*object, *given))
+    }
+
+    /// So many times what pairs exchanged.
+    pub fn times(&self, factor: f64) -> Self {
+        let pairs = self.pairs.iter();
+        Self {
+            pairs: pairs
+                .map(|(key, received)| (*key, received.times(factor)))
+                .collect(),
+            springs: BTreeMap::new(),
+        }
     }
 
     /// Adds all of another.

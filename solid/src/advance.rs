@@ -121,6 +121,7 @@ impl Scratch {
         }
         self.held = held;
         self.walls.restart();
+        self.search.ended = None;
     }
 }
 
@@ -234,7 +235,7 @@ impl<'a> Solid<'a> {
         self.measure_at_rest(outside.isa, surface);
         if self.state.tangent == 0.0 {
             // Nothing is known of it yet: a substep of no length looks.
-            self.substep(outside, 0.0, 0.0, &Shares::NONE);
+            self.substep(outside, [0.0; 2], &Shares::NONE, false);
         }
         self.place_frame(begins_frame, given);
         self.scratch.tiles.look_at(&self.state.nodes);
@@ -264,13 +265,14 @@ impl<'a> Solid<'a> {
         }
     }
 
-    /// Takes a substep in which forces act for `kick` [s], and nodes move for `drift` [s] after that.
+    /// Takes a substep in which forces act for `kick` [s], and nodes move for `drift` [s] after that. What `stands` has not moved since
+    /// the substep before.
     pub(crate) fn substep(
         &mut self,
         outside: &Outside,
-        kick: f64,
-        drift: f64,
+        [kick, drift]: [f64; 2],
         shares: &Shares,
+        stands: bool,
     ) -> Extremes {
         let keep = (-outside.damping * kick).exp();
         let (free, deformed) = (self.is_free(), self.deformed());
@@ -282,7 +284,10 @@ impl<'a> Solid<'a> {
             }
         }
         let (stiffening, share) = (deformed.stiffening(), deformed.viscous_share());
-        let is_fast = self.is_fast();
+        let (is_fast, flows) = (self.is_fast(), self.flows());
+        let viscosity = VISCOSITY * share * kick;
+        // Those that depend on velocities are others now.
+        let knows_forces = stands && !flows && !is_fast && viscosity == 0.0;
         let mut step = Step {
             kick: kick as f32,
             drift: drift as f32,
@@ -291,13 +296,12 @@ impl<'a> Solid<'a> {
                 true => [0.0; 3],
                 false => outside.gravity.map(|g| (g / self.model.dx) as f32),
             },
-            viscosity: (VISCOSITY * share * kick) as f32,
-            wants_extremes: shares.taken.is_multiple_of(LOOK)
-                || stiffening > WATCHED
-                || drift == 0.0,
+            viscosity: viscosity as f32,
+            wants_extremes: !knows_forces
+                && (shares.taken.is_multiple_of(LOOK) || stiffening > WATCHED || drift == 0.0),
             wants_rate: is_fast,
+            knows_forces,
         };
-        let flows = self.flows();
         if step.wants_extremes && drift > 0.0 && !flows {
             step.wants_rate |= self.measure_now(outside.isa, &deformed, shares);
         }

@@ -250,6 +250,7 @@ impl Vibrating<'_> {
             viscosity: 0.0,
             wants_extremes: displaced.is_none(),
             wants_rate: false,
+            knows_forces: false,
         };
         let moving = Moving { nodes, memory };
         let conditions = &*self.conditions;

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::{
     advance::{Shares, Solid},
     depth::DepthField,
+    ended::Ended,
     grip::{ContactWith, Grip},
     inverse::Start,
     mover::{Around, Mover},
@@ -75,6 +76,7 @@ pub fn advance_group(
     // How long forces act, and how long things have moved since they were last looked at.
     let (mut kick, mut moved) = (0.5 * shares.dt, 0.0);
     let mut exchange = Exchange::default();
+    let mut known = known_forces(group, peers.is_some(), kick);
     loop {
         let now = Substep {
             time: start + (length - shares.remaining),
@@ -84,7 +86,8 @@ pub fn advance_group(
             frame_length: around.frame[1],
         };
         let mut members = Members::new(group, &mut peers, around, &now);
-        ledger.merge(&members.substep(moved, &shares, &mut exchange, &mut wholes)?);
+        let given = members.substep(moved, &shares, &mut exchange, &mut wholes, known.take())?;
+        ledger.merge(&given);
         passed.substeps += 1;
         passed.smallest = passed.smallest.min(shares.dt);
         (passed.last, moved) = (shares.dt, shares.dt);
@@ -102,7 +105,7 @@ pub fn advance_group(
         frame_length: around.frame[1],
     };
     let mut members = Members::new(group, &mut peers, around, &now);
-    ledger.merge(&members.substep(moved, &shares, &mut exchange, &mut wholes)?);
+    ledger.merge(&members.substep(moved, &shares, &mut exchange, &mut wholes, None)?);
     for mover in group {
         for spring in &mover.springs {
             ledger.add_spring(mover.id, &spring.given);
@@ -113,23 +116,30 @@ pub fn advance_group(
 
 impl Members<'_, '_> {
     /// Moves all by a substep, or brings velocities level with positions where that has no length; returns what contact gave. Things
-    /// have moved for `moved` [s] since they were last looked at.
+    /// have moved for `moved` [s] since they were last looked at. Forces act already where what contact gives by them is known.
     fn substep(
         &mut self,
         moved: f64,
         shares: &Shares,
         exchange: &mut Exchange,
         wholes: &mut Wholes<'_>,
+        known: Option<Ledger>,
     ) -> Result<Ledger, usize> {
-        let (mut given, around, now) = (Ledger::default(), self.around, self.now);
+        let (around, now, stands) = (self.around, self.now, known.is_some());
         let touched = self.group.iter().any(|mover| !mover.colliders.is_empty());
         let placed = match touched {
             true => around.boundaries.all(around.paths, now),
             false => vec![],
         };
-        let on_bodies = find_forces(self, &placed, moved, &mut given);
+        let (mut given, on_bodies) = match known {
+            Some(given) => (given, vec![]),
+            None => find_forces(self, &placed, moved),
+        };
+        if now.dt == 0.0 {
+            note_forces(self, &given);
+        }
         wholes.take_in(self, &given);
-        self.move_nodes(&placed, shares, &mut given)?;
+        self.move_nodes(&placed, (shares, stands), &mut given)?;
         if let Some(peers) = &mut self.peers {
             match now.dt > 0.0 {
                 true => peers.advance(now, &exchange.through(on_bodies, now.dt)),
@@ -143,7 +153,7 @@ impl Members<'_, '_> {
     fn move_nodes(
         &mut self,
         placed: &[Placed<'_>],
-        shares: &Shares,
+        (shares, stands): (&Shares, bool),
         ledger: &mut Ledger,
     ) -> Result<(), usize> {
         let (outside, [kick, drift]) = (&self.around.outside, [self.now.kick, self.now.dt]);
@@ -155,7 +165,8 @@ impl Members<'_, '_> {
         };
         let moved = each(self.group, |mover| {
             let mut given = Ledger::default();
-            if mover.solid.substep(outside, kick, drift, shares).bad {
+            let found = (mover.solid).substep(outside, [kick, drift], shares, stands);
+            if found.bad {
                 return Err(mover.id);
             }
             let surface = &mover.object.surface;
@@ -180,30 +191,84 @@ fn each<'a, T: Send>(
     group.par_iter_mut().map(act).collect()
 }
 
-/// External forces at the moment; returns those on rigid bodies.
+/// External forces at the moment; returns what contact gives by them, and those on rigid bodies.
 fn find_forces(
     members: &mut Members<'_, '_>,
     placed: &[Placed<'_>],
     moved: f64,
-    ledger: &mut Ledger,
-) -> Vec<Wrench> {
+) -> (Ledger, Vec<Wrench>) {
     let Members {
         group,
         peers,
         around,
         now,
     } = members;
-    let times = [moved, now.kick];
+    let (times, mut ledger) = ([moved, now.kick], Ledger::default());
     for given in each(group, |mover| meet_outside(mover, placed, times, now)) {
         ledger.merge(&given);
     }
     if group.len() > 1 {
-        meet_each_other(group, around, times, ledger);
+        meet_each_other(group, around, times, &mut ledger);
     }
-    match peers {
-        Some(peers) => meet_bodies(group, &**peers, around.scene, times, ledger),
+    let on_bodies = match peers {
+        Some(peers) => meet_bodies(group, &**peers, around.scene, times, &mut ledger),
         None => vec![],
+    };
+    (ledger, on_bodies)
+}
+
+/// Regions that hold faces of a solid, with their velocities [m/s].
+fn held(mover: &Mover<'_>) -> impl Iterator<Item = (usize, [f64; 3])> {
+    mover.faces.iter().map(|face| (face.region, face.velocity))
+}
+
+/// Keeps the forces that act where a span ends for the one that follows, and what contact gives by them.
+fn note_forces(members: &mut Members<'_, '_>, given: &Ledger) {
+    let group = &mut *members.group;
+    // Springs pull by what time it is.
+    if members.peers.is_some() || group.iter().any(|mover| !mover.springs.is_empty()) {
+        return;
     }
+    let ids: Vec<usize> = group.iter().map(|mover| mover.id).collect();
+    for (n, mover) in group.iter_mut().enumerate() {
+        mover.solid.scratch.search.ended = Some(Ended {
+            group: ids.clone(),
+            given: match n {
+                0 => given.clone(),
+                _ => Ledger::default(),
+            },
+            kick: members.now.kick,
+            steady: mover.steady.clone(),
+            faces: held(mover).collect(),
+        });
+    }
+}
+
+/// Takes over the forces that acted where the span before ended; returns what contact gives by them in a kick [s]. None where others moved
+/// together then, or forces have to be found.
+fn known_forces(group: &mut [Mover<'_>], meets_bodies: bool, kick: f64) -> Option<Ledger> {
+    let take = |mover: &mut Mover<'_>| mover.solid.scratch.search.ended.take();
+    let ended: Vec<Option<Ended>> = group.iter_mut().map(take).collect();
+    let ended: Vec<Ended> = ended.into_iter().collect::<Option<_>>()?;
+    let ids = || group.iter().map(|mover| mover.id);
+    let is_same = |(one, mover): (&Ended, &Mover<'_>)| {
+        let faces = one.faces.iter().copied();
+        one.group.iter().copied().eq(ids()) && faces.eq(held(mover)) && mover.springs.is_empty()
+    };
+    if meets_bodies || !ended.iter().zip(&*group).all(is_same) {
+        return None;
+    }
+    for (mover, ended) in group.iter_mut().zip(&ended) {
+        let conditions = &mut mover.solid.scratch.conditions;
+        for &(slot, force) in &ended.steady {
+            conditions.add_force(slot, force.map(|f| -f));
+        }
+        for &(slot, force) in &mover.steady {
+            conditions.add_force(slot, force);
+        }
+    }
+    let first = ended.first()?;
+    Some(first.given.times(kick / first.kick))
 }
 
 /// External forces on a solid, by springs that hold it and colliders; returns what these gave.

@@ -26,6 +26,7 @@ mod cells;
 pub mod clusters;
 pub mod contact;
 pub mod depth;
+mod ended;
 mod extension;
 mod facets;
 mod frequency;

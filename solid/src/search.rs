@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::{
     bonds::Bound,
+    ended::Ended,
     grip::ContactWith,
     inverse::{KnownPlace, Start},
     model::SolidModel,
@@ -356,6 +357,8 @@ pub struct Search {
     speed: f64,
     /// Whether anything was looked for.
     pub has_begun: bool,
+    /// What acted where its latest span ended.
+    pub ended: Option<Ended>,
 }
 
 impl Search {
@@ -364,7 +367,7 @@ impl Search {
         self.ends.clear();
         self.boxes.clear();
         (self.is_fresh, self.contact, self.start) = (false, ContactWith::default(), None);
-        (self.has_begun, self.speed) = (false, 0.0);
+        (self.has_begun, self.speed, self.ended) = (false, 0.0, None);
         self.bound.clear();
         // What was not asked for since the last time is not asked for again.
         self.lists.retain(|list| list.stand.is_some());

@@ -88,6 +88,7 @@ impl VibratingBlock {
                 viscosity: 0.0,
                 wants_extremes: false,
                 wants_rate: false,
+                knows_forces: false,
             },
         }
     }

@@ -55,13 +55,19 @@ impl Solid<'_> {
             for bond in &mut *bonds {
                 [_, bond.v] = self.motion(surface, bond.point);
             }
+            let mut turned = false;
             for patch in patches {
+                let before = patch.normal;
                 match patch.bonds.is_empty() {
                     true => self.ask_at_once(at, patch),
                     false => self.ask(bonds, patch, drift),
                 }
+                turned |= patch.normal != before;
             }
-            walls.hold(at.isa, &self.model.mass);
+            if turned || walls.by_patch.is_empty() {
+                walls.order(at.isa, &self.model.mass);
+            }
+            walls.hold(at.isa, self.model.mass.len());
             for one in &walls.patches {
                 // Pulls count as pushes do.
                 let along = dot(one.impulse, one.normal);
@@ -350,10 +356,9 @@ impl Solid<'_> {
 }
 
 impl Walls {
-    /// Finds the impulses on all patches that change their velocities by what is missing, and what they make of nodes of these masses [kg].
-    fn hold(&mut self, isa: Isa, mass: &[f64]) {
-        self.order(isa, mass);
-        self.change.resize(mass.len(), [0.0; 3]);
+    /// Finds the impulses on all patches that change their velocities by what is missing, and what they make of so many nodes.
+    fn hold(&mut self, isa: Isa, nodes: usize) {
+        self.change.resize(nodes, [0.0; 3]);
         let missing = |(patch, along): &Constraint| {
             let patch: &Patch = &self.patches[*patch];
             match patch.borne.is_empty() {

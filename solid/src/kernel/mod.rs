@@ -90,6 +90,8 @@ pub struct Step {
     pub wants_extremes: bool,
     /// Whether [`Extremes::rate`] is asked for where there is no viscosity.
     pub wants_rate: bool,
+    /// Whether forces of points are those of the substep before: nothing has moved since, and nothing flows.
+    pub knows_forces: bool,
 }
 
 /// What a substep finds.
@@ -156,20 +158,10 @@ pub fn substep(
     tiles: &mut Tiles,
     step: &Step,
 ) -> Extremes {
-    let before = &*nodes;
-    let answers = tiles.forces.par_chunks_mut(TASK);
-    let answers = answers.zip(tiles.tangents.par_chunks_mut(TASK));
-    let tasks = answers.zip(memory.par_chunks_mut(TASK)).enumerate();
-    let of_points = tasks.map(|(n, ((forces, tangents), memory))| {
-        let task = Task {
-            model,
-            first: n * TASK,
-            laws,
-            nodes: before,
-        };
-        forces_with_isa(isa, &task, step, (forces, tangents), memory)
-    });
-    let rate = of_points.reduce(|| 0.0, f32::max);
+    let rate = match step.knows_forces {
+        true => 0.0,
+        false => find_forces(isa, (model, laws), (nodes, memory), tiles, step),
+    };
     if step.wants_extremes {
         sum_tangents(isa, model, tiles);
     }
@@ -202,6 +194,29 @@ pub fn substep(
         rate,
         bad: speeds.iter().any(|speed| !speed.is_finite()),
     }
+}
+
+/// Forces of points at the present displacements; the largest gradient of the velocity, where there is viscosity or it is asked for [1/s].
+fn find_forces(
+    isa: Isa,
+    (model, laws): (&SolidModel, &[SolidLaw]),
+    (nodes, memory): (&[NodeBlock], &mut [BlockMemory]),
+    tiles: &mut Tiles,
+    step: &Step,
+) -> f32 {
+    let answers = tiles.forces.par_chunks_mut(TASK);
+    let answers = answers.zip(tiles.tangents.par_chunks_mut(TASK));
+    let tasks = answers.zip(memory.par_chunks_mut(TASK)).enumerate();
+    let of_points = tasks.map(|(n, ((forces, tangents), memory))| {
+        let task = Task {
+            model,
+            first: n * TASK,
+            laws,
+            nodes,
+        };
+        forces_with_isa(isa, &task, step, (forces, tangents), memory)
+    });
+    of_points.reduce(|| 0.0, f32::max)
 }
 
 /// Sums tangents about nodes. What follows others is no motion of its own: a corner of matter that is crushed makes those faster that move

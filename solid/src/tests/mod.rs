@@ -78,6 +78,7 @@ pub(super) fn law(law: Law, youngs_modulus: f64, poisson_ratio: f64, density: f6
 }
 
 /// A solid that owns all of it.
+#[derive(Clone)]
 pub(super) struct Owned {
     pub model: SolidModel,
     pub laws: Vec<SolidLaw>,
@@ -135,12 +136,14 @@ pub(super) fn advance_alone(
     let mut kick = 0.5 * shares.dt;
     let mut bad = false;
     loop {
-        bad |= solid.substep(outside, kick, shares.dt, &shares).bad;
+        let found = solid.substep(outside, [kick, shares.dt], &shares, false);
+        bad |= found.bad;
         let last = 0.5 * shares.dt;
         match shares.next(solid.limit(outside.cfl, 0.0)) {
             Some(next) => kick = next,
             None => {
-                bad |= solid.substep(outside, last, 0.0, &shares).bad;
+                let found = solid.substep(outside, [last, 0.0], &shares, false);
+                bad |= found.bad;
                 return !bad;
             }
         }

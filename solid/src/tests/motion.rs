@@ -1,7 +1,10 @@
 //! Free motion, extreme deformation, and bits.
 
 use super::{
-    super::nodes::{NODES, write},
+    super::{
+        advance::{Shares, Solid},
+        nodes::{NODES, write},
+    },
     DENSITY, Owned, lattice, law,
 };
 use crate::{mat3::length, materials::Law, simd::Isa};
@@ -147,5 +150,40 @@ fn same_bits_on_any_threads_and_instruction_set() {
     }
     for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
         assert_eq!(run(1, isa), first);
+    }
+}
+
+#[test]
+fn forces_on_what_stands_need_not_be_found_again() {
+    for which in LAWS {
+        let mut cube = cube(which, 5);
+        cube.state.change_velocities(&cube.model, |slot, _| {
+            let x = cube.model.node_in_world(slot);
+            [2.0 * x[0], -3.0 * x[1] * x[2], 1.0]
+        });
+        cube.advance(0.02);
+        let (outside, dt) = (cube.outside, 1e-3);
+        let shares = Shares::first(1.0, dt);
+        let [known, found] = [true, false].map(|stands| {
+            let Owned {
+                model,
+                laws,
+                mut state,
+                mut scratch,
+                ..
+            } = cube.clone();
+            let mut solid = Solid {
+                model: &model,
+                laws: &laws,
+                state: &mut state,
+                scratch: &mut scratch,
+            };
+            solid.substep(&outside, [dt, dt], &shares, false);
+            solid.substep(&outside, [0.5 * dt, 0.0], &shares, false);
+            solid.substep(&outside, [0.5 * dt, dt], &shares, stands);
+            state.nodes
+        });
+        assert_eq!(known, found, "{which:?}");
+        assert!(known != cube.state.nodes);
     }
 }

@@ -171,6 +171,7 @@ impl Solid {
             viscosity,
             wants_extremes: true,
             wants_rate: true,
+            knows_forces: false,
             ..PLAIN
         };
         let found = unit.substep(isa, &step);
@@ -321,6 +322,7 @@ const PLAIN: Step = Step {
     viscosity: 0.0,
     wants_extremes: false,
     wants_rate: false,
+    knows_forces: false,
 };
 
 /// Volumes over four decades, a quarter of them none.
@@ -435,6 +437,7 @@ fn bits_do_not_depend_on_instruction_set_or_threads() {
                         viscosity: if n % 3 == 2 { 1e-3 } else { 0.0 },
                         wants_extremes: n % 4 == 0,
                         wants_rate: n % 2 == 0,
+                        knows_forces: false,
                     };
                     solid.substep(isa, &step);
                 }
@@ -467,6 +470,7 @@ fn asking_for_extremes_changes_nothing() {
                 drift: 1e-2,
                 wants_extremes,
                 wants_rate: wants_extremes,
+                knows_forces: false,
                 ..PLAIN
             };
             solid.substep(Isa::detect(), &step);
