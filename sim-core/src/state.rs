@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     bodies::{body::Body, engine::CachedImpulse, shape::Shape},
     colliders::{Paths, rules::Pins},
+    coupling::{near::Watch, sweeps::WarmStart},
     grid::Grid,
     ledger::Ledger,
     materials::{Material, limits::DeformationBounds},
@@ -325,6 +326,10 @@ pub(crate) struct Workspace {
     pub edited: [f64; 2],
     /// Of solids, per object; made when they first move.
     pub solids: Vec<Option<Scratch>>,
+    /// What matter on the grid and solids exchanged in the substep before.
+    pub at_solids: WarmStart,
+    /// How near particles are to what is off the grid, per object.
+    pub watches: Vec<Watch>,
     /// Substeps of the latest frame [s], for comparison with the reference solver.
     pub substeps: Vec<f64>,
 }

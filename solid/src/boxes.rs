@@ -5,6 +5,12 @@ use crate::{
     simd::{F32x16, Isa, LANES, Lanes, on_isa},
 };
 
+/// How far a place of a surface may be from the boxes around its points [cells]: they are half a cell apart at rest.
+pub(super) const COVER: f64 = 0.5;
+
+/// How much larger a distance may be than what single precision makes of it.
+pub(super) const ROUNDING: f64 = 1e-5;
+
 /// Smallest and largest coordinates of sixteen boxes, which are near each other [m]. Where there are fewer the others are nowhere.
 #[derive(Clone, Debug)]
 pub(super) struct Boxes {

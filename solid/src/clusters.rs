@@ -68,10 +68,7 @@ pub(super) fn farther_of(one: &[[f64; 3]; 2], other: &[[f64; 3]; 2]) -> f64 {
 
 /// Box around some points [m].
 #[inline(always)]
-pub(super) fn bounds_of(
-    points: &[SurfacePoint],
-    place: impl Fn(&SurfacePoint) -> [f64; 3],
-) -> Bounds {
+pub(super) fn bounds_of<T>(points: &[T], place: impl Fn(&T) -> [f64; 3]) -> Bounds {
     let [mut min, mut max] = NOWHERE;
     for point in points {
         let x = place(point);

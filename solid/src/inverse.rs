@@ -20,7 +20,9 @@ const ROUGH: f64 = 0.1;
 /// How many times as far from the surface as it is off it must be for that.
 const OUTSIDE: f64 = 3.0;
 /// Share of a distance that is sure: it is one at rest, carried on by the deformation of one place.
-pub(crate) const SURE: f64 = 0.7;
+pub const SURE: f64 = 0.7;
+/// Share of a distance at rest that is sure of a place where no matter tells of the deformation.
+pub(crate) const HALF_SURE: f64 = 0.5;
 /// Volume ratios within which an inverse is trusted.
 const TRUSTED: [f64; 2] = [0.1, 4.0];
 /// Least cosine between the normal of a surface and the opposite of that of a point which it faces.
@@ -53,6 +55,17 @@ pub struct KnownPlace {
     distance: f64,
 }
 
+/// What is known of a place: where a search for others near it begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Known {
+    /// The place [m].
+    pub now: [f64; 3],
+    /// The material point there [m].
+    pub rest: [f64; 3],
+    /// Linear map from about that place back to rest.
+    pub back: Mat3<f64>,
+}
+
 /// Where a search for material points begins.
 #[derive(Clone, Copy, Debug)]
 pub struct Start {
@@ -82,6 +95,8 @@ pub struct SeenSurface {
     pub normal: [f64; 3],
     /// Change of the depth at rest per way along the normal, 0 to 1: less than 1 amid matter, where the nearest surface is on several sides.
     pub steepness: f64,
+    /// Linear map from about the place back to rest.
+    pub back: Mat3<f64>,
     /// Where that is on the grid.
     site: CellPoint,
 }
@@ -156,8 +171,15 @@ impl<'a> LocalInverse<'a> {
     }
 
     /// About where a place [m] is at rest [m], from a point of which it is known where it is now and at rest [m].
-    pub fn back(&self, x: [f64; 3], known: [[f64; 3]; 2]) -> [f64; 3] {
-        self.start.back_about(x, known)
+    pub fn back(&self, x: [f64; 3], [now, rest]: [[f64; 3]; 2]) -> [f64; 3] {
+        self.known(now, rest).back_to_rest(x)
+    }
+
+    /// What is known of a place from where its material point is at rest alone [m].
+    #[inline(always)]
+    pub fn known(&self, now: [f64; 3], rest: [f64; 3]) -> Known {
+        let back = self.start.back;
+        Known { now, rest, back }
     }
 
     /// Nodes about a site, by their places along each axis.
@@ -233,22 +255,36 @@ impl<'a> LocalInverse<'a> {
         sums.map(|[x, y, z, _]| [x, y, z].map(f64::from))
     }
 
-    /// The surface as seen from a place [m]; none where it is far, or where the inverse is not to be trusted.
-    pub fn surface(&self, x: [f64; 3]) -> Option<SeenSurface> {
-        self.search(x, self.start.back(x), |_, _| false).ok()
+    /// The surface as seen from a place [m], searched from what is known of another on, or from all over the solid.
+    #[inline(always)]
+    pub fn surface(&self, x: [f64; 3], known: Option<Known>) -> Result<SeenSurface, Missing> {
+        self.search(x, self.begin(x, known), |_, _| false)
     }
 
-    /// The same of a place that is nearer to it than `most` [m]; none of others, but for some that are.
-    pub fn surface_within(&self, x: [f64; 3], most: f64) -> Option<SeenSurface> {
-        let beyond = |seen: &SeenSurface, off: f64| SURE * (seen.distance - off) > most;
-        let found = self.search(x, self.start.back(x), |seen, off| {
-            let is_beyond = seen.distance > OUTSIDE * off && beyond(seen, off);
+    /// The same of a place that is nearer to it than `most` [m]. Of one that is farther for sure there is a distance that it has at
+    /// least.
+    #[inline(always)]
+    pub fn surface_within(
+        &self,
+        x: [f64; 3],
+        most: f64,
+        known: Option<Known>,
+    ) -> Result<SeenSurface, Missing> {
+        self.search(x, self.begin(x, known), |seen, off| {
+            let (is_outside, least) = (seen.distance > OUTSIDE * off, seen.distance - off);
+            let is_beyond = is_outside && SURE * least > most;
             if is_beyond {
-                seen.distance = f64::INFINITY;
+                seen.distance = least;
             }
             is_beyond
-        });
-        found.ok().filter(|seen| seen.distance <= most)
+        })
+    }
+
+    /// About where a place [m] is at rest [m].
+    #[inline(always)]
+    fn begin(&self, x: [f64; 3], known: Option<Known>) -> [f64; 3] {
+        let [now, rest] = self.start.centre;
+        known.unwrap_or(self.known(now, rest)).back_to_rest(x)
     }
 
     /// The same, searched from a material point [m] on. Of a place that is outside for sure there is a distance that
@@ -376,6 +412,7 @@ impl<'a> LocalInverse<'a> {
                 distance,
                 normal,
                 steepness: steepness.min(1.0),
+                back: Mat3(cofactor.transpose().0.map(|row| row.map(|v| v / j))),
                 site,
             }),
             false => Err(Missing::Lost),
@@ -398,19 +435,13 @@ fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
     (size > 0.0 && size.is_finite()).then(|| v.map(|v| v / size))
 }
 
-impl Start {
-    /// About where a place [m] is at rest [m].
+impl Known {
+    /// About where a place near it is at rest [m].
     #[inline(always)]
-    fn back(&self, x: [f64; 3]) -> [f64; 3] {
-        self.back_about(x, self.centre)
-    }
-
-    /// The same from a point of which it is known where it is now and at rest [m].
-    #[inline(always)]
-    fn back_about(&self, x: [f64; 3], [now, mut rest]: [[f64; 3]; 2]) -> [f64; 3] {
-        let mut arm = x;
+    fn back_to_rest(&self, x: [f64; 3]) -> [f64; 3] {
+        let (mut arm, mut rest) = (x, self.rest);
         for a in 0..3 {
-            arm[a] -= now[a];
+            arm[a] -= self.now[a];
         }
         let turned = self.back.mul_vec(arm);
         for a in 0..3 {
@@ -418,7 +449,9 @@ impl Start {
         }
         rest
     }
+}
 
+impl Start {
     /// Of a solid at present.
     pub fn of(model: &SolidModel, state: &SolidState) -> Self {
         let (centre, back) = affine(model, state);

@@ -42,6 +42,7 @@ pub mod model;
 pub mod mover;
 pub mod nodes;
 pub mod object;
+pub mod outline;
 pub mod pairs;
 mod penalty;
 pub mod rigid;

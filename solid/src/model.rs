@@ -321,7 +321,7 @@ impl SolidModel {
             .map(|(slot, w)| (slot as u32, w as f32))
     }
 
-    /// Inner nodes that bear a force at a site, each once, in ascending order. `shares` is per node NaN, and is so again.
+    /// Inner nodes that bear a force at a site, each once. `shares` is per node NaN, and is so again.
     pub fn borne_by(&self, bears: &Bears, shares: &mut [f32]) -> Vec<(u32, f32)> {
         let mut all: Vec<(u32, f32)> = Vec::with_capacity(2 * bears.len());
         for &(slot, w) in bears {
@@ -340,7 +340,6 @@ impl SolidModel {
         }
         // Nodes without mass bear nothing.
         all.retain(|&(slot, _)| self.mass[slot as usize] > 0.0);
-        all.sort_unstable_by_key(|one| one.0);
         all
     }
 

@@ -2,12 +2,12 @@
 
 use super::{
     advance::Solid,
-    boxes::{Boxes, NearBoxes},
+    boxes::{Boxes, COVER, NearBoxes, ROUNDING},
     clusters::middle,
     contact::ContactSurface,
     depth::DepthField,
     grip::{Grip, NOTHING},
-    inverse::{FACING, KnownPlace, LocalInverse, Missing, SURE, SeenSurface, Start},
+    inverse::{FACING, HALF_SURE, KnownPlace, LocalInverse, Missing, SURE, SeenSurface, Start},
     nodes::Bears,
     penalty::Spring,
     search::{CLUSTER, Candidate, CandidateList, FoundInCluster, PARTS, find_near},
@@ -26,14 +26,8 @@ const LATERAL: f64 = 2.0;
 const SHALLOW: f64 = 0.02;
 /// Cosine between a normal and the opposite of a point's from which on the point faces that surface.
 const FACED: f64 = 0.9;
-/// How far a place of a surface may be from the boxes around its points [cells]: they are half a cell apart at rest.
-const COVER: f64 = 0.5;
 /// How much farther than points are listed what moves by itself is known one by one [cells].
 const NEIGHBOURHOOD: f64 = 4.0;
-/// How much larger a distance may be than what single precision makes of it.
-const ROUNDING: f64 = 1e-5;
-/// Share of a distance at rest that is sure of a place where no matter tells of the deformation.
-const HALF_SURE: f64 = 0.5;
 /// Share of a surface's springs that each side of a pair has: both press.
 const HALF: f64 = 0.5;
 

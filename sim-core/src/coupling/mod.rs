@@ -1,9 +1,10 @@
 //! The grid that bodies and solids are coupled to: its nodes, and what is known of the matter there.
 
-mod near;
+pub(crate) mod near;
 pub(crate) mod nodes;
 mod obstacle;
 pub(crate) mod solids;
+pub(crate) mod sweeps;
 
 use crate::{
     bodies::vector::Vec3,

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use super::{
     CouplingInput,
-    near::near,
+    near::{Watch, near},
     obstacle::{FacedBlock, Obstacle, RigidObstacle},
 };
 use crate::{
@@ -66,13 +66,15 @@ pub(crate) fn couple_bodies_to_grid(
     grid: &mut Grid,
     bodies: &[CoupledBody<'_>],
     input: &CouplingInput<'_>,
+    watches: &mut [Watch],
 ) -> Coupled {
     let mut coupling = Coupling {
         movers: bodies.iter().map(|b| mover(b, input)).collect(),
         ..Coupling::default()
     };
     for n in 0..bodies.len() {
-        coupling.find_points(grid, bodies, n, input);
+        let watch = &mut watches[bodies[n].object];
+        coupling.find_points(grid, bodies, n, input, watch);
     }
     let mut coupled = Coupled {
         loads: vec![([0.0; 3], [0.0; 3]); bodies.len()],
@@ -109,6 +111,7 @@ impl Coupling {
         bodies: &[CoupledBody<'_>],
         n: usize,
         input: &CouplingInput<'_>,
+        watch: &mut Watch,
     ) {
         let (coupled, moves) = (&bodies[n], self.movers[n]);
         let speed = length(moves.velocity) + length(moves.spin) * coupled.shape.radius;
@@ -117,7 +120,7 @@ impl Coupling {
             body: coupled.body,
             moves,
         };
-        let told = near(input, grid, &obstacle, speed);
+        let told = near(input, grid, &obstacle, speed, watch);
         for (block, nodes) in grid.nodes.iter().enumerate() {
             let meeting = BodyBlock {
                 faced: FacedBlock {
@@ -272,8 +275,8 @@ impl BodyBlock<'_> {
             return Some((normal, target));
         }
         let x = self.faced.place(self.faced.index(at));
-        let (_, normal) = self.faced.obstacle.towards(x, self.thicker())?;
-        Some((normal, 0.0))
+        let seen = self.faced.obstacle.towards(x, self.thicker(), None).ok()?;
+        Some((seen.normal, 0.0))
     }
 }
 

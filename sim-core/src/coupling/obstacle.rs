@@ -6,12 +6,14 @@ use crate::{
         body::Body,
         shape::Shape,
         solve::Mover,
-        vector::{Vec3, add, sub},
+        vector::{Vec3, add, length, sub},
     },
     colliders::edge,
     grid::{Grid, NODES, NodeBlock, place_of},
-    mat3::{cross, dot},
+    mat3::{Mat3, cross, dot},
     rotation::rotate,
+    simd::LANES,
+    solid::{inverse::Known, outline::Unseen},
 };
 
 /// Gap up to which nodes count that would not close it by themselves [cells]: what others push may.
@@ -22,8 +24,16 @@ const SAME_SIDE: f64 = 0.5;
 /// between them creeps in: by up to a third of that share of a cell per substep where a block floats.
 const RECOVERY: f64 = 1e-3;
 
-/// Signed distance from a surface, negative inside [m], and its unit normal outwards.
-pub(super) type Towards = (f64, Vec3);
+/// A surface as seen from a place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Towards {
+    /// Signed distance, negative inside [m].
+    pub distance: f64,
+    /// Unit normal outwards.
+    pub normal: Vec3,
+    /// The place, and what is there of the obstacle at rest [m].
+    pub known: Known,
+}
 
 /// A surface as a node meets it.
 #[derive(Clone, Copy, Debug)]
@@ -35,20 +45,14 @@ pub(super) struct Facing<P> {
     pub place: P,
 }
 
-/// The nearest of the particles that reach a node.
+/// A particle near an obstacle.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct GapSample {
-    /// Between its surface and that of the obstacle, negative where they overlap [m]; infinite where there is none.
+pub(super) struct NearParticle {
+    /// From the first node of its block [cells].
+    pub inner: Vec3,
+    /// The surface as seen from it, and the gap between its own and that, negative where they overlap [m].
+    pub towards: Towards,
     pub gap: f64,
-    /// Normal out of the obstacle there.
-    pub normal: Vec3,
-}
-
-impl GapSample {
-    pub const NONE: Self = Self {
-        gap: f64::INFINITY,
-        normal: [0.0; 3],
-    };
 }
 
 /// What matter on the grid meets.
@@ -57,10 +61,16 @@ pub(super) trait Obstacle: Sync {
     type Place: Copy;
     /// Centre and radius of a ball that holds it [m].
     fn ball(&self) -> (Vec3, f64);
-    /// Where its surface is from a place [m]; none where it is farther than `most` [m].
-    fn towards(&self, x: Vec3, most: f64) -> Option<Towards>;
+    /// How far places near each other are from its surface at least, those within `most` of it one by one [m]; and a place of that near
+    /// them, if one is known.
+    fn around(&self, places: &[Vec3; LANES], most: f64, beyond: &mut [f64; LANES])
+    -> Option<Known>;
+    /// Whether a place is outside for sure [m].
+    fn is_outside(&self, x: Vec3) -> bool;
+    /// Its surface as seen from a place [m] that is not farther from it than `most` [m]; `known` is another place nearby.
+    fn towards(&self, x: Vec3, most: f64, known: Option<Known>) -> Result<Towards, Unseen>;
     /// The surface as a node at a place [m] meets it; none where it is far.
-    fn facing(&self, x: Vec3) -> Option<Facing<Self::Place>>;
+    fn facing(&self, x: Vec3, known: Known) -> Option<Facing<Self::Place>>;
 }
 
 /// A rigid body, with the velocity that it will have.
@@ -77,17 +87,39 @@ impl Obstacle for RigidObstacle<'_> {
         (self.body.com, self.shape.radius)
     }
 
-    fn towards(&self, x: Vec3, most: f64) -> Option<Towards> {
-        let local = self.body.inverse_point(x);
-        let distance = self.shape.distance(local);
-        let normal = || rotate(self.body.rotation, self.shape.normal(local));
-        (distance <= most).then(|| (distance, normal()))
+    fn around(&self, places: &[Vec3; LANES], _: f64, beyond: &mut [f64; LANES]) -> Option<Known> {
+        let from = self.shape.distance(self.body.inverse_point(places[0]));
+        for (beyond, x) in beyond.iter_mut().zip(places) {
+            *beyond = from - length(sub(*x, places[0]));
+        }
+        None
     }
 
-    fn facing(&self, x: Vec3) -> Option<Facing<()>> {
+    fn is_outside(&self, x: Vec3) -> bool {
+        self.shape.distance(self.body.inverse_point(x)) > 0.0
+    }
+
+    fn towards(&self, x: Vec3, most: f64, _: Option<Known>) -> Result<Towards, Unseen> {
+        let local = self.body.inverse_point(x);
+        let distance = self.shape.distance(local);
+        if distance > most {
+            return Err(Unseen::Beyond(distance));
+        }
+        Ok(Towards {
+            distance,
+            normal: rotate(self.body.rotation, self.shape.normal(local)),
+            known: Known {
+                now: x,
+                rest: local,
+                back: Mat3::identity(),
+            },
+        })
+    }
+
+    fn facing(&self, x: Vec3, known: Known) -> Option<Facing<()>> {
         let turns = cross(self.moves.spin, sub(x, self.body.com));
         Some(Facing {
-            towards: self.towards(x, f64::INFINITY)?,
+            towards: self.towards(x, f64::INFINITY, Some(known)).ok()?,
             velocity: add(self.moves.velocity, turns),
             place: (),
         })
@@ -100,8 +132,8 @@ pub(super) struct FacedBlock<'a, O> {
     pub input: &'a CouplingInput<'a>,
     pub obstacle: &'a O,
     pub nodes: &'a NodeBlock,
-    /// What particles may touch the obstacle, if any.
-    pub nearest: Option<&'a [GapSample; NODES]>,
+    /// Per node the nearest of the particles that may touch the obstacle, if any does.
+    pub nearest: Option<[Option<&'a NearParticle>; NODES]>,
 }
 
 impl<O: Obstacle> FacedBlock<'_, O> {
@@ -119,15 +151,15 @@ impl<O: Obstacle> FacedBlock<'_, O> {
     /// relative to the obstacle, with what tells of the place.
     pub fn closing(&self, at: usize, velocity: Vec3) -> Option<(Vec3, f64, O::Place)> {
         let input = self.input;
-        let nearest = self.nearest?[at];
-        if nearest.gap == f64::INFINITY {
-            return None;
-        }
-        let own = self.obstacle.facing(self.place(self.index(at)))?;
+        let nearest = self.nearest?[at]?;
+        let place = self.place(self.index(at));
+        let own = self.obstacle.facing(place, nearest.towards.known)?;
         // That of the surface near the node, if it is on the side of the particle.
-        let normal = match dot(own.towards.1, nearest.normal) > SAME_SIDE {
-            true => own.towards.1,
-            false => nearest.normal,
+        let [here, there] = [own.towards.normal, nearest.towards.normal];
+        let normal = if dot(here, there) > SAME_SIDE {
+            here
+        } else {
+            there
         };
         let way = input.dt * dot(sub(velocity, own.velocity), normal);
         // What is on its way since it came to the grid is farther than where it was.
@@ -138,7 +170,7 @@ impl<O: Obstacle> FacedBlock<'_, O> {
         }
         let keeps_shape = input.fields.reconstructs_surface[self.nodes.field as usize];
         if keeps_shape && gap + way < 0.0 {
-            gap = input.dx * edge::gap(gap / input.dx, self.edge(at));
+            gap = input.dx * edge::gap(gap / input.dx, self.edge(at, nearest.towards.known));
         }
         let way_out = match keeps_shape {
             true => 0.0,
@@ -148,11 +180,13 @@ impl<O: Obstacle> FacedBlock<'_, O> {
     }
 
     /// Gap in front of a node by where masses say that matter ends [cells].
-    fn edge(&self, at: usize) -> f64 {
+    fn edge(&self, at: usize, known: Known) -> f64 {
         let surface = |index: [i32; 3]| {
-            let found = self.obstacle.towards(self.place(index), f64::INFINITY);
-            let (distance, normal) = found.unwrap_or((f64::INFINITY, [0.0; 3]));
-            (distance / self.input.dx, normal)
+            let place = self.place(index);
+            match self.obstacle.towards(place, f64::INFINITY, Some(known)) {
+                Ok(found) => (found.distance / self.input.dx, found.normal),
+                Err(_) => (f64::INFINITY, [0.0; 3]),
+            }
         };
         edge::edge(self.index(at), surface, |index| {
             matter(self.grid, self.input.anchors, self.nodes.field, index)

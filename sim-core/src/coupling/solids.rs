@@ -3,25 +3,25 @@
 //! A node of the grid meets a solid as it meets a rigid body. What it gives acts on the solid at the node's place, on the solid's
 //! nodes around the material point there, through all of the substep.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, ops::Range, sync::OnceLock};
 
 use super::{
     CouplingInput,
-    near::near,
+    near::{ClosestParticles, Watch, near},
     obstacle::{FacedBlock, Facing, Obstacle, Towards},
+    sweeps::{Bearer, Contacts, MetNode, NodeContact, WarmStart},
 };
 use crate::{
     bodies::vector::{Vec3, add, along, length, scaled, sub},
-    grid::{Grid, NODES},
+    grid::{Grid, NODES, place_of},
     ledger::Received,
-    mat3::dot,
-    solid::inverse::{LocalInverse, SeenSurface},
+    simd::{Isa, LANES},
+    solid::{
+        inverse::{Known, SeenSurface},
+        outline::{Outline, Unseen},
+    },
 };
 
-/// Sweeps over all nodes at most.
-const SWEEPS: usize = 30;
-/// Sweeps end when no impulse changes by more than this part of the largest.
-const DONE: f64 = 1e-3;
 /// Share of the latest substep in what nodes of a solid are expected to do. What is at rest needs the mean alone. With all of the latest,
 /// impulses answered stress that had gone, and what met at a third of the speed of sound came away with up to 2.3 times its energy.
 const FRESH: f64 = 0.1;
@@ -29,9 +29,8 @@ const FRESH: f64 = 0.1;
 /// A solid among nodes of the grid.
 pub(crate) struct CoupledSolid<'a> {
     pub object: usize,
-    pub inverse: LocalInverse<'a>,
-    /// Box around its surface [m], and the largest speed of it [m/s].
-    pub bounds: [Vec3; 2],
+    pub outline: Outline<'a>,
+    /// Largest speed of its surface [m/s].
     pub speed: f64,
     /// [m/s^2]
     pub gravity: Vec3,
@@ -39,36 +38,57 @@ pub(crate) struct CoupledSolid<'a> {
     pub dt: f64,
     /// Nodes that nothing moves, ascending.
     pub held: Vec<usize>,
+    /// How its nodes answer, once that was asked for.
+    pub answers: OnceLock<Answers>,
 }
 
 impl Obstacle for CoupledSolid<'_> {
     type Place = SeenSurface;
 
     fn ball(&self) -> (Vec3, f64) {
-        let [min, max] = self.bounds;
+        let [min, max] = self.outline.bounds();
         let half = scaled(sub(max, min), 0.5);
         (add(min, half), length(half))
     }
 
-    fn towards(&self, x: Vec3, most: f64) -> Option<Towards> {
-        let [min, max] = self.bounds;
-        if (0..3).any(|a| x[a] < min[a] - most || x[a] > max[a] + most) {
-            return None;
-        }
-        let found = match most < f64::INFINITY {
-            true => self.inverse.surface_within(x, most),
-            false => self.inverse.surface(x),
-        };
-        found.map(|found| (found.distance, found.normal))
+    fn around(
+        &self,
+        places: &[Vec3; LANES],
+        most: f64,
+        beyond: &mut [f64; LANES],
+    ) -> Option<Known> {
+        self.outline.around(places, most, beyond)
     }
 
-    fn facing(&self, x: Vec3) -> Option<Facing<SeenSurface>> {
-        let seen = self.inverse.surface(x)?;
+    fn is_outside(&self, x: Vec3) -> bool {
+        self.outline.is_outside(x)
+    }
+
+    fn towards(&self, x: Vec3, most: f64, known: Option<Known>) -> Result<Towards, Unseen> {
+        let seen = self.outline.within(x, most, known)?;
+        Ok(towards(x, &seen))
+    }
+
+    fn facing(&self, x: Vec3, known: Known) -> Option<Facing<SeenSurface>> {
+        let inverse = &self.outline.inverse;
+        let seen = inverse.surface(x, Some(known)).ok()?;
         Some(Facing {
-            towards: (seen.distance, seen.normal),
-            velocity: along(seen.velocity(&self.inverse), self.dt, self.gravity),
+            towards: towards(x, &seen),
+            velocity: along(seen.velocity(inverse), self.dt, self.gravity),
             place: seen,
         })
+    }
+}
+
+fn towards(x: Vec3, seen: &SeenSurface) -> Towards {
+    Towards {
+        distance: seen.distance,
+        normal: seen.normal,
+        known: Known {
+            now: x,
+            rest: seen.rest,
+            back: seen.back,
+        },
     }
 }
 
@@ -85,6 +105,15 @@ pub(crate) struct NodeImpulse {
     pub expected: Vec3,
 }
 
+/// How the nodes of a solid answer, by their numbers.
+pub(crate) struct Answers {
+    /// One over its mass [1/kg]; 0 of one that is held.
+    velocity_per_impulse: Vec<f64>,
+    /// Its acceleration by all but matter on the grid, as far as is known: a running mean where that acts on it, and gravity elsewhere
+    /// [m/s^2]. Without it a node at rest on a solid would creep in, by as much as it is pushed per substep.
+    expected: Vec<Vec3>,
+}
+
 /// What came of solids at nodes of the grid.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CoupledSolids {
@@ -96,128 +125,87 @@ pub(crate) struct CoupledSolids {
     pub largest: f32,
 }
 
-/// A node of the grid that meets solids.
-struct MetNode {
-    /// Node block, row and first float of the node.
-    at: [usize; 3],
-    /// [kg]
-    mass: f64,
-    /// Before and now [m/s].
-    velocity: [Vec3; 2],
-}
-
 /// Per node block which of the nodes that meet solids each of its nodes is.
 type KnownSites = BTreeMap<usize, [Option<usize>; NODES]>;
-
-/// A node of the grid against a solid.
-struct NodeContact {
-    site: usize,
-    solid: usize,
-    field: u32,
-    /// Where [m].
-    place: Vec3,
-    normal: Vec3,
-    /// Least normal velocity that is left.
-    target: f64,
-    friction: f64,
-    /// Of the solid there, before [m/s].
-    velocity: Vec3,
-    bears: Vec<Bearer>,
-    inverse_mass: f64,
-    /// On the grid's node [N s].
-    normal_impulse: f64,
-    friction_impulse: Vec3,
-}
-
-/// A node of a solid that bears a point.
-struct Bearer {
-    slot: usize,
-    /// Its share in the motion of the point.
-    share: f64,
-    /// Its velocity per impulse on the point [1/kg].
-    answer: f64,
-}
 
 /// Lets solids and nodes of the grid meet.
 pub(crate) fn couple_solids_to_grid(
     grid: &mut Grid,
     solids: &[CoupledSolid<'_>],
     input: &CouplingInput<'_>,
+    isa: Isa,
+    (warm_start, watches): (&mut WarmStart, &mut [Watch]),
 ) -> CoupledSolids {
-    let (mut sites, mut known, mut contacts) = (vec![], KnownSites::new(), vec![]);
-    for (n, solid) in solids.iter().enumerate() {
-        let sites = (&mut sites, &mut known);
-        find_contacts(grid, solid, n, input, sites, &mut contacts);
+    let (mut contacts, mut known) = (Contacts::default(), KnownSites::new());
+    // Where the nodes of each solid are among those of all that are met.
+    let mut places: Vec<Range<usize>> = vec![];
+    for solid in solids {
+        let (first, before) = (contacts.changes.len(), contacts.all.len());
+        let watch = &mut watches[solid.object];
+        let told = near(input, grid, solid, solid.speed, watch);
+        find_contacts(
+            grid,
+            (solid, &told),
+            first,
+            input,
+            &mut known,
+            &mut contacts,
+        );
+        let count = match contacts.all.len() > before {
+            true => solid.outline.inverse.model.mass.len(),
+            false => 0,
+        };
+        contacts.changes.resize(first + count, [0.0; 3]);
+        places.push(first..first + count);
     }
     let mut coupled = CoupledSolids::default();
-    if contacts.is_empty() {
-        return coupled;
-    }
-    // Velocity changes of nodes of the solids that are met [m/s].
-    let mut changes: Vec<Vec<Vec3>> = vec![vec![]; solids.len()];
-    for contact in &contacts {
-        let (model, changes) = (
-            solids[contact.solid].inverse.model,
-            &mut changes[contact.solid],
-        );
-        changes.resize(model.mass.len(), [0.0; 3]);
-    }
-    for _ in 0..SWEEPS {
-        let (mut changed, mut largest) = (0.0_f64, 0.0_f64);
-        for contact in &mut contacts {
-            changed = changed.max(contact.solve(&mut sites, &mut changes));
-            largest = largest.max(contact.normal_impulse);
-        }
-        if changed <= DONE * largest {
-            break;
-        }
-    }
-    for site in 0..sites.len() {
-        let MetNode { at, mass, velocity } = sites[site];
+    contacts.solve(isa, input.dt, warm_start);
+    for site in 0..contacts.sites.len() {
+        let MetNode { at, mass, velocity } = contacts.sites[site];
         if velocity[0] == velocity[1] {
             continue;
         }
         let (left, speed) = input.give(grid, at, velocity[1]);
         coupled.largest = coupled.largest.max(speed);
         // What rounding takes from the node its first solid gets.
-        if let Some(contact) = contacts.iter().find(|contact| contact.site == site) {
-            contact.push(&mut changes, scaled(left, mass));
+        if let Some(contact) = contacts.all.iter().position(|c| c.site == site) {
+            contacts.push(contact, scaled(left, mass));
         }
     }
-    for contact in contacts.iter().filter(|c| c.normal_impulse > 0.0) {
+    for contact in contacts.all.iter().filter(|c| c.normal_impulse > 0.0) {
         let (normal, impulse) = (
             scaled(contact.normal, -1.0),
             scaled(contact.impulse(), -1.0),
         );
-        let received = Received::at(contact.place, normal, contact.normal_impulse, impulse);
-        let object = solids[contact.solid].object;
-        coupled.received.push((object, contact.field, received));
+        let (object, field, block, at) = contact.pair;
+        let place = place_of(block, at).map(|i| f64::from(i) * input.dx);
+        let received = Received::at(place, normal, contact.normal_impulse, impulse);
+        coupled.received.push((object, field, received));
     }
-    for (solid, changes) in solids.iter().zip(changes) {
-        let moved = changes.into_iter().enumerate();
-        let moved = moved.filter(|(_, change)| *change != [0.0; 3]);
-        let mass = &solid.inverse.model.mass;
+    for (solid, places) in solids.iter().zip(places) {
+        let moved = contacts.changes[places].iter().enumerate();
+        let moved = moved.filter(|(_, change)| **change != [0.0; 3]);
         let impulses = moved.map(|(slot, change)| NodeImpulse {
             slot,
-            impulse: scaled(change, mass[slot]),
-            expected: solid.expected(slot),
+            impulse: scaled(*change, solid.outline.inverse.model.mass[slot]),
+            expected: solid.answers().expected[slot],
         });
         coupled.impulses.push((solid.object, impulses.collect()));
     }
     coupled
 }
 
-/// Finds where nodes meet the solid `n`.
+/// Finds where nodes meet a solid, the first of whose nodes is at a place among those of all solids.
 fn find_contacts(
     grid: &Grid,
-    solid: &CoupledSolid<'_>,
-    n: usize,
+    (solid, told): (&CoupledSolid<'_>, &ClosestParticles),
+    first: usize,
     input: &CouplingInput<'_>,
-    (sites, known): (&mut Vec<MetNode>, &mut KnownSites),
-    contacts: &mut Vec<NodeContact>,
+    known: &mut KnownSites,
+    contacts: &mut Contacts,
 ) {
-    let told = near(input, grid, solid, solid.speed);
-    let mut shares = vec![];
+    let inverse = &solid.outline.inverse;
+    let (model, mut shares) = (inverse.model, vec![]);
     for block in told.blocks() {
         let nodes = &grid.nodes[block];
         let faced = FacedBlock {
@@ -234,7 +222,12 @@ fn find_contacts(
             let Some((normal, target, seen)) = faced.closing(at, velocity) else {
                 continue;
             };
-            let place = faced.place(faced.index(at));
+            let Contacts {
+                sites,
+                all,
+                bearers,
+                ..
+            } = contacts;
             let of_block = known.entry(block).or_insert([None; NODES]);
             let site = *of_block[at].get_or_insert_with(|| {
                 sites.push(MetNode {
@@ -244,22 +237,31 @@ fn find_contacts(
                 });
                 sites.len() - 1
             });
-            let model = solid.inverse.model;
             let about = seen.bears(model);
             shares.resize(model.mass.len(), f32::NAN);
-            let bears = solid.bearers(&model.borne_by(&about, &mut shares));
-            let answers = bears.iter().map(|one| one.share * one.answer);
-            contacts.push(NodeContact {
+            let (from, mut own) = (bearers.len(), inverse.velocity_of(&about));
+            let (mut answers, of_nodes) = (0.0, solid.answers());
+            for (slot, w) in model.borne_by(&about, &mut shares) {
+                let (slot, share) = (slot as usize, f64::from(w));
+                let answer = share * of_nodes.velocity_per_impulse[slot];
+                answers += share * answer;
+                own = along(own, share * solid.dt, of_nodes.expected[slot]);
+                let place = first + slot;
+                bearers.push(Bearer {
+                    place,
+                    share,
+                    answer,
+                });
+            }
+            all.push(NodeContact {
+                pair: (solid.object, nodes.field, nodes.index, at),
                 site,
-                solid: n,
-                field: nodes.field,
-                place,
                 normal,
                 target,
                 friction: (input.friction)(solid.object, nodes.field),
-                velocity: add(solid.inverse.velocity_of(&about), solid.gain(&bears)),
-                inverse_mass: 1.0 / mass + answers.sum::<f64>(),
-                bears,
+                velocity: own,
+                bears: from..bearers.len(),
+                inverse_mass: 1.0 / mass + answers,
                 normal_impulse: 0.0,
                 friction_impulse: [0.0; 3],
             });
@@ -268,93 +270,27 @@ fn find_contacts(
 }
 
 impl CoupledSolid<'_> {
-    /// Nodes with their shares, as they answer.
-    fn bearers(&self, nodes: &[(u32, f32)]) -> Vec<Bearer> {
-        let bearer = |&(slot, w): &(u32, f32)| {
-            let (slot, share) = (slot as usize, f64::from(w));
-            Bearer {
-                slot,
-                share,
-                answer: share * self.velocity_per_impulse(slot),
+    fn answers(&self) -> &Answers {
+        self.answers.get_or_init(|| {
+            let Outline { inverse, .. } = &self.outline;
+            let (state, model) = (inverse.state, inverse.model);
+            let mut velocity_per_impulse: Vec<f64> =
+                model.mass.iter().map(|mass| mass.recip()).collect();
+            for &slot in &self.held {
+                velocity_per_impulse[slot] = 0.0;
             }
-        };
-        nodes.iter().map(bearer).collect()
-    }
-
-    /// Velocity that nodes get in the substep of all but matter on the grid, as far as is known [m/s]. Without it a node at rest on a
-    /// solid would creep in, by as much as it is pushed per substep.
-    fn gain(&self, bears: &[Bearer]) -> Vec3 {
-        let gain =
-            |sum, bearer: &Bearer| along(sum, bearer.share * self.dt, self.expected(bearer.slot));
-        bears.iter().fold([0.0; 3], gain)
-    }
-
-    /// Acceleration of a node by all but matter on the grid [m/s^2]: a running mean where that acts on it, and gravity elsewhere.
-    fn expected(&self, slot: usize) -> Vec3 {
-        let state = self.inverse.state;
-        let known = state
-            .of_matter
-            .binary_search_by_key(&slot, |load| load.slot as usize);
-        let Some(load) = known.ok().filter(|_| state.span > 0.0) else {
-            return self.gravity;
-        };
-        let load = &state.of_matter[load];
-        let now = state.velocity_of(self.inverse.model, slot);
-        let all = scaled(sub(now, load.before), 1.0 / state.span);
-        let own = along(all, -self.velocity_per_impulse(slot), load.force);
-        along(load.expected, FRESH, sub(own, load.expected))
-    }
-
-    /// One over the mass of a node [1/kg]; 0 of one that is held.
-    fn velocity_per_impulse(&self, slot: usize) -> f64 {
-        match self.held.binary_search(&slot) {
-            Ok(_) => 0.0,
-            Err(_) => self.inverse.model.mass[slot].recip(),
-        }
-    }
-}
-
-impl NodeContact {
-    /// On the grid's node, so far [N s].
-    fn impulse(&self) -> Vec3 {
-        along(self.friction_impulse, self.normal_impulse, self.normal)
-    }
-
-    /// Makes its impulse such that velocities are as they may be; returns the size of the change [N s].
-    fn solve(&mut self, sites: &mut [MetNode], changes: &mut [Vec<Vec3>]) -> f64 {
-        let (mut other, known) = (self.velocity, &changes[self.solid]);
-        for bearer in &self.bears {
-            other = along(other, bearer.share, known[bearer.slot]);
-        }
-        let u = sub(sites[self.site].velocity[1], other);
-        let speed = dot(u, self.normal);
-        let change = (self.target - speed) / self.inverse_mass;
-        let change = change.max(-self.normal_impulse);
-        self.normal_impulse += change;
-        let tangent = along(u, -speed, self.normal);
-        let mut friction = along(self.friction_impulse, -1.0 / self.inverse_mass, tangent);
-        let most = self.friction * self.normal_impulse;
-        let size = length(friction);
-        if size > most {
-            friction = scaled(friction, most / size);
-        }
-        let given = along(sub(friction, self.friction_impulse), change, self.normal);
-        if given == [0.0; 3] {
-            return 0.0;
-        }
-        self.friction_impulse = friction;
-        let site = &mut sites[self.site];
-        site.velocity[1] = along(site.velocity[1], 1.0 / site.mass, given);
-        self.push(changes, scaled(given, -1.0));
-        length(given)
-    }
-
-    /// Gives the solid an impulse [N s].
-    fn push(&self, changes: &mut [Vec<Vec3>], impulse: Vec3) {
-        let changes = &mut changes[self.solid];
-        for bearer in &self.bears {
-            let change = &mut changes[bearer.slot];
-            *change = along(*change, bearer.answer, impulse);
-        }
+            let mut expected = vec![self.gravity; model.mass.len()];
+            for load in state.of_matter.iter().filter(|_| state.span > 0.0) {
+                let slot = load.slot as usize;
+                let now = state.velocity_of(model, slot);
+                let all = scaled(sub(now, load.before), 1.0 / state.span);
+                let own = along(all, -velocity_per_impulse[slot], load.force);
+                expected[slot] = along(load.expected, FRESH, sub(own, load.expected));
+            }
+            Answers {
+                velocity_per_impulse,
+                expected,
+            }
+        })
     }
 }

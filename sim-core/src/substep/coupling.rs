@@ -1,24 +1,19 @@
 //! Matter on the grid against what is off it: rigid bodies and solids.
 
-use super::{
-    rigid::drive,
-    solids::{held_nodes, known_in_frame},
-    springs::pull_on_body,
-};
+use std::sync::OnceLock;
+
+use super::{rigid::drive, solids::held_nodes, springs::pull_on_body};
 use crate::{
     colliders::Substep,
     coupling::{
         CouplingInput, Fields,
+        near::Watch,
         nodes::{Coupled, CoupledBody, couple_bodies_to_grid},
         solids::{CoupledSolid, CoupledSolids, couple_solids_to_grid},
     },
     episodes::Episodes,
     grid::{FieldPass, anchors::Anchors},
-    solid::{
-        advance::Scratch,
-        inverse::{LocalInverse, Start},
-        state::SolidState,
-    },
+    solid::{advance::Scratch, inverse::LocalInverse, outline::Outline, state::SolidState},
     state::{Given, GridMotion, Matter, RigidBodies, Workspace},
 };
 
@@ -103,11 +98,21 @@ pub(super) fn couple(
         friction: &friction,
         bonded: &|object, field| !single && object == field as usize,
     };
-    let of_bodies = couple_bodies_to_grid(&mut workspace.grid, &coupled, &input);
-    let scratch = &mut workspace.solids;
+    let Workspace {
+        grid,
+        solids: scratch,
+        at_solids,
+        watches,
+        ..
+    } = workspace;
+    watches.resize_with(scene.objects.len(), Watch::default);
+    let of_bodies = couple_bodies_to_grid(grid, &coupled, &input, watches);
     scratch.resize_with(off_grid.solids.len(), || None);
+    if now.time == now.frame_start {
+        at_solids.clear();
+    }
     let solids = solids_at_nodes(given, now, off_grid.solids, scratch);
-    let of_solids = couple_solids_to_grid(&mut workspace.grid, &solids, &input);
+    let of_solids = couple_solids_to_grid(grid, &solids, &input, model.isa, (at_solids, watches));
     (of_bodies, of_solids)
 }
 
@@ -122,28 +127,26 @@ fn solids_at_nodes<'a>(
     let all = all.filter(|(id, _)| given.is_moving_solid(*id));
     let solids = all.filter_map(|(id, (state, scratch))| {
         let (solid, state) = (given.model.lagrangian[id].as_ref()?, state.as_ref()?);
-        let mut known = known_in_frame(now, scratch);
-        let (bounds, speed) = (solid.surface).reach(&solid.grid, state, known.as_deref_mut());
-        let start = match known {
-            Some(known) => known.search.start(&solid.grid, state),
-            None => Start::of(&solid.grid, state),
-        };
         let scratch = scratch.get_or_insert_with(|| Scratch::new(&solid.grid));
+        if now.time == now.frame_start {
+            scratch.search.restart();
+        }
         scratch.tiles.look_at(&state.nodes);
+        let (_, speed) = (solid.surface).reach(&solid.grid, state, Some(scratch));
+        let start = scratch.search.start(&solid.grid, state);
         let (held, _) = held_nodes(given, id, (solid, state), now);
+        let rows = &scratch.tiles.rows;
+        let depth = solid.depth.as_ref()?;
+        let inverse = LocalInverse::new((&solid.grid, state), rows, depth, start);
+        let known = (&solid.surface, &scratch.search);
         Some(CoupledSolid {
             object: id,
-            inverse: LocalInverse::new(
-                (&solid.grid, state),
-                &scratch.tiles.rows,
-                solid.depth.as_ref()?,
-                start,
-            ),
-            bounds,
+            outline: Outline::new(inverse, known, given.model.isa),
             speed,
             gravity: given.commanded.gravity,
             dt: now.dt,
             held,
+            answers: OnceLock::new(),
         })
     });
     solids.collect()

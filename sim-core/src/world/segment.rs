@@ -4,6 +4,7 @@ use super::{World, frame::Frame};
 use crate::{
     bodies::{body::Body, engine::CachedImpulse},
     colliders::Substep,
+    coupling::near::Watch,
     kinematics::kick,
     ledger::Ledger,
     particles::Extremes,
@@ -119,6 +120,7 @@ impl World {
             self.sort(frame);
         }
         let start = self.start(frame);
+        self.workspace.watches.iter_mut().for_each(Watch::restart);
         let mut segment = self.begin_segment(frame);
         let matter = &self.state.matter;
         let mut at = segment.first(&self.given(), matter, &self.state.motion, frame.remaining);
@@ -279,6 +281,7 @@ impl World {
         for scratch in self.workspace.solids.iter_mut().flatten() {
             scratch.search.restart();
         }
+        self.workspace.at_solids.clear();
         state.bodies.warm_start.clone_from(&to.warm_start);
         state.bodies.ledger.clone_from(&to.ledger);
         self.workspace.backup.restore(&mut state.matter.particles);
