@@ -125,7 +125,7 @@ pub(super) fn near<O: Obstacle>(
     watch
         .blocks
         .resize_with(particles.blocks.len(), WatchedBlock::default);
-    let look = Look {
+    let search = CandidateSearch {
         particles,
         cells_per_mass: input.fields.cells_per_mass,
         obstacle,
@@ -135,7 +135,7 @@ pub(super) fn near<O: Obstacle>(
     };
     let blocks = particles.blocks.par_iter().zip(&grid.nodes_of);
     let of_block = |((block, nodes_of), watched): (_, &mut WatchedBlock)| {
-        let found = look.block(block, watched);
+        let found = search.block(block, watched);
         (!found.is_empty()).then_some((found, nodes_of))
     };
     let blocks = blocks.zip(&mut watch.blocks).filter_map(of_block);
@@ -172,8 +172,8 @@ pub(super) fn near<O: Obstacle>(
     closest
 }
 
-/// A look for the particles that may touch an obstacle.
-struct Look<'a, O> {
+/// A search for the particles that may touch an obstacle.
+struct CandidateSearch<'a, O> {
     particles: &'a Particles,
     cells_per_mass: &'a [f64],
     obstacle: &'a O,
@@ -184,7 +184,7 @@ struct Look<'a, O> {
     ways: [f64; 2],
 }
 
-impl<O: Obstacle> Look<'_, O> {
+impl<O: Obstacle> CandidateSearch<'_, O> {
     /// Whether what waits until a way [m] need not be looked at.
     fn waits(&self, until: f64) -> bool {
         until > self.ways[0] + self.most
@@ -448,7 +448,7 @@ mod tests {
                 }
             }
             watch.go_on(dt, speed, fastest);
-            let look = Look {
+            let search = CandidateSearch {
                 particles: &particles,
                 cells_per_mass: &[0.125],
                 obstacle: &obstacle,
@@ -461,8 +461,8 @@ mod tests {
             };
             let block = &particles.blocks[0];
             let before = watch.blocks[0].clone();
-            let known = places(look.block(block, &mut watch.blocks[0]));
-            let anew = places(look.block(block, &mut WatchedBlock::default()));
+            let known = places(search.block(block, &mut watch.blocks[0]));
+            let anew = places(search.block(block, &mut WatchedBlock::default()));
             assert_eq!(known, anew, "{substep}");
             touched += anew.len();
             let all = before.groups.iter().zip(&watch.blocks[0].groups);

@@ -158,10 +158,23 @@ pub fn substep(
     tiles: &mut Tiles,
     step: &Step,
 ) -> Extremes {
-    let rate = match step.knows_forces {
-        true => 0.0,
-        false => find_forces(isa, (model, laws), (nodes, memory), tiles, step),
-    };
+    let mut rate = 0.0;
+    if !step.knows_forces {
+        let before = &*nodes;
+        let answers = tiles.forces.par_chunks_mut(TASK);
+        let answers = answers.zip(tiles.tangents.par_chunks_mut(TASK));
+        let tasks = answers.zip(memory.par_chunks_mut(TASK)).enumerate();
+        let of_points = tasks.map(|(n, ((forces, tangents), memory))| {
+            let task = Task {
+                model,
+                first: n * TASK,
+                laws,
+                nodes: before,
+            };
+            forces_with_isa(isa, &task, step, (forces, tangents), memory)
+        });
+        rate = of_points.reduce(|| 0.0, f32::max);
+    }
     if step.wants_extremes {
         sum_tangents(isa, model, tiles);
     }
@@ -194,29 +207,6 @@ pub fn substep(
         rate,
         bad: speeds.iter().any(|speed| !speed.is_finite()),
     }
-}
-
-/// Forces of points at the present displacements; the largest gradient of the velocity, where there is viscosity or it is asked for [1/s].
-fn find_forces(
-    isa: Isa,
-    (model, laws): (&SolidModel, &[SolidLaw]),
-    (nodes, memory): (&[NodeBlock], &mut [BlockMemory]),
-    tiles: &mut Tiles,
-    step: &Step,
-) -> f32 {
-    let answers = tiles.forces.par_chunks_mut(TASK);
-    let answers = answers.zip(tiles.tangents.par_chunks_mut(TASK));
-    let tasks = answers.zip(memory.par_chunks_mut(TASK)).enumerate();
-    let of_points = tasks.map(|(n, ((forces, tangents), memory))| {
-        let task = Task {
-            model,
-            first: n * TASK,
-            laws,
-            nodes,
-        };
-        forces_with_isa(isa, &task, step, (forces, tangents), memory)
-    });
-    of_points.reduce(|| 0.0, f32::max)
 }
 
 /// Sums tangents about nodes. What follows others is no motion of its own: a corner of matter that is crushed makes those faster that move
@@ -365,11 +355,6 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    #[inline(always)]
-    fn rule<V: Lanes>(&self) -> Rule<V> {
-        Rule::new(&self.model.lattice.axes())
-    }
-
     /// Nodes of its block `n`, and what that is made of.
     #[inline(always)]
     fn block(&self, n: usize) -> ([&NodeBlock; 8], impl Iterator<Item = Matter<'_>>) {
@@ -412,7 +397,7 @@ fn forces<V: Flowing>(
     (tiles, tangents): (&mut [Tile], &mut [TangentTile]),
     memory: &mut [BlockMemory],
 ) -> f32 {
-    let (mut scratch, rule) = (Scratch::EMPTY, task.rule::<V>());
+    let (mut scratch, rule) = (Scratch::EMPTY, Rule::<V>::new(&task.model.lattice.axes()));
     let mut rate = 0.0_f32;
     let answers = tiles.iter_mut().zip(tangents).zip(memory);
     for (n, ((tile, tangents), memory)) in answers.enumerate() {
@@ -476,7 +461,7 @@ on_isa! {
 /// Elastic energy of some blocks [Pa cells^3].
 #[inline(always)]
 fn energy<V: Lanes>(task: &Task<'_>, memory: &[BlockMemory]) -> f64 {
-    let (mut scratch, rule) = (Scratch::EMPTY, task.rule::<V>());
+    let (mut scratch, rule) = (Scratch::EMPTY, Rule::<V>::new(&task.model.lattice.axes()));
     let mut sum = 0.0;
     for (n, memory) in memory.iter().enumerate() {
         let (nodes, matter) = task.block(n);
