@@ -36,15 +36,16 @@ pub enum Unseen {
 }
 
 impl<'a> Outline<'a> {
-    /// Of a solid, its surface and what is known of where that is.
+    /// Of a solid, its surface, what is known of where that is, and a box that it is in [m].
     pub fn new(
         inverse: LocalInverse<'a>,
         (surface, search): (&'a ContactSurface, &'a Search),
+        bounds: Bounds,
         isa: Isa,
     ) -> Self {
         Self {
             boxes: Boxes::of(search.grown()),
-            bounds: search.bounds(inverse.state),
+            bounds,
             inverse,
             surface,
             search,

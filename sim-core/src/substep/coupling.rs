@@ -132,7 +132,7 @@ fn solids_at_nodes<'a>(
             scratch.search.restart();
         }
         scratch.tiles.look_at(&state.nodes);
-        let (_, speed) = (solid.surface).reach(&solid.grid, state, Some(scratch));
+        let (bounds, speed) = (solid.surface).reach(&solid.grid, state, Some(scratch));
         let start = scratch.search.start(&solid.grid, state);
         let (held, _) = held_nodes(given, id, (solid, state), now);
         let rows = &scratch.tiles.rows;
@@ -141,7 +141,7 @@ fn solids_at_nodes<'a>(
         let known = (&solid.surface, &scratch.search);
         Some(CoupledSolid {
             object: id,
-            outline: Outline::new(inverse, known, given.model.isa),
+            outline: Outline::new(inverse, known, bounds, given.model.isa),
             speed,
             gravity: given.commanded.gravity,
             dt: now.dt,

@@ -90,10 +90,7 @@ pub(crate) fn move_solids(
 }
 
 /// What a solid knows of its surroundings since the frame began; nothing where it begins.
-pub(super) fn known_in_frame<'a>(
-    span: &Substep,
-    scratch: &'a mut Option<Scratch>,
-) -> Option<&'a mut Scratch> {
+fn known_in_frame<'a>(span: &Substep, scratch: &'a mut Option<Scratch>) -> Option<&'a mut Scratch> {
     let begins = span.time == span.frame_start;
     scratch.as_mut().filter(|_| !begins)
 }
