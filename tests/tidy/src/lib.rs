@@ -1,18 +1,22 @@
 //! House rules that a machine can check: dependency direction, licences, file headers and sizes, dead code, documents.
+//! A crate of its own, so that a changed word is checked in seconds: `cargo test -p cosplat-tidy`.
+
+#![cfg(test)]
 
 mod dependencies;
 mod docs;
 mod edges;
 mod layers;
+mod modules;
 mod sources;
-mod wire;
 mod words;
 
 use std::path::{Path, PathBuf};
 
 /// Root of the checkout.
 fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+    let of_crate = Path::new(env!("CARGO_MANIFEST_DIR"));
+    of_crate.ancestors().nth(2).expect("two folders above")
 }
 
 /// Files below `folder` that `keep` accepts, sorted; build outputs and hidden folders are not entered.

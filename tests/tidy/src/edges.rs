@@ -105,6 +105,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "cosplat-physgaussian",
         ],
     ),
+    ("tests/tidy", &[]),
 ];
 
 /// Crates that only these members may name: transport and file formats stay out of the solver, the solver out of the clients.
@@ -123,9 +124,18 @@ const FENCED: &[(&str, &[&str])] = &[
             "clients/controller",
             "importers/physgaussian",
             "bench",
+            "tests/tidy",
         ],
     ),
 ];
+
+/// Folders of the crates of the workspace.
+pub(crate) fn members() -> Vec<String> {
+    ALLOWED
+        .iter()
+        .map(|(member, _)| (*member).to_owned())
+        .collect()
+}
 
 fn manifest(member: &str) -> toml::Table {
     let path = root().join(member).join("Cargo.toml");
