@@ -15,7 +15,7 @@ use anyhow::bail;
 
 use case::{Group, Runs, Size};
 
-use crate::{page, progress};
+use crate::{machine::Run, page, progress};
 use cosplat_console::say;
 
 /// Run cases with a known answer and hold the results against it.
@@ -81,6 +81,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let is_chosen =
         |group: &&Group| args.cases.is_empty() || args.cases.iter().any(|wanted| group.is(wanted));
     let chosen: Vec<&Group> = cases::ALL.iter().filter(is_chosen).collect();
+    let here = Run::here();
     let bar = progress::bar("cases", chosen.len() as u64);
     let mut results = Vec::new();
     for group in chosen {
@@ -110,7 +111,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(folder) = &args.write {
         page::put(
             &folder.join(report::PAGE),
-            &[(report::PART, report::table(&results))],
+            &[(
+                report::PART,
+                format!(
+                    "{}\n\n{}",
+                    here.caption("threads as scenes choose"),
+                    report::table(&results)
+                ),
+            )],
         )?;
         report::write_rows(&folder.join(report::ROWS), &results)?;
     }

@@ -9,6 +9,7 @@ mod edges;
 mod layers;
 mod modules;
 mod sources;
+mod statements;
 mod words;
 
 use std::path::{Path, PathBuf};

@@ -259,10 +259,13 @@ pub fn manufactured_cube(size: Size) -> Vec<Case> {
         (1.0 / cells, trial)
     };
     let worst = |run: &Outcome| Ok(largest(&run.series("/probes/interior/rms")) / AMPLITUDE);
-    let stored = |claim, quantity: String, (_, trial): (f64, Trial)| {
+    // What was measured with 8 cells, and a quarter more, at the order that the order's own row asks for.
+    let coarse = "measured with 8 cells and a quarter more, at order 1.8";
+    let bounded = |claim, quantity: String, with_8: f64, (dx, trial): (f64, Trial)| {
+        let gate = 1.25 * with_8 * (8.0 * dx).powf(1.8);
         Case::new(claim, quantity, &trial, worst)
-            .against(0.0, "exact; stored, gated only by the amplitude")
-            .within(Gate::AtMost(1.0))
+            .against(0.0, coarse)
+            .within(Gate::AtMost(gate))
     };
     let order = |claim, sizes: [(f64, Trial); 2]| {
         Case::order(claim, claim, sizes, worst)
@@ -273,9 +276,10 @@ pub fn manufactured_cube(size: Size) -> Vec<Case> {
     for &cells in walled {
         let quantity =
             format!("largest interior rms error within a period over the amplitude, {cells} cells");
-        cases.push(stored(
+        cases.push(bounded(
             "interior error within a period over the amplitude",
             quantity,
+            0.1625,
             between_walls(cells),
         ));
     }
@@ -286,9 +290,10 @@ pub fn manufactured_cube(size: Size) -> Vec<Case> {
     ));
     for cells in open {
         let quantity = format!("the same without walls within 3 ms, {cells} cells");
-        cases.push(stored(
+        cases.push(bounded(
             "the same without walls within 3 ms",
             quantity,
+            0.01444,
             without_walls(cells),
         ));
     }
