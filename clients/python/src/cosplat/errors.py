@@ -34,6 +34,10 @@ class OtherTransport(CosplatError):
     """The server uses another release of iceoryx2."""
 
 
+class OtherProcess(CosplatError, RuntimeError):
+    """A forked child used what its parent is attached to: connect in the child."""
+
+
 class TimedOut(CosplatError, TimeoutError):
     """Something did not come in time."""
 

@@ -33,15 +33,18 @@ class LaunchedSession(Session):
         self.process = process
         """The server."""
         self._words = words
+        self._launcher = os.getpid()
 
     def close(self) -> None:
-        """Stops the server and leaves the session. Frames and scenes that are held stay as they are."""
-        if self.process.poll() is None:
+        """Stops the server and leaves the session; a forked child only forgets it. What is held stays as it is."""
+        is_ours = os.getpid() == self._launcher
+        if is_ours and self.process.poll() is None:
             with contextlib.suppress(CosplatError, ValueError):
                 self.send(Stop(), timeout=1.0)
         super().close()
-        _end(self.process)
-        self._words.close()
+        if is_ours:
+            _end(self.process)
+            self._words.close()
 
 
 def launch(

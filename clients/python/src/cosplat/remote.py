@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import json
 import socket
+import threading
 from collections.abc import Iterator
 from typing import Any, NoReturn, Self
 
@@ -27,6 +28,7 @@ from .errors import (
 from .orders import Ack, Order
 from .scene import Scene
 from .session import Session, check_version
+from .transport import Belonging
 from .wire import GaussianRest, Hello, ObjectInfo, SceneHeader
 
 _RAISED = {
@@ -53,6 +55,8 @@ class Remote:
         except OSError as error:
             raise NoServer(f"no gateway at {address}:{port}: {error}") from None
         self._answers = self._socket.makefile("rb")
+        # Threads ask one after the other.
+        self._lock = Belonging(threading.RLock())
 
     def send(self, *orders: Order) -> list[Ack]:
         """Sends 1 to 32 orders and waits for their answers.
@@ -102,8 +106,9 @@ class Remote:
     def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
         text = json.dumps(request, default=lambda value: value.tolist())
         try:
-            self._socket.sendall(text.encode() + b"\n")
-            line = self._answers.readline()
+            with self._lock.native:
+                self._socket.sendall(text.encode() + b"\n")
+                line = self._answers.readline()
         except OSError as error:
             raise Unanswered(f"no answer from the gateway: {error}") from None
         if not line.endswith(b"\n"):

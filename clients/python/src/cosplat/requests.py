@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -35,10 +36,12 @@ class RequestPort:
             lambda node, name: transport.requests(node, name, wire.Command, header, wire.Ack, answer_header), stream
         )
         self._port = transport.sender(self._service, wire.MAX_COMMANDS)
-        self._listener = session.open(transport.event, stream).listener_builder().create()
+        self._listener = transport.Listener(session.open(transport.event, stream))
         # One event wakes the server for requests of all kinds.
-        self._notifier = session.open(transport.event, "command").notifier_builder().create()
+        self._notifier = transport.notifier(session.open(transport.event, "command"))
         self._sequence = 0
+        # Several threads may send; one request is made at a time, and answers are waited for side by side.
+        self._lock = transport.Belonging(threading.RLock())
 
     def submit(self, orders: tuple[Order, ...], head: bytes, timeout: float | None) -> Sent:
         """Sends orders under a header, waiting up to `timeout` [s] (5 without) for a place in the server's queue.
@@ -48,9 +51,11 @@ class RequestPort:
         count = len(orders)
         if count > wire.MAX_COMMANDS:
             raise ValueError(f"{count} orders in one request, expected at most {wire.MAX_COMMANDS}")
-        first = self._sequence + 1
-        commands = encode(orders, self._session.scene(), first) if orders else b""
-        self._sequence += count
+        scene = self._session.scene() if orders else None
+        with self._lock.native:
+            first = self._sequence + 1
+            commands = encode(orders, scene, first) if scene is not None else b""
+            self._sequence += count
         start = time.monotonic()
         return Sent(self._deliver(count, commands, head, start, timeout), first, count, start)
 
@@ -66,7 +71,11 @@ class RequestPort:
         return response, acks
 
     def _deliver(self, count: int, commands: bytes, head: bytes, start: float, timeout: float | None) -> Any:
-        while (pending := transport.send(self._port, count, commands, head)) is None:
+        while True:
+            with self._lock.native:
+                pending = transport.send(self._port, count, commands, head)
+            if pending is not None:
+                break
             waited = time.monotonic() - start
             if waited >= (5.0 if timeout is None else timeout):
                 if self._service.dynamic_config.number_of_servers == 0:

@@ -6,6 +6,7 @@ import logging
 import os
 import re
 import secrets
+import threading
 import time
 import weakref
 from collections.abc import Callable
@@ -117,6 +118,7 @@ class _Greeting:
                 f"{domain.root} there are traces of {releases}; use the same release on both sides"
             ) from None
         self._port = transport.subscriber(self._service, 1, 1)
+        self._lock = transport.Belonging(threading.RLock())
         self.hello: Hello
         self.server = 0
         deadline = time.monotonic() + 0.5
@@ -136,12 +138,13 @@ class _Greeting:
 
     def look(self) -> bool:
         """Whether a server greeted since the last look."""
-        sample = transport.receive(self._port, "hello", 1)
-        if sample is None:
-            return False
-        self.hello = transport.fixed(sample, Hello)
-        self.server = sample.header.node_id.value
-        return True
+        with self._lock.native:
+            sample = transport.receive(self._port, "hello", 1)
+            if sample is None:
+                return False
+            self.hello = transport.fixed(sample, Hello)
+            self.server = sample.header.node_id.value
+            return True
 
 
 def _no_server(session: str, domain: Domain) -> str:
@@ -154,7 +157,10 @@ def _no_server(session: str, domain: Domain) -> str:
 
 
 class Session:
-    """An attached process; made by `connect`. Messages that are held outlive it."""
+    """An attached process; made by `connect`. Messages that are held outlive it.
+
+    The threads of a process may share it. A process that is forked from it attaches by itself: what it inherited raises OtherProcess.
+    """
 
     def __init__(
         self,
@@ -171,7 +177,8 @@ class Session:
         """Name of the session."""
         self.domain = domain
         """The domain attached to."""
-        self._node = domain.join(role)
+        self._node: transport.Belonging | None = transport.Belonging(domain.join(role))
+        self._lock = transport.Belonging(threading.RLock())
         self._greeting: Greeting = greeting or _greet(name, timeout, domain, self._node)
         self._patience = max(timeout, SILENCE)
         self._ignored: set[int] = set()
@@ -218,15 +225,12 @@ class Session:
 
     def scene(self, timeout: float = 10.0) -> Scene:
         """The scene of the present run, waiting up to `timeout` [s] for it. Raises TimedOut."""
-        epoch = self.hello.epoch
-        if self._scene is None or self._scene.header.epoch < epoch:
-            self._scene = self.read_scene(epoch, timeout)
-        return self._scene
+        return self._scene_of(self.hello.epoch, timeout)
 
     def status(self, timeout: float = 5.0) -> Status:
         """The newest status, waiting up to `timeout` [s] for the first one. Raises TimedOut."""
         deadline = time.monotonic() + timeout
-        while (status := self._newest_status()) is None:
+        while (status := self._newest_status()[0]) is None:
             if time.monotonic() >= deadline:
                 raise TimedOut(f"session {self.name!r} is served, but its status did not come within {timeout:.1f} s")
             time.sleep(RETRY_PERIOD)
@@ -240,10 +244,10 @@ class Session:
         """
         if not orders:
             return []
-        if self._sender is None:
-            self._sender = RequestPort(self, "command", CommandHeader)
-        sent = self._sender.submit(orders, _HEAD.pack(self.client, os.getpid(), len(orders)), timeout)
-        _, acks = self._sender.answer(sent, timeout)
+        with self._lock.native:
+            sender = self._sender = self._sender or RequestPort(self, "command", CommandHeader)
+        sent = sender.submit(orders, _HEAD.pack(self.client, os.getpid(), len(orders)), timeout)
+        _, acks = sender.answer(sent, timeout)
         if not all(ack.accepted for ack in acks):
             raise Refused(acks)
         return acks
@@ -296,9 +300,8 @@ class Session:
 
     def names(self, epoch: int) -> Names:
         """Names of objects and colliders in the run `epoch`."""
-        if self._scene is None or self._scene.header.epoch < epoch:
-            self._scene = self.read_scene(epoch, self._patience)
-        return self._scene.names, self._scene.colliders
+        scene = self._scene_of(epoch, self._patience)
+        return scene.names, scene.colliders
 
     def read_scene(self, epoch: int, timeout: float) -> Scene:
         """The scene of run `epoch` or of a later one. Raises TimedOut."""
@@ -310,8 +313,8 @@ class Session:
 
     def is_over(self, epoch: int) -> bool:
         """Whether the run `epoch` has ended. Raises ServerLost when its server died."""
-        status = self._newest_status()
-        silence = 0.0 if self._status is None else time.monotonic() - self._status.heard
+        status, heard = self._newest_status()
+        silence = time.monotonic() - heard
         if silence < (LONG_SILENCE if status is None else SILENCE):
             return False
         if status is not None and status.server_state == wire.SERVER_STOPPING and status.epoch >= epoch:
@@ -320,10 +323,18 @@ class Session:
             return False
         raise lost(self.name, silence)
 
-    def _newest_status(self) -> Status | None:
-        if self._status is None:
-            self._status = _StatusReader(self)
-        return self._status.newest()
+    def _scene_of(self, epoch: int, timeout: float) -> Scene:
+        with self._lock.native:
+            if self._scene is None or self._scene.header.epoch < epoch:
+                self._scene = self.read_scene(epoch, timeout)
+            return self._scene
+
+    def _newest_status(self) -> tuple[Status | None, float]:
+        """The newest status, and when the server gave its last sign of life."""
+        with self._lock.native:
+            if self._status is None:
+                self._status = _StatusReader(self)
+            return self._status.newest(), self._status.heard
 
     def _reader(self, stream: str, kind: Any, element: Any, header: Any, depth: int) -> Reader[Any]:
         self.look_after()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeAlias, TypeVar
@@ -247,7 +248,9 @@ class Reader(Generic[M]):
         self._max_held: int = service.static_config.subscriber_max_borrowed_samples
         self._service, self._depth = service, depth
         self._port: Any = transport.subscriber(service, depth, depth)
-        self._listener: Any = None
+        self._listener: transport.Listener | None = None
+        # Several threads may read: each message goes to one of them.
+        self._lock = transport.Belonging(threading.RLock())
         self._believed: int | None = None
         self._next_number = 0
         self.epoch = 0
@@ -261,20 +264,19 @@ class Reader(Generic[M]):
         Raises TooManyHeld when the program holds as many messages as it may, and Malformed for one that contradicts
         itself.
         """
-        if self._port is None:
-            raise ValueError(f"the reader of {self._stream!r} is closed")
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
-            while (sample := transport.receive(self._port, self._stream, self._max_held)) is not None:
-                message = self._accept(sample)
-                # In the next turn it would be a second one that is held.
-                del sample
-                if message is not None:
-                    return message
+            wakes = 0 if self._listener is None else self._listener.wakes
+            with self._lock.native:
+                if self._port is None:
+                    raise ValueError(f"the reader of {self._stream!r} is closed")
+                message = self._take()
+            if message is not None:
+                return message
             left = transport.LONGEST_WAIT if deadline is None else deadline - time.monotonic()
             if left <= 0:
                 return None
-            self._sleep(min(left, transport.LONGEST_WAIT))
+            self._sleep(min(left, transport.LONGEST_WAIT), wakes)
 
     def at(self, step: int, timeout: float = 5.0) -> M:
         """The message of a step, waiting up to `timeout` [s] for it; older ones are passed over.
@@ -314,13 +316,25 @@ class Reader(Generic[M]):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _sleep(self, seconds: float) -> None:
-        if self._listener is not None:
-            transport.listen(self._listener, seconds)
+    def _sleep(self, seconds: float, wakes: int) -> None:
+        listener = self._listener
+        if listener is not None:
+            listener.wait(seconds, wakes)
             return
         # A reader that only looks costs the server no wake-ups. What was sent until now made no event: look again first.
-        event = self._session.open(transport.event, "frame")
-        self._listener = event.listener_builder().create()
+        with self._lock.native:
+            if self._port is not None and self._listener is None:
+                self._listener = transport.Listener(self._session.open(transport.event, "frame"))
+
+    def _take(self) -> M | None:
+        """The next message that is there."""
+        while (sample := transport.receive(self._port, self._stream, self._max_held)) is not None:
+            message = self._accept(sample)
+            # In the next turn it would be a second one that is held.
+            del sample
+            if message is not None:
+                return message
+        return None
 
     def _accept(self, sample: Any) -> M | None:
         """Checks a message and counts what is missing before it; None for what is old or not the server's."""
@@ -359,14 +373,8 @@ class ChangesReader(Reader[Changes]):
         # The server may join a reader in the middle of a message.
         self._may_pass = 1
 
-    def next(self, timeout: float | None = None) -> Changes | None:
-        """As `Reader.next`."""
-        deadline = None if timeout is None else time.monotonic() + timeout
-        while True:
-            left = None if deadline is None else max(0.0, deadline - time.monotonic())
-            message = super().next(left)
-            if message is None:
-                return None
+    def _take(self) -> Changes | None:
+        while (message := super()._take()) is not None:
             header = message.header
             if message.is_complete or self._last == (header.epoch, header.since):
                 self._last, self._may_pass = (header.epoch, header.step), 0
@@ -375,6 +383,7 @@ class ChangesReader(Reader[Changes]):
             if self._may_pass == 0:
                 self._port = transport.subscriber(self._service, self._depth, self._depth)
             self._may_pass = 1 - self._may_pass
+        return None
 
 
 def _numbers(header: Header) -> tuple[int, int]:

@@ -12,6 +12,7 @@ import logging
 import math
 import os
 import select
+import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -221,9 +222,15 @@ class Running:
 
     def __init__(self, task: Task, command: str) -> None:
         self._task = task
-        self._folder = tempfile.TemporaryDirectory(prefix="cosplat-sweep-")
-        self._process = task.start(command, Path(self._folder.name))
-        self._ended = os.pidfd_open(self._process.pid)
+        self._owner = os.getpid()
+        # No TemporaryDirectory, which is removed by a forked child that ends, too.
+        self._folder = Path(tempfile.mkdtemp(prefix="cosplat-sweep-"))
+        try:
+            self._process = task.start(command, self._folder)
+            self._ended = os.pidfd_open(self._process.pid)
+        except BaseException:
+            shutil.rmtree(self._folder)
+            raise
 
     def fileno(self) -> int:
         """Readable when it has ended."""
@@ -231,16 +238,19 @@ class Running:
 
     def outcome(self) -> Outcome:
         """Waits for its end, and says what came of it."""
-        return self._task.outcome(self._process.wait(), Path(self._folder.name))
+        return self._task.outcome(self._process.wait(), self._folder)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
+        # A forked child that ends leaves it to its parent.
+        if os.getpid() != self._owner:
+            return
         self._process.kill()
         self._process.wait()
         os.close(self._ended)
-        self._folder.cleanup()
+        shutil.rmtree(self._folder)
 
 
 def _run_in_processes(tasks: Mapping[str, Task], at_once: int, command: str) -> Iterator[tuple[str, Outcome]]:

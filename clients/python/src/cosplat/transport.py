@@ -1,6 +1,6 @@
 """The one module that speaks to iceoryx2 about services, and the only one that touches addresses.
 
-Memory leaves it as numpy arrays that cannot be written and keep their sample alive.
+Memory leaves it as numpy arrays that cannot be written and keep their sample alive. What iceoryx2 hands out leaves it as a `Belonging`.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ import functools
 import gc
 import os
 import struct
+import threading
 import time
-from typing import Any, TypeVar
+import weakref
+from typing import Any, NoReturn, TypeVar
 
 import iceoryx2 as iox2
 import numpy as np
@@ -20,7 +22,7 @@ from numpy.typing import NDArray
 
 from . import wire
 from .domain import SHARED_MEMORY
-from .errors import TooManyHeld, TransportFailed
+from .errors import OtherProcess, TooManyHeld, TransportFailed
 from .packing import packer
 
 R = TypeVar("R", bound=wire.Record)
@@ -31,6 +33,53 @@ _SHORT_WAIT_S = 0.05
 _SHORT_WAIT = iox2.Duration.from_secs_f64(_SHORT_WAIT_S)
 # A message may come without a wake-up: history after joining.
 LONGEST_WAIT = 0.02
+
+
+class Belonging:
+    """A node, service, port, message or lock of the process that made it; it has the attributes of what is in it.
+
+    A forked child inherits all of them. What it dropped would be taken from its parent: a port its place, a message its memory.
+    So a child keeps whatever it inherited until it is gone, and uses nothing of it. Attributes raise OtherProcess there.
+    """
+
+    __slots__ = ("__weakref__", "_native", "_process")
+
+    def __init__(self, native: Any) -> None:
+        self._native = native
+        self._process = os.getpid()
+        _belongings.add(self)
+
+    @property
+    def native(self) -> Any:
+        """What is in it. Raises OtherProcess in a forked child."""
+        if self._native is None:
+            raise OtherProcess(
+                f"process {self._process} attached to the session, and this is its forked child {os.getpid()}: "
+                "call `cosplat.connect` here, after the fork"
+            )
+        return self._native
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.native, name)
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("what is attached to a session cannot be sent to another process: call `cosplat.connect` there")
+
+
+_belongings: weakref.WeakSet[Belonging] = weakref.WeakSet()
+
+
+def _leave_to_the_parent() -> None:
+    """In a forked child: nothing of what the parent has is ever dropped here, not even when the interpreter ends."""
+    kept = []
+    for belonging in list(_belongings):
+        kept.append(belonging._native)
+        belonging._native = None
+    _belongings.clear()
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(kept))
+
+
+os.register_at_fork(after_in_child=_leave_to_the_parent)
 
 
 class Absent(Exception):
@@ -61,7 +110,7 @@ def _payload(element: type[wire.Record] | str) -> Any:
 
 def _opened(builder: Any, name: str) -> Any:
     try:
-        return builder.open()
+        return Belonging(builder.open())
     except Exception as error:
         words = str(error)
         if any(word in words for word in _PASSING):
@@ -109,7 +158,7 @@ def subscriber(service: Any, depth: int, history: int) -> Any:
     depth = max(1, min(depth, static.subscriber_max_buffer_size))
     builder = service.subscriber_builder().buffer_size(depth)
     with _said("subscribe"):
-        return builder.history_request(min(history, static.history_size, depth)).create()
+        return Belonging(builder.history_request(min(history, static.history_size, depth)).create())
 
 
 def receive(port: Any, stream: str, max_held: int) -> Any:
@@ -135,7 +184,7 @@ class _Memory:
     __slots__ = ("__array_interface__", "port", "sample")
 
     def __init__(self, sample: Any, port: Any, size: int) -> None:
-        self.sample = sample
+        self.sample = Belonging(sample)
         # Without it the publisher would take the memory back.
         self.port = port
         # True: the pages are read-only, and numpy lets nobody say otherwise.
@@ -193,22 +242,54 @@ def _numbers(record: type[wire.Record]) -> struct.Struct | None:
     return packer(record) if all(kind in "iuf" for kind in kinds) else None
 
 
-def listen(listener: Any, timeout: float) -> None:
-    """Sleeps until an event comes, for at most `timeout` [s]."""
-    # A socket takes a timeout that rounds to zero for "for ever".
-    if timeout < 1e-5:
-        listener.try_wait()
-        return
-    duration = _SHORT_WAIT if timeout == _SHORT_WAIT_S else iox2.Duration.from_secs_f64(timeout)
-    with contextlib.suppress(iox2.ListenerWaitError):
-        listener.timed_wait(duration)
+class Listener:
+    """A listener that several threads may wait at: one listens for all, as iceoryx2 would let them wait one after the other."""
+
+    def __init__(self, service: Any) -> None:
+        """Raises TransportFailed when all places are taken."""
+        with _said("listen"):
+            self._port = Belonging(service.listener_builder().create())
+        self._turn = Belonging(threading.Lock())
+        self._woken = threading.Condition()
+        self.wakes = 0
+        """Number of times that somebody woke."""
+
+    def wait(self, timeout: float, wakes: int) -> None:
+        """Sleeps until an event comes, for at most `timeout` [s]; not at all when somebody woke since `wakes` was read."""
+        if self._turn.acquire(blocking=False):
+            try:
+                if self.wakes == wakes:
+                    self._listen(timeout)
+            finally:
+                with self._woken:
+                    self.wakes += 1
+                    self._turn.release()
+                    self._woken.notify_all()
+        else:
+            with self._woken:
+                self._woken.wait_for(lambda: self.wakes != wakes, timeout)
+
+    def _listen(self, timeout: float) -> None:
+        # A socket takes a timeout that rounds to zero for "for ever".
+        if timeout < 1e-5:
+            self._port.try_wait()
+            return
+        duration = _SHORT_WAIT if timeout == _SHORT_WAIT_S else iox2.Duration.from_secs_f64(timeout)
+        with contextlib.suppress(iox2.ListenerWaitError):
+            self._port.timed_wait(duration)
+
+
+def notifier(service: Any) -> Any:
+    """A port that wakes listeners. Raises TransportFailed when all places are taken."""
+    with _said("wake the server"):
+        return Belonging(service.notifier_builder().create())
 
 
 def sender(service: Any, max_elements: int) -> Any:
     """A port for requests of up to `max_elements` elements, with all its memory set aside."""
     builder = service.client_builder().initial_max_slice_len(max_elements)
     with _said("send requests"):
-        port = builder.backpressure_strategy(iox2.BackpressureStrategy.DiscardData).create()
+        port = Belonging(builder.backpressure_strategy(iox2.BackpressureStrategy.DiscardData).create())
     # iceoryx2 only reserves addresses: without this, a full mount kills the process at its first write.
     for file in SHARED_MEMORY.glob(f"*_{port.id.value}.data"):
         with file.open("r+b") as segment:
@@ -231,7 +312,7 @@ def send(port: Any, count: int, elements: bytes, head: bytes) -> Any | None:
         if "ExceedsMaxActiveRequests" in str(error):
             return None
         raise TransportFailed(f"cannot send a request: {error}") from None
-    return pending if pending.number_of_server_connections > 0 else None
+    return Belonging(pending) if pending.number_of_server_connections > 0 else None
 
 
 def notify(notifier: Any) -> None:
@@ -240,10 +321,11 @@ def notify(notifier: Any) -> None:
         notifier.notify_with_custom_event_id(_REQUEST)
 
 
-def answer(pending: Any, listener: Any, timeout: float) -> Any | None:
+def answer(pending: Any, listener: Listener, timeout: float) -> Any | None:
     """The response to a request; None when `timeout` [s] passes, or the server lets go of it, without one."""
     deadline = time.monotonic() + timeout
     while True:
+        wakes = listener.wakes
         # Asked first: what the server sends before it lets go of the request is there when it has.
         is_open = pending.is_connected
         response = pending.receive()
@@ -252,7 +334,7 @@ def answer(pending: Any, listener: Any, timeout: float) -> Any | None:
         left = deadline - time.monotonic()
         if not is_open or left <= 0:
             return None
-        listen(listener, min(left, _SHORT_WAIT_S))
+        listener.wait(min(left, _SHORT_WAIT_S), wakes)
 
 
 @contextlib.contextmanager
