@@ -1,5 +1,6 @@
 """Servers of one's own, and the domain that they meet in."""
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -67,3 +68,38 @@ def test_a_folder_that_others_may_enter_is_refused(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(root)
     with pytest.raises(DomainUnusable, match="is a link or a file"):
         Domain(tmp_path / "link").join("test")
+
+
+def locks(domain: Domain) -> list[str]:
+    return sorted(file.name for file in domain.root.glob("*.lock"))
+
+
+def test_a_launched_server_leaves_no_lock(launch: Launch, domain: Domain) -> None:
+    for _ in range(2):
+        with launch(paused=True) as session:
+            assert locks(domain) == [f"session-{session.name}.lock"]
+        assert locks(domain) == []
+    with pytest.raises(LaunchFailed):
+        launch(arguments=["--rate", "none"])
+    assert locks(domain) == []
+    # A name that is chosen may be used again, and its lock has the epoch.
+    with launch(session="chosen", paused=True) as first:
+        epoch = first.hello.epoch
+    assert locks(domain) == ["session-chosen.lock"]
+    with launch(session="chosen", paused=True) as second:
+        assert second.hello.epoch > epoch
+
+
+def test_locks_of_launchers_that_were_killed_go_with_the_next_launch(launch: Launch, domain: Domain) -> None:
+    script = "import cosplat, os, sys; cosplat.launch(sys.argv[1], paused=True); os.kill(os.getpid(), 9)"
+    killed = subprocess.Popen([sys.executable, "-c", script, SCENE])
+    killed.wait()
+    [left] = locks(domain)
+    assert left.startswith(f"session-python-{killed.pid}-")
+    with (domain.root / left).open() as lock:
+        # Held for as long as its server lives.
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with launch(paused=True) as session:
+            assert locks(domain) == sorted([left, f"session-{session.name}.lock"])
+    with launch(paused=True) as session:
+        assert locks(domain) == [f"session-{session.name}.lock"]

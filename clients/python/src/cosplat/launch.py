@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import fcntl
 import itertools
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -27,12 +29,16 @@ _numbers = itertools.count(1)
 class LaunchedSession(Session):
     """A session with the server that serves it, made by `launch`; `close` ends both."""
 
-    def __init__(self, name: str, domain: Domain, process: subprocess.Popen[bytes], words: IO[bytes]) -> None:
+    def __init__(
+        self, name: str, domain: Domain, process: subprocess.Popen[bytes], words: IO[bytes], lock: Path | None
+    ) -> None:
+        """`lock` is the file to be removed when the server has ended."""
         super().__init__(name, 0.05, domain)
         self._patience = 10.0
         self.process = process
         """The server."""
         self._words = words
+        self._lock_file = lock
         self._launcher = os.getpid()
 
     def close(self) -> None:
@@ -43,7 +49,7 @@ class LaunchedSession(Session):
                 self.send(Stop(), timeout=1.0)
         super().close()
         if is_ours:
-            _end(self.process)
+            _end(self.process, self._lock_file)
             self._words.close()
 
 
@@ -71,6 +77,9 @@ def launch(
     """
     domain = domain or Domain.from_env()
     name = session or f"python-{os.getpid()}-{next(_numbers)}"
+    # Whoever chooses a name may use it again, and its lock keeps the epoch, which has to grow.
+    lock = None if session else domain.root / f"session-{name}.lock"
+    _tidy(domain)
     with contextlib.ExitStack() as stack:
         if "\n" in str(scene):
             file = stack.enter_context(tempfile.NamedTemporaryFile("w", suffix=".toml"))
@@ -89,9 +98,9 @@ def launch(
         except OSError as error:
             raise LaunchFailed(f"cannot start {command[0]}: {error}") from None
         try:
-            return _attach(process, words, name, domain, timeout)
+            return _attach(process, words, name, domain, lock, timeout)
         except BaseException:
-            _end(process)
+            _end(process, lock)
             words.close()
             raise
 
@@ -119,12 +128,12 @@ def start_process(
 
 
 def _attach(
-    process: subprocess.Popen[bytes], words: IO[bytes], name: str, domain: Domain, timeout: float
+    process: subprocess.Popen[bytes], words: IO[bytes], name: str, domain: Domain, lock: Path | None, timeout: float
 ) -> LaunchedSession:
     deadline = time.monotonic() + timeout
     while True:
         try:
-            return LaunchedSession(name, domain, process, words)
+            return LaunchedSession(name, domain, process, words, lock)
         except (NoServer, TimedOut, OtherTransport):
             if process.poll() is not None:
                 words.seek(0)
@@ -134,12 +143,29 @@ def _attach(
                 raise LaunchFailed(f"the server did not serve within {timeout:.0f} s") from None
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def _end(process: subprocess.Popen[bytes], lock: Path | None) -> None:
     for ask in (process.poll, process.terminate, process.kill):
         ask()
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(5.0)
-            return
+            break
+    if lock is not None:
+        _remove(lock)
+
+
+def _tidy(domain: Domain) -> None:
+    """Removes the locks that launchers left which were killed."""
+    for lock in domain.root.glob("session-python-*.lock"):
+        made_up = re.fullmatch(r"session-python-(\d+)-\d+\.lock", lock.name)
+        if made_up is not None and not Path(f"/proc/{made_up[1]}").exists():
+            _remove(lock)
+
+
+def _remove(lock: Path) -> None:
+    """Removes the lock of a session that nobody serves."""
+    with contextlib.suppress(OSError), lock.open("r+b") as file:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock.unlink()
 
 
 def _end_with_parent() -> None:
