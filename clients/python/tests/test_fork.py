@@ -5,10 +5,11 @@ import subprocess
 import sys
 import textwrap
 import time
+from pathlib import Path
 
 import pytest
 from conftest import PATIENCE, SCENE, Launch
-from cosplat import LaunchedSession, Resume
+from cosplat import Domain, LaunchedSession, Resume
 
 PRELUDE = """
 import gc, os, sys, threading, cosplat
@@ -253,3 +254,19 @@ def test_a_child_leaves_its_parents_environment_alone(launch: Launch) -> None:
         SCENE,
     )
     assert lines == ["COMPLETE"]
+
+
+def test_a_child_ends_no_simulation_of_its_parents_sweep(domain: Domain, tmp_path: Path) -> None:
+    lines = run(
+        """
+        def metrics(report):
+            in_child(lambda: None)
+            return {"frames": report.summary["frames"]}
+
+        rows = cosplat.sweep(sys.argv[1], {"dx": [0.05, 0.06, 0.07]}, duration=0.5, table=sys.argv[2], metrics=metrics, workers=3)
+        print([row.metrics["frames"] for row in rows])
+        """,
+        SCENE,
+        str(tmp_path / "table.jsonl"),
+    )
+    assert lines == ["[25, 25, 25]"]

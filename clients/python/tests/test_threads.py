@@ -1,11 +1,19 @@
 """The threads of a process share a session, and its waits have an end that they can rely on."""
 
+import math
+import os
+import signal
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
-from conftest import PATIENCE, Launch
-from cosplat import CosplatError, LaunchedSession, Pause, Push, Resume, Step, Stop, wire
+import cosplat
+import numpy as np
+import pytest
+from conftest import PATIENCE, SCENE, Launch
+from cosplat import BadName, Cause, CosplatError, LaunchedSession, LaunchFailed, NoServer, Pause, Push, Resume, Step, Stop
+from cosplat import remote, wire
 
 
 def side_by_side(count: int, act: Callable[[int], None]) -> None:
@@ -114,3 +122,67 @@ def test_a_reader_that_is_closed_says_so_to_who_waits(session: LaunchedSession) 
 
     side_by_side(4, wait)
     assert words == ["the reader of 'objects' is closed"] * 3
+
+
+WAITS: dict[str, Callable[[LaunchedSession, Any], object]] = {
+    "connect": lambda session, timeout: cosplat.connect("nobody", timeout=timeout, domain=session.domain),
+    "launch": lambda session, timeout: cosplat.launch(SCENE, program="/bin/false", timeout=timeout, domain=session.domain),
+    "remote.connect": lambda session, timeout: remote.connect("127.0.0.1", 9, timeout=timeout, domain=session.domain),
+    "Remote": lambda session, timeout: remote.Remote("127.0.0.1", 9, timeout),
+    "scene": lambda session, timeout: session.scene(timeout),
+    "status": lambda session, timeout: session.status(timeout),
+    "send": lambda session, timeout: session.send(Pause(), timeout=timeout),
+    "next": lambda session, timeout: session.journal().next(timeout),
+    "next changes": lambda session, timeout: session.changes().next(timeout),
+    "at": lambda session, timeout: session.frames().at(7, timeout),
+}
+
+
+@pytest.mark.parametrize("wait", WAITS)
+def test_a_timeout_that_is_no_number_is_refused(session: LaunchedSession, wait: str) -> None:
+    for none in (math.nan, -math.nan, np.float32("nan")):
+        with pytest.raises(ValueError, match="the timeout is nan, expected a number of seconds"):
+            WAITS[wait](session, none)
+    for text in ("5", b"5", [1.0], 1j):
+        with pytest.raises(TypeError, match="the timeout is .*, expected a number of seconds"):
+            WAITS[wait](session, text)
+    # A deadline that has passed.
+    for past in (-1, -1e-9, -math.inf, -(10**400)):
+        try:
+            WAITS[wait](session, past)
+        except (CosplatError, OSError) as error:
+            assert not isinstance(error, BadName)
+
+
+@pytest.mark.parametrize("wait", ["scene", "status", "send", "remote.connect", "Remote", "launch"])
+def test_an_infinite_timeout_waits_for_what_comes(session: LaunchedSession, wait: str) -> None:
+    for long in (math.inf, 1e300, 10**400, np.float64(math.inf)):
+        try:
+            WAITS[wait](session, long)
+        except (NoServer, LaunchFailed):
+            pass
+
+
+def test_timeouts_of_steps_are_numbers(launch: Launch) -> None:
+    with launch(participants=["a", "b"]) as session, session.participate("a") as a:
+        for none, kind in ((math.nan, ValueError), ("5", TypeError)):
+            with pytest.raises(kind, match="expected a number of seconds"):
+                a.step(timeout=none)  # type: ignore[arg-type]
+        assert a.step(timeout=-1).cause is Cause.TIMEOUT
+        waits = a.submit(timeout=math.inf)
+        with cosplat.connect(session.name, domain=session.domain) as other, other.participate("b") as b:
+            b.step()
+            assert waits.done().cause is Cause.COMPLETE
+            waits = a.submit(timeout=1e300)
+            b.step()
+            assert waits.done().cause is Cause.COMPLETE
+
+
+def test_an_endless_wait_for_an_answer_ends_with_the_server(session: LaunchedSession) -> None:
+    session.send(Pause())
+    os.kill(session.process.pid, signal.SIGSTOP)
+    killer = threading.Timer(0.2, session.process.kill)
+    killer.start()
+    with pytest.raises(CosplatError):
+        session.send(Push("left", (0, 0, 0)), timeout=math.inf)
+    killer.join()

@@ -22,6 +22,7 @@ from .domain import Domain
 from .errors import CosplatError, LaunchFailed, NoServer, OtherTransport, TimedOut
 from .orders import Stop
 from .session import Session
+from .timeouts import seconds
 
 _numbers = itertools.count(1)
 
@@ -75,6 +76,7 @@ def launch(
 
     Raises LaunchFailed with the server's words when it does not start.
     """
+    timeout = seconds(timeout)
     domain = domain or Domain.from_env()
     name = session or f"python-{os.getpid()}-{next(_numbers)}"
     # Whoever chooses a name may use it again, and its lock keeps the epoch, which has to grow.

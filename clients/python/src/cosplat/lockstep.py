@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import enum
+import math
 import os
 import re
 import struct
@@ -14,6 +15,7 @@ from .errors import BadName, CosplatError, Refused, StepRefused
 from .orders import Ack, Order
 from .packing import packer, text
 from .requests import RequestPort, Sent
+from .timeouts import seconds
 from .wire import StepDone, StepRequest
 
 if TYPE_CHECKING:
@@ -121,7 +123,9 @@ class Participant:
         until = _NO_CONDITION
         if contact is not None or event or quarantine:
             until = _until(self._session.scene() if contact else None, contact, event, quarantine)
-        timeout_ns = 0 if timeout is None else max(1, round(timeout * 1e9))
+        wait_ns = math.inf if timeout is None else 1e9 * seconds(timeout)
+        # None is 0 on the wire.
+        timeout_ns = max(1, round(wait_ns)) if wait_ns < 2**64 else 0
         return Submitted(self._session, *self._ask(wire.STEP_ADVANCE, orders, None, frames, until, timeout_ns), None)
 
     def close(self) -> None:

@@ -28,6 +28,7 @@ from .errors import (
 from .orders import Ack, Order
 from .scene import Scene
 from .session import Session, check_version
+from .timeouts import seconds
 from .transport import Belonging
 from .wire import GaussianRest, Hello, ObjectInfo, SceneHeader
 
@@ -50,8 +51,10 @@ class Remote:
 
     def __init__(self, address: str, port: int, timeout: float = 10.0) -> None:
         """Connects, waiting up to `timeout` [s] for this and for every answer. Raises NoServer."""
+        # For a socket 0 is another mode, and None as long as it takes.
+        wait = max(1e-3, seconds(timeout))
         try:
-            self._socket = socket.create_connection((address, port), timeout)
+            self._socket = socket.create_connection((address, port), wait if wait < threading.TIMEOUT_MAX else None)
         except OSError as error:
             raise NoServer(f"no gateway at {address}:{port}: {error}") from None
         self._answers = self._socket.makefile("rb")

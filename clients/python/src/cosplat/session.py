@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import re
 import secrets
@@ -29,6 +30,7 @@ from .packing import packer
 from .requests import RETRY_PERIOD, RequestPort
 from .scene import Scene
 from .streams import ChangesReader, Contacts, Frame, Journal, Names, Objects, Reader, lost
+from .timeouts import seconds
 from .wire import AppliedCommand, CommandHeader, FrameHeader, GaussianState, Hello, JournalHeader
 from .wire import ObjectsHeader, ObjectState, Status
 
@@ -51,6 +53,9 @@ def connect(
     client: int | None = None,
 ) -> Session:
     """Attaches to a session, waiting up to `timeout` [s] for its server.
+
+    Timeouts of this package are numbers: what is below 0 counts as 0, and infinity is as long as it takes. Others, NaN too, raise
+    TypeError or ValueError.
 
     `domain` is that of COSPLAT_DOMAIN without. `role`, a few plain characters, names the process in listings. `client`, below
     2**64, orders this process's orders among those of others for the same step; a random number without. Use it as a context
@@ -173,6 +178,7 @@ class Session:
     ) -> None:
         if not re.fullmatch(r"[A-Za-z0-9._-]{1,64}", name):
             raise BadName(f"{name!r} is not a session name: expected 1 to 64 of the characters a-z A-Z 0-9 - _ .")
+        timeout = seconds(timeout)
         self.name = name
         """Name of the session."""
         self.domain = domain
@@ -225,10 +231,11 @@ class Session:
 
     def scene(self, timeout: float = 10.0) -> Scene:
         """The scene of the present run, waiting up to `timeout` [s] for it. Raises TimedOut."""
-        return self._scene_of(self.hello.epoch, timeout)
+        return self._scene_of(self.hello.epoch, seconds(timeout))
 
     def status(self, timeout: float = 5.0) -> Status:
         """The newest status, waiting up to `timeout` [s] for the first one. Raises TimedOut."""
+        timeout = seconds(timeout)
         deadline = time.monotonic() + timeout
         while (status := self._newest_status()[0]) is None:
             if time.monotonic() >= deadline:
@@ -242,12 +249,14 @@ class Session:
         Raises Refused when one is refused (the others take effect), BadName for a name that the scene does not have (then
         nothing is sent), NoServer or TimedOut when nobody takes them, Unanswered when no answer comes.
         """
+        timeout = seconds(timeout)
         if not orders:
             return []
         with self._lock.native:
             sender = self._sender = self._sender or RequestPort(self, "command", CommandHeader)
         sent = sender.submit(orders, _HEAD.pack(self.client, os.getpid(), len(orders)), timeout)
-        _, acks = sender.answer(sent, timeout)
+        # Without an end, whether the server lives is looked at meanwhile.
+        _, acks = sender.answer(sent, timeout if timeout < math.inf else None)
         if not all(ack.accepted for ack in acks):
             raise Refused(acks)
         return acks

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from . import transport, wire
 from .errors import BadName, Malformed, ServerLost, TimedOut
+from .timeouts import seconds
 from .wire import ChangesHeader, ContactsHeader, FrameHeader, GaussianState, JournalHeader, ObjectChange
 from .wire import ObjectsHeader, ObjectState
 
@@ -264,7 +265,7 @@ class Reader(Generic[M]):
         Raises TooManyHeld when the program holds as many messages as it may, and Malformed for one that contradicts
         itself.
         """
-        deadline = None if timeout is None else time.monotonic() + timeout
+        deadline = None if timeout is None else time.monotonic() + seconds(timeout)
         while True:
             wakes = 0 if self._listener is None else self._listener.wakes
             with self._lock.native:
@@ -283,8 +284,9 @@ class Reader(Generic[M]):
 
         Raises TimedOut when it does not come, or a later one did before.
         """
+        timeout = seconds(timeout)
         deadline = time.monotonic() + timeout
-        while (message := self.next(max(0.0, deadline - time.monotonic()))) is not None:
+        while (message := self.next(deadline - time.monotonic())) is not None:
             if message.step == step:
                 return message
             if message.step > step:
