@@ -2,12 +2,14 @@
 
 import warnings
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from conftest import SCENE
-from cosplat import BadName, Domain, Env, Objects, SetVelocity, VectorEnv
+from cosplat import BadName, Domain, Env, Objects, Refused, SetVelocity, VectorEnv
+from gymnasium.error import ClosedEnvironmentError, InvalidAction, ResetNeeded
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
@@ -76,6 +78,98 @@ def test_names_that_the_scene_does_not_have_are_refused(domain: Domain) -> None:
         with pytest.raises(BadName):
             Env(SCENE, observe=[observed], forces=forces, reward=towards)
     assert domain.sessions() == {}
+
+
+def test_what_is_outside_of_the_space_is_clipped_to_it(env: Env) -> None:
+    def episode(actions: Any) -> list[bytes]:
+        return [env.reset(seed=3)[0].tobytes(), *(env.step(action)[0].tobytes() for action in actions)]
+
+    inside = np.array([[1.0, 0, -1, 0, 1, 0], [-1, 1, 1, 0, 0, -1]])
+    # Numbers of any kind, as they come from any policy.
+    assert episode(inside * [1, 100, 1e300, 1, 7, 3]) == episode(inside) == episode(inside.astype(np.float32) * 2)
+    assert episode(inside.astype(int).tolist()) == episode(inside)
+
+
+def test_the_reward_sees_the_action_that_acts(domain: Domain) -> None:
+    seen: list[list[float]] = []
+
+    def reward(objects: Objects, action: NDArray[np.float64]) -> float:
+        seen.append(action.tolist())
+        return 0.0
+
+    env = Env(SCENE, observe=["left"], forces={"left": 1.0}, reward=reward, max_actions=3)
+    try:
+        env.reset()
+        env.step(np.array([100.0, -0.5, -2.0]))
+    finally:
+        env.close()
+    assert seen == [[1.0, -0.5, -1.0]]
+
+
+@pytest.mark.parametrize(
+    ("action", "words"),
+    [
+        ([0.0, 0.0], r"the action has shape \(2,\), expected \(6,\): three numbers for each of left, floor"),
+        (np.zeros(3), r"shape \(3,\), expected \(6,\)"),
+        (np.zeros(9), r"shape \(9,\), expected \(6,\)"),
+        (np.zeros((2, 3)), r"shape \(2, 3\), expected \(6,\)"),
+        (0.5, r"shape \(\), expected \(6,\)"),
+        ([np.nan, 0, 0, 0, 0, 0], "the action is .nan, .*, expected finite numbers"),
+        ([0, 0, 0, 0, 0, -np.inf], "expected finite numbers"),
+        (None, "is no array of numbers"),
+        ("up", "is no array of numbers"),
+        (["1"] * 6, "is no array of numbers"),
+        ([1j] * 6, "is no array of numbers"),
+        ([[0, 0], 0, 0], "is no array of numbers"),
+    ],
+)
+def test_what_is_no_action_is_refused(env: Env, action: Any, words: str) -> None:
+    env.reset(seed=1)
+    before = env.session.status().step
+    with pytest.raises(InvalidAction, match=words):
+        env.step(action)
+    # Nothing was sent, and the episode goes on.
+    assert env.step(np.zeros(6))[0].shape == (26,) and env.session.status().step <= before + 2
+
+
+def test_an_episode_has_a_beginning_and_an_end(domain: Domain) -> None:
+    ends = iter([False, True, False, False])
+    env = Env(SCENE, observe=["left"], forces={"left": 1.0}, reward=towards, terminated=lambda _: next(ends), max_actions=2)
+    none = np.zeros(3)
+    try:
+        with pytest.raises(ResetNeeded, match=r"cannot call env.step\(\) before calling env.reset\(\)"):
+            env.step(none)
+        for end in ((True, True), (False, True)):
+            env.reset()
+            assert env.step(none)[2:4] == (False, False)
+            assert env.step(none)[2:4] == end
+            for _ in range(2):
+                with pytest.raises(ResetNeeded, match=r"after the end of an episode: call env.reset\(\)"):
+                    env.step(none)
+        with pytest.raises(Refused):
+            env.reset(options={"orders": [SetVelocity("left", (np.nan, 0, 0))]})
+        with pytest.raises(ResetNeeded, match="after a reset that failed"):
+            env.step(none)
+        # The list of ends is over.
+        env.reset()
+        with pytest.raises(RuntimeError):
+            env.step(none)
+        with pytest.raises(ResetNeeded, match="after an action that failed"):
+            env.step(none)
+        assert env.reset()[0].shape == (13,)
+    finally:
+        env.close()
+    env.close()
+    for name, call in (("step", lambda: env.step(none)), ("reset", env.reset)):
+        with pytest.raises(ClosedEnvironmentError, match=rf"cannot call env.{name}\(\) after env.close\(\)"):
+            call()
+
+
+def test_numbers_without_sense_are_refused_before_a_server_starts(domain: Domain) -> None:
+    numbers: list[dict[str, Any]] = [{"steps_per_action": 0}, {"max_actions": -1}, {"forces": {"left": np.nan}}]
+    for wrong in numbers:
+        with pytest.raises(ValueError, match="expected"):
+            Env(SCENE, **{"observe": ["left"], "forces": {"left": 1.0}, "reward": towards, "program": "/nowhere", **wrong})
 
 
 def make() -> Env:
