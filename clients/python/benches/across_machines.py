@@ -7,6 +7,7 @@ shared memory, a clock that counts from its own start, and a domain of its own. 
 import argparse
 import json
 import os
+import secrets
 import subprocess
 import sys
 import tempfile
@@ -167,6 +168,8 @@ def main() -> None:
     if arguments.host is None:
         print("| scene | Gaussians | steps/s | frames/s | MB/s | frames lost | objects lost | age of a frame [ms] | answer to an order [ms] |")
         print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+        # For gateway and reader alike.
+        os.environ["COSPLAT_TOKEN"] = secrets.token_hex(16)
         for scene in arguments.scenes:
             m = both_hosts(arguments, scene)
             rates = [m[what] / m["seconds"] for what in ("steps", "frames")]

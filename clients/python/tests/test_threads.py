@@ -127,8 +127,8 @@ def test_a_reader_that_is_closed_says_so_to_who_waits(session: LaunchedSession) 
 WAITS: dict[str, Callable[[LaunchedSession, Any], object]] = {
     "connect": lambda session, timeout: cosplat.connect("nobody", timeout=timeout, domain=session.domain),
     "launch": lambda session, timeout: cosplat.launch(SCENE, program="/bin/false", timeout=timeout, domain=session.domain),
-    "remote.connect": lambda session, timeout: remote.connect("127.0.0.1", 9, timeout=timeout, domain=session.domain),
-    "Remote": lambda session, timeout: remote.Remote("127.0.0.1", 9, timeout),
+    "remote.connect": lambda session, timeout: remote.connect("127.0.0.1", 9, token="0" * 16, timeout=timeout, domain=session.domain),
+    "Remote": lambda session, timeout: remote.Remote("127.0.0.1", 9, token="0" * 16, timeout=timeout),
     "scene": lambda session, timeout: session.scene(timeout),
     "status": lambda session, timeout: session.status(timeout),
     "send": lambda session, timeout: session.send(Pause(), timeout=timeout),

@@ -30,6 +30,7 @@ from .errors import (
     TooManyHeld,
     TransportFailed,
     Unanswered,
+    WrongToken,
 )
 from .launch import LaunchedSession, launch
 from .lockstep import Cause, Done, Participant, Submitted
@@ -161,6 +162,7 @@ __all__ = [
     "Unanswered",
     "Undo",
     "VectorEnv",
+    "WrongToken",
     "connect",
     "launch",
     "sweep",

@@ -54,6 +54,10 @@ class Malformed(CosplatError):
     """Header and payload of a message contradict each other."""
 
 
+class WrongToken(CosplatError, PermissionError):
+    """A gateway does not know the token of a request, or there is none."""
+
+
 class TransportFailed(CosplatError):
     """iceoryx2 failed; the sentence holds its words."""
 

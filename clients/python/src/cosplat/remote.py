@@ -5,13 +5,15 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
+import math
 import socket
 import threading
 from collections.abc import Iterator
-from typing import Any, NoReturn, Self
+from typing import Any, BinaryIO, NoReturn, Self
 
 import numpy as np
 
+from . import token as tokens
 from .domain import Domain
 from .errors import (
     BadName,
@@ -24,6 +26,7 @@ from .errors import (
     TimedOut,
     TransportFailed,
     Unanswered,
+    WrongToken,
 )
 from .orders import Ack, Order
 from .scene import Scene
@@ -32,71 +35,91 @@ from .timeouts import seconds
 from .transport import Belonging
 from .wire import GaussianRest, Hello, ObjectInfo, SceneHeader
 
+MAX_ANSWER = 1 << 20
+"""Longest line of an answer [byte]; 32 acknowledgements take some ten thousand."""
+
 _RAISED = {
-    kind.__name__: kind for kind in (BadName, Malformed, NoServer, ServerLost, TimedOut, TransportFailed, Unanswered)
+    kind.__name__: kind
+    for kind in (BadName, Malformed, NoServer, ServerLost, TimedOut, TransportFailed, Unanswered, WrongToken)
 }
 
 
-def connect(address: str, port: int, *, timeout: float = 30.0, domain: Domain | None = None) -> RemoteSession:
+def connect(
+    address: str, port: int, *, token: str | None = None, timeout: float = 30.0, domain: Domain | None = None
+) -> RemoteSession:
     """Attaches to the session of a gateway, whose streams a tunnel brings to this machine's `domain`.
 
-    Waits up to `timeout` [s] for the gateway, for the tunnel, and for every answer. Raises NoServer, OtherVersion, and TimedOut
-    when the streams do not come.
+    `token` is what the gateway printed as it began; without it, that of the environment variable COSPLAT_TOKEN. Waits up to
+    `timeout` [s] for the gateway, for the tunnel, and for every answer. Raises NoServer, WrongToken, OtherVersion, and
+    TimedOut when the streams do not come.
     """
-    return RemoteSession(address, port, timeout, domain or Domain.from_env())
+    remote = Remote(address, port, token=token, timeout=timeout)
+    try:
+        return RemoteSession(remote, timeout, domain or Domain.from_env())
+    except BaseException:
+        remote.close()
+        raise
 
 
 class Remote:
-    """Sends orders by a gateway on another machine, with the answers and exceptions of `Session.send`."""
+    """Sends orders by a gateway on another machine, with the answers and exceptions of `Session.send`.
 
-    def __init__(self, address: str, port: int, timeout: float = 10.0) -> None:
-        """Connects, waiting up to `timeout` [s] for this and for every answer. Raises NoServer."""
+    A gateway hangs up on who is silent where its places are rare, and as it ends. The next request then connects anew.
+    Threads may share it: their requests are made one after the other.
+    """
+
+    def __init__(self, address: str, port: int, *, token: str | None = None, timeout: float = 10.0) -> None:
+        """Connects, waiting up to `timeout` [s] for this and for every answer.
+
+        `token` is what the gateway printed as it began; without it, that of the environment variable COSPLAT_TOKEN. Raises
+        NoServer, and WrongToken where there is no token; whether it is right, the first request says.
+        """
+        known = tokens.from_env() if token is None else token
+        if known is None:
+            raise WrongToken(f"there is no token: give `token`, or set {tokens.VARIABLE}, to what the gateway printed")
+        self._token = known
         # For a socket 0 is another mode, and None as long as it takes.
         wait = max(1e-3, seconds(timeout))
-        try:
-            self._socket = socket.create_connection((address, port), wait if wait < threading.TIMEOUT_MAX else None)
-        except OSError as error:
-            raise NoServer(f"no gateway at {address}:{port}: {error}") from None
-        self._answers = self._socket.makefile("rb")
-        # Threads ask one after the other.
-        self._lock = Belonging(threading.RLock())
+        self._address, self._timeout = (address, port), wait if wait < threading.TIMEOUT_MAX else None
+        self._connection: tuple[socket.socket, BinaryIO] | None = self._connect()
+        self._is_closed = False
+        self._turn = Belonging(threading.RLock())
 
     def send(self, *orders: Order) -> list[Ack]:
         """Sends 1 to 32 orders and waits for their answers.
 
         Raises Refused when one is refused, BadName for names that the scene or the gateway does not have, Malformed for
-        what is no order, Unanswered when no answer comes, and what the gateway itself meets.
+        what is no order, WrongToken, Unanswered when no answer comes, and what the gateway itself meets.
         """
         if not orders:
             return []
         entries = [{"order": type(order).__name__, **_fields(order)} for order in orders]
-        with _understood():
+        with self._understood():
             acks = [Ack(*ack) for ack in self._ask({"orders": entries})["acks"]]
+            if len(acks) != len(orders):
+                raise ValueError(f"{len(acks)} acknowledgements of {len(orders)} orders")
         if not all(ack.accepted for ack in acks):
             raise Refused(acks)
         return acks
 
     def hello(self) -> tuple[str, Hello]:
         """The name of the session, and the greeting of its server."""
-        with _understood():
+        with self._understood():
             answer = self._ask({"ask": "hello"})
             fields = {**answer["hello"], "server_version": answer["hello"]["server_version"].encode()}
             return str(answer["session"]), Hello(**fields)
 
     def scene(self) -> Scene:
-        """The scene of the server's present run; the connection is used up by it."""
-        with _understood():
+        """The scene of the server's present run."""
+        with self._turn.native, self._understood():
             answer = self._ask({"ask": "scene"})
             [header] = np.zeros(1, SceneHeader.dtype)
             for name, value in answer["scene"].items():
                 header[name] = value
-            try:
-                blocks = [self._answers.read(size) for size in answer["sizes"]]
-            except OSError as error:
-                raise Unanswered(f"the scene did not come: {error}") from None
-            gaussians, sh, objects, features, source = blocks
-            if [len(block) for block in blocks] != answer["sizes"]:
-                raise Unanswered("the gateway hung up in the middle of the scene")
+            sizes = [int(size) for size in answer["sizes"]]
+            gaussians, sh, objects, features, source = [self._read(size) for size in sizes]
+            # The gateway hangs up behind a scene.
+            self._drop()
             return Scene(
                 SceneHeader.read(header),
                 np.frombuffer(gaussians, GaussianRest.dtype),
@@ -106,25 +129,97 @@ class Remote:
                 source.decode(errors="replace"),
             )
 
-    def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
-        text = json.dumps(request, default=lambda value: value.tolist())
+    def _read(self, size: int) -> bytes:
+        if size < 0:
+            raise ValueError(f"a block of {size} bytes")
         try:
-            with self._lock.native:
-                self._socket.sendall(text.encode() + b"\n")
-                line = self._answers.readline()
+            block = self._connection[1].read(size) if self._connection else b""
         except OSError as error:
-            raise Unanswered(f"no answer from the gateway: {error}") from None
-        if not line.endswith(b"\n"):
-            raise Unanswered("the gateway hung up: orders that the server has looked at take effect")
-        answer: dict[str, Any] = json.loads(line)
-        if "error" in answer:
-            raise _RAISED.get(answer["error"]["kind"], CosplatError)(answer["error"]["words"])
-        return answer
+            self._drop()
+            raise Unanswered(f"the scene did not come: {error}") from None
+        if len(block) != size:
+            self._drop()
+            raise Unanswered("the gateway hung up in the middle of the scene")
+        return block
+
+    def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
+        try:
+            text = json.dumps({"token": self._token, **request}, default=lambda value: value.tolist())
+        except (TypeError, ValueError, AttributeError, RecursionError) as error:
+            raise Malformed(f"an order cannot be sent: {error}") from None
+        with self._turn.native:
+            if self._is_closed:
+                raise NoServer(f"this connection to the gateway at {self._address[0]}:{self._address[1]} is closed")
+            if self._connection is None or self._is_left():
+                self._drop()
+                self._connection = self._connect()
+            own, answers = self._connection
+            try:
+                own.sendall(text.encode() + b"\n")
+                line = answers.readline(MAX_ANSWER)
+            except OSError as error:
+                # Its answer may still come, and is not that of the next request.
+                self._drop()
+                raise Unanswered(f"no answer from the gateway: {error}") from None
+            if not line.endswith(b"\n"):
+                self._drop()
+                if len(line) == MAX_ANSWER:
+                    raise Malformed(f"the gateway's answer has more than {MAX_ANSWER} bytes")
+                raise Unanswered("the gateway hung up: orders that the server has looked at take effect")
+            answer: dict[str, Any] = json.loads(line)
+            if "error" in answer:
+                raise _RAISED.get(answer["error"]["kind"], CosplatError)(answer["error"]["words"])
+            return answer
+
+    def _connect(self) -> tuple[socket.socket, BinaryIO]:
+        try:
+            own = socket.create_connection(self._address, self._timeout)
+        except OSError as error:
+            raise NoServer(f"no gateway at {self._address[0]}:{self._address[1]}: {error}") from None
+        return own, own.makefile("rb")
+
+    def _is_left(self) -> bool:
+        """Whether the gateway has hung up since the last request."""
+        if self._connection is None:
+            return True
+        own, _ = self._connection
+        try:
+            own.setblocking(False)
+            return not own.recv(1, socket.MSG_PEEK)
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+        finally:
+            own.settimeout(self._timeout)
+
+    def _drop(self) -> None:
+        if self._connection is not None:
+            for end in reversed(self._connection):
+                end.close()
+            self._connection = None
+
+    @contextlib.contextmanager
+    def _understood(self) -> Iterator[None]:
+        try:
+            yield
+        except (LookupError, TypeError, ValueError, AttributeError, OverflowError, RecursionError, MemoryError) as error:
+            if isinstance(error, CosplatError):
+                raise
+            self._drop()
+            raise Malformed(f"the gateway's answer is none: {error!r}") from None
+
+    def another(self) -> Remote:
+        """One more connection to the same gateway. Raises NoServer."""
+        address, port = self._address
+        timeout = math.inf if self._timeout is None else self._timeout
+        return Remote(address, port, token=self._token, timeout=timeout)
 
     def close(self) -> None:
         """Hangs up."""
-        self._answers.close()
-        self._socket.close()
+        with self._turn.native:
+            self._is_closed = True
+            self._drop()
 
     def __enter__(self) -> Self:
         return self
@@ -139,11 +234,10 @@ class RemoteSession(Session):
     Who publishes under the session's name in this domain is believed: the tunnel's messages do not say who sent them.
     """
 
-    def __init__(self, address: str, port: int, timeout: float, domain: Domain) -> None:
-        self._gateway = address, port, timeout
-        self._remote = Remote(*self._gateway)
-        name, hello = self._remote.hello()
-        super().__init__(name, timeout, domain, "remote", greeting=_RemoteGreeting(self._remote, hello))
+    def __init__(self, remote: Remote, timeout: float, domain: Domain) -> None:
+        self._remote = remote
+        name, hello = remote.hello()
+        super().__init__(name, timeout, domain, "remote", greeting=_RemoteGreeting(remote, hello))
 
     def send(self, *orders: Order, timeout: float = 5.0) -> list[Ack]:
         """Sends orders by the gateway, as `Remote.send` does; the gateway's own `timeout` holds."""
@@ -159,7 +253,8 @@ class RemoteSession(Session):
 
     def read_scene(self, epoch: int, timeout: float) -> Scene:
         """The scene from the gateway: the tunnel forwards what is sent while it is there, and scenes are sent once."""
-        with Remote(*self._gateway) as remote:
+        # Through a connection of its own: orders do not wait for a slow network.
+        with self._remote.another() as remote:
             return remote.scene()
 
     def close(self) -> None:
@@ -181,16 +276,6 @@ class _RemoteGreeting:
         is_new = found.epoch != self.hello.epoch
         self.hello = found
         return is_new
-
-
-@contextlib.contextmanager
-def _understood() -> Iterator[None]:
-    try:
-        yield
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        if isinstance(error, CosplatError):
-            raise
-        raise Malformed(f"the gateway's answer is none: {error!r}") from None
 
 
 def _fields(order: Order) -> dict[str, Any]:
