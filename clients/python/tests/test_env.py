@@ -172,11 +172,11 @@ def test_numbers_without_sense_are_refused_before_a_server_starts(domain: Domain
             Env(SCENE, **{"observe": ["left"], "forces": {"left": 1.0}, "reward": towards, "program": "/nowhere", **wrong})
 
 
-def make() -> Env:
+def make(largest: float = 20.0) -> Env:
     return Env(
         SCENE,
         observe=["left"],
-        forces={"left": 20.0},
+        forces={"left": largest},
         reward=towards,
         randomise=lambda random: [SetVelocity("left", random.normal(scale=0.1, size=3))],
         steps_per_action=2,
@@ -203,6 +203,36 @@ def test_many_environments_give_what_each_gives_alone(domain: Domain) -> None:
         many.close()
         others.close()
     assert domain.sessions() == {}
+
+
+def test_a_refusal_leaves_many_environments_in_step(domain: Domain) -> None:
+    # Whatever is not 0 is a force that no server takes.
+    many, others = VectorEnv([make(), make(1e300), make()]), SyncVectorEnv([make] * 3)
+    rest, bad = np.zeros((3, 3)), np.zeros((3, 3))
+    bad[1] = 1.0
+    try:
+        many.reset(seed=5)
+        others.reset(seed=5)
+        with pytest.raises(Refused) as error:
+            many.step(bad)
+        assert error.value.__notes__ == ["raised by environment 1, counted from 0"]
+        others.step(rest)
+        # The third ends two episodes, the fourth begins them anew; that of environment 1 began with the second.
+        for count in (2, 3, 4, 5):
+            observed, rewards, over, cut, infos = many.step(rest)
+            expected, right, _, ends, told = others.step(rest)
+            assert np.array_equal(observed[[0, 2]], expected[[0, 2]]) and np.array_equal(rewards[[0, 2]], right[[0, 2]])
+            assert cut.tolist() == [ends[0], count == 5, ends[2]] and not over.any()
+            for number in (0, 2):
+                assert infos["state_hash"][number] == told["state_hash"][number]
+        # So it is where an episode begins.
+        with pytest.raises(Refused):
+            many.reset(seed=5, options={"orders": [SetVelocity("left", (np.nan, 0, 0))]})
+        begun, _ = many.reset(seed=5)
+        assert np.array_equal(begun, others.reset(seed=5)[0])
+    finally:
+        many.close()
+        others.close()
 
 
 def test_servers_of_many_environments_step_side_by_side(domain: Domain) -> None:

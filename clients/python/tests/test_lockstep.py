@@ -48,6 +48,21 @@ def test_a_step_is_published_before_it_is_answered(launch: Launch) -> None:
         assert frames.at(49).state_hash == done.state_hash and frames.next(0.2) is None
 
 
+def test_refusals_that_are_kept_take_no_place_of_requests(launch: Launch) -> None:
+    kept = []
+    bad = SetGravity((0, np.inf, 0))
+    with lockstep(launch, "robot") as session, session.participate("robot") as robot:
+        for count in range(1, 21):
+            with pytest.raises(Refused) as error:
+                robot.step(bad)
+            kept.append(error)
+            assert error.value.done and error.value.done.step == count
+            with pytest.raises(Refused) as error:
+                session.send(bad)
+            kept.append(error)
+        assert session.send(SetGravity((0, 0, 0)))[0].accepted and robot.step().step == 21
+
+
 def test_a_push_is_that_of_a_script_bit_for_bit(launch: Launch, tmp_path: Path) -> None:
     script = tmp_path / "push.toml"
     script.write_text(

@@ -10,7 +10,7 @@ import re
 import struct
 from typing import TYPE_CHECKING, NamedTuple, Self
 
-from . import transport, wire
+from . import wire
 from .errors import BadName, CosplatError, Refused, StepRefused
 from .orders import Ack, Order
 from .packing import packer, text
@@ -173,8 +173,8 @@ class Submitted:
 
     def done(self) -> Done:
         """Waits until the steps are made and published. Raises Refused, StepRefused, ServerLost."""
-        response, acks = self._port.answer(self._sent, self._timeout)
-        answer = _DONE.unpack(transport.user_header(response, _DONE.size))
+        header, acks = self._port.answer(self._sent, self._timeout)
+        answer = _DONE.unpack(header)
         step, sim_time, _, state_hash, step_ns, made, cause, _, contact_kind, first, second, reason = answer
         if cause == wire.RETURN_REFUSED:
             raise StepRefused(text(reason))

@@ -39,6 +39,7 @@ class RequestPort:
         self._listener = transport.Listener(session.open(transport.event, stream))
         # One event wakes the server for requests of all kinds.
         self._notifier = transport.notifier(session.open(transport.event, "command"))
+        self._header_size: int = answer_header.dtype.itemsize if answer_header else 0
         self._sequence = 0
         # Several threads may send; one request is made at a time, and answers are waited for side by side.
         self._lock = transport.Belonging(threading.RLock())
@@ -59,16 +60,20 @@ class RequestPort:
         start = time.monotonic()
         return Sent(self._deliver(count, commands, head, start, timeout), first, count, start)
 
-    def answer(self, sent: Sent, timeout: float | None) -> tuple[Any, list[Ack]]:
-        """Waits for the answer to what was sent: the response and one acknowledgement per order.
+    def answer(self, sent: Sent, timeout: float | None) -> tuple[bytes, list[Ack]]:
+        """Waits for the answer to what was sent: its header, empty where it has none, and one acknowledgement per order.
 
         `timeout` [s] counts from the sending; without, it waits for as long as the server lives. Raises Unanswered, ServerLost.
         """
         response = self._wait(sent.pending, sent.start, timeout)
         acks = Ack.read_all(transport.payload(response, wire.Ack))
+        header = transport.user_header(response, self._header_size) if self._header_size else b""
+        # Who keeps a refusal keeps the frames that it passed, and with them the request: it would take a place of further ones.
+        response.delete()
+        sent.pending.delete()
         if len(acks) != sent.order_count or any(ack.sequence != sent.first + index for index, ack in enumerate(acks)):
             raise TransportFailed(f"the server answered {len(acks)} of {sent.order_count} orders")
-        return response, acks
+        return header, acks
 
     def _deliver(self, count: int, commands: bytes, head: bytes, start: float, timeout: float | None) -> Any:
         while True:

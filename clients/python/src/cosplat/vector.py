@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,9 @@ class VectorEnv(GymnasiumVectorEnv[Observation, Action, NDArray[Any]]):
 
     An environment whose episode is over begins the next one with the following `step`, whose action it does not see
     (`AutoresetMode.NEXT_STEP`). Each environment gives what it would give alone, bit for bit.
+
+    What one environment raises is raised once all have made their step, with a note that says whose it is. The episode of that
+    environment is over; the others are where they would be without it.
     """
 
     def __init__(self, envs: Sequence[Env]) -> None:
@@ -56,8 +59,7 @@ class VectorEnv(GymnasiumVectorEnv[Observation, Action, NDArray[Any]]):
             seeds = seed
         if len(seeds) != self.num_envs:
             raise ValueError(f"there are {len(seeds)} seeds, expected {self.num_envs}")
-        self._is_over[:] = False
-        begun = _in_turn([env.beginning(one, options) for env, one in zip(self.envs, seeds, strict=True)])
+        begun = self._driven([env.beginning(one, options) for env, one in zip(self.envs, seeds, strict=True)], lambda _: False)
         infos: dict[str, Any] = {}
         for number, (_, info) in enumerate(begun):
             infos = self._add_info(infos, info, number)
@@ -69,19 +71,33 @@ class VectorEnv(GymnasiumVectorEnv[Observation, Action, NDArray[Any]]):
         """Applies one action to each environment: observations, rewards, terminated, truncated, infos, one row each."""
         if len(actions) != self.num_envs:
             raise ValueError(f"there are {len(actions)} actions, expected {self.num_envs}")
-        results = _in_turn(
-            [
-                _next_episode(env) if is_over else env.acting(action)
-                for env, action, is_over in zip(self.envs, actions, self._is_over, strict=True)
-            ]
-        )
+        courses = [
+            _next_episode(env) if is_over else env.acting(action)
+            for env, action, is_over in zip(self.envs, actions, self._is_over, strict=True)
+        ]
+        results = self._driven(courses, lambda result: result[2] or result[3])
         observations, rewards, terminated, truncated, told = zip(*results, strict=True)
         infos: dict[str, Any] = {}
         for number, info in enumerate(told):
             infos = self._add_info(infos, info, number)
         over, cut = np.array(terminated, bool), np.array(truncated, bool)
-        self._is_over = over | cut
         return np.stack(observations), np.array(rewards, np.float64), over, cut, infos
+
+    def _driven(self, courses: Sequence[Course[T]], ends: Callable[[T], bool]) -> list[T]:
+        """Takes the courses of all environments to their end, and raises the first error only then.
+
+        `ends` tells of a result whether the episode is over.
+        """
+        # Where this is broken off, as by Ctrl-C, nobody knows who made which step.
+        self._is_over[:] = True
+        results, errors = _in_turn(courses)
+        for number, result in results.items():
+            self._is_over[number] = ends(result)
+        if errors:
+            for number, error in sorted(errors.items()):
+                error.add_note(f"raised by environment {number}, counted from 0")
+            raise errors[min(errors)]
+        return [results[number] for number in range(len(courses))]
 
     def close_extras(self, **_: Any) -> None:
         """Stops the servers."""
@@ -94,15 +110,19 @@ def _next_episode(env: Env) -> Course[tuple[Observation, float, bool, bool, dict
     return observation, 0.0, False, False, info
 
 
-def _in_turn(courses: Sequence[Course[T]]) -> list[T]:
-    """Takes all courses to their end; wherever one waits for its server, the servers of the others work."""
+def _in_turn(courses: Sequence[Course[T]]) -> tuple[dict[int, T], dict[int, Exception]]:
+    """Takes all courses to their end; wherever one waits for its server, the servers of the others work. Results, and errors."""
     results: dict[int, T] = {}
+    errors: dict[int, Exception] = {}
     going = dict(enumerate(courses))
     while going:
         for number, course in list(going.items()):
             try:
                 next(course)
+                continue
             except StopIteration as end:
                 results[number] = end.value
-                del going[number]
-    return [results[number] for number in range(len(courses))]
+            except Exception as error:
+                errors[number] = error
+            del going[number]
+    return results, errors
