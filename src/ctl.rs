@@ -196,6 +196,8 @@ enum Ctl {
     Undo,
     /// Go back to the state that the newest undo left.
     Redo,
+    /// Drop all orders that wait for their step, whoever gave them; also steps that a paused server has yet to make.
+    Cancel,
     /// Let a force act on an object during one step, as a whole or at a point.
     Force {
         /// Object name or id.
@@ -471,6 +473,7 @@ fn order_to_server(ctl: &Ctl) -> anyhow::Result<Order> {
         },
         Ctl::Undo => Order::Undo,
         Ctl::Redo => Order::Redo,
+        Ctl::Cancel => Order::Cancel,
         Ctl::Step { count } => Order::Step { count: *count },
         Ctl::Checkpoint => Order::Checkpoint,
         Ctl::Pause => Order::Pause,

@@ -10,7 +10,7 @@ use crate::{note, progress, say, signals};
 
 /// Publish a recording as a session, so that viewers attach to it as to a live run.
 ///
-/// It takes the orders pause, resume, stop and seek (`cosplat ctl seek STEP`) and refuses all others.
+/// It takes the orders pause, resume, stop, cancel and seek (`cosplat ctl seek STEP`) and refuses all others.
 #[derive(clap::Args)]
 pub struct Args {
     /// The recording.

@@ -85,6 +85,8 @@
 #define COSPLAT_COMMAND_UNDO UINT32_C(28)
 /** Back to the state that the newest `COMMAND_UNDO` left; the step count goes on. */
 #define COSPLAT_COMMAND_REDO UINT32_C(29)
+/** Drop the orders that wait for their step, at once: `object` 0 those of the sender's `client` number, 1 those of all. */
+#define COSPLAT_COMMAND_CANCEL UINT32_C(30)
 /** Flag of a pose: the object keeps its place, and `vector` is not read. */
 #define COSPLAT_POSE_KEEP_PLACE UINT32_C(1)
 /** Flag of a pose: the object keeps its rotation, and `point` is not read. */

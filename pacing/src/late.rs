@@ -4,8 +4,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 
 use cosplat_ipc::schema::Ack;
 
-/// Commands, or answers to them, that may wait at once; more are refused, so that a runaway client cannot eat the memory.
-pub const MAX_PENDING: usize = 4096;
+use crate::waiting::{Order, Waiting};
 
 /// Names the files of late.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,11 +39,7 @@ pub enum Awaited {
 #[derive(Clone, Copy, Debug)]
 struct Due {
     awaited: Awaited,
-    /// Step before which the file is due, or whose frame it is.
-    step: u64,
-    /// The request.
-    ticket: u64,
-    /// Which of its commands.
+    /// Which of the request's commands.
     index: usize,
 }
 
@@ -53,7 +48,8 @@ struct Due {
 pub struct LateAnswers {
     /// Where checkpoints go; none where they are not wanted.
     folder: Option<CheckpointFolder>,
-    due: Vec<Due>,
+    /// By the step before which the file is due, or whose frame it is.
+    due: Waiting<Due>,
     /// Answers to requests of which some wait, by ticket.
     answers: BTreeMap<u64, Vec<Ack>>,
 }
@@ -67,11 +63,11 @@ impl LateAnswers {
         }
     }
 
-    /// Whether a checkpoint of the state before `step` can be ordered.
+    /// Whether a checkpoint of the state before `step` can be ordered by `port`.
     ///
     /// # Errors
     /// A sentence that says why not.
-    pub fn check_file(&self, step: u64) -> Result<(), String> {
+    pub fn check_file(&self, port: u128, step: u64) -> Result<(), String> {
         let Some(to) = &self.folder else {
             return Err(
                 "this server writes no checkpoints: start it with --checkpoints DIR".into(),
@@ -84,88 +80,98 @@ impl LateAnswers {
                 "the path of the checkpoint has {length} bytes, expected at most {room}: {path}"
             ));
         }
-        self.has_room()
+        self.has_room(port)
     }
 
-    /// Whether one more answer may wait.
+    /// Whether one more answer to `port` may wait.
     ///
     /// # Errors
     /// A sentence that says why not.
-    pub fn has_room(&self) -> Result<(), String> {
-        if self.due.len() < MAX_PENDING {
-            return Ok(());
-        }
-        Err(format!(
-            "{MAX_PENDING} answers are waiting for checkpoints or steps already, expected fewer"
-        ))
+    pub fn has_room(&self, port: u128) -> Result<(), String> {
+        self.due.has_room(port, "checkpoints or steps")
     }
 
-    /// Keeps the answers to a request until what is `due` (index of the command, step, what it waits for) has come.
-    pub fn expect(&mut self, (ticket, acks): Answers, due: &[(usize, u64, Awaited)]) {
+    /// Keeps the answers to a request until what is `due` (index of the command, its order, what it waits for) has come.
+    pub fn expect(&mut self, (ticket, acks): Answers, due: &[(usize, Order, Awaited)]) {
         self.answers.insert(ticket, acks);
-        self.due
-            .extend(due.iter().map(|&(index, step, awaited)| Due {
-                awaited,
-                step,
-                ticket,
-                index,
-            }));
+        for &(index, order, awaited) in due {
+            self.due
+                .push(Order { ticket, ..order }, Due { awaited, index });
+        }
     }
 
     /// The file that is due before `step`.
     pub fn file_due(&self, step: u64) -> Option<PathBuf> {
         let to = self.folder.as_ref()?;
-        let is_due = |due: &Due| due.awaited == Awaited::File && due.step <= step;
-        let is_due = self.due.iter().any(is_due);
+        let mut due = self.due.iter().take_while(|(order, _)| order.step <= step);
+        let is_due = due.any(|(_, due)| due.awaited == Awaited::File);
         is_due.then(|| to.file(step - 1))
     }
 
     /// The file due before `step` is there, or why not. Returns the answers that waited for nothing else.
     pub fn written(&mut self, step: u64, outcome: &Result<String, String>) -> Vec<Answers> {
-        self.settle(|due| {
-            let is_due = due.awaited == Awaited::File && due.step <= step;
-            is_due.then(|| outcome.clone())
-        })
+        let is_due = |order: &Order, due: &Due| due.awaited == Awaited::File && order.step <= step;
+        self.settle(is_due, |_| outcome.clone())
     }
 
     /// The frame of `step` was sent. Returns the answers that waited for nothing else.
     pub fn sent(&mut self, step: u64) -> Vec<Answers> {
-        self.settle(|due| {
-            let is_due = due.awaited == Awaited::Frame && due.step <= step;
-            is_due.then(|| Ok(String::new()))
-        })
+        let is_due = |order: &Order, due: &Due| due.awaited == Awaited::Frame && order.step <= step;
+        self.settle(is_due, |_| Ok(String::new()))
     }
 
     /// The steps that were ordered are not made, for this reason.
     pub fn cancel_steps(&mut self, reason: &str) -> Vec<Answers> {
-        self.settle(|due| (due.awaited == Awaited::Frame).then(|| Err(reason.to_owned())))
+        let is_step = |_: &Order, due: &Due| due.awaited == Awaited::Frame;
+        self.settle(is_step, |_| Err(reason.to_owned()))
+    }
+
+    /// What `is_off` is not done, for this reason.
+    pub fn call_off(&mut self, is_off: impl Fn(&Order) -> bool, reason: &str) -> Vec<Answers> {
+        self.settle(|order, _| is_off(order), |_| Err(reason.to_owned()))
+    }
+
+    /// `port` is gone: see [`Waiting::leave`].
+    pub fn leave(&mut self, port: u128) -> usize {
+        let dropped = self.due.leave(port);
+        for (order, _) in &dropped {
+            // Nobody is there to hear it.
+            self.answers.remove(&order.ticket);
+        }
+        dropped.len()
+    }
+
+    /// Whether steps are waited for.
+    pub fn awaits_steps(&self) -> bool {
+        self.due
+            .iter()
+            .any(|(_, due)| due.awaited == Awaited::Frame)
     }
 
     /// The server ends: what has not come yet never does.
     pub fn give_up(&mut self) -> Vec<Answers> {
-        self.settle(|due| Some(Err(format!("the server ended before step {}", due.step))))
+        let never = |order: &Order| Err(format!("the server ended before step {}", order.step));
+        self.settle(|_, _| true, never)
     }
 
-    fn settle(&mut self, outcome: impl Fn(&Due) -> Option<Result<String, String>>) -> Vec<Answers> {
-        if self.due.is_empty() {
-            return Vec::new();
-        }
+    /// Answers what `is_settled`, with its outcome.
+    fn settle(
+        &mut self,
+        is_settled: impl Fn(&Order, &Due) -> bool,
+        outcome: impl Fn(&Order) -> Result<String, String>,
+    ) -> Vec<Answers> {
         let mut touched = Vec::new();
-        self.due.retain(|due| {
-            let Some(outcome) = outcome(due) else {
-                return true;
-            };
-            let answers = self.answers.get_mut(&due.ticket);
+        for (order, due) in self.due.call_off(is_settled) {
+            let answers = self.answers.get_mut(&order.ticket);
             if let Some(ack) = answers.and_then(|acks| acks.get_mut(due.index)) {
-                *ack = match outcome {
-                    Ok(file) => Ack::accepted_with_file(ack.sequence, due.step, &file),
+                *ack = match outcome(&order) {
+                    Ok(file) => Ack::accepted_with_file(ack.sequence, order.step, &file),
                     Err(reason) => Ack::refused(ack.sequence, &reason),
                 };
             }
-            touched.push(due.ticket);
-            false
-        });
-        touched.retain(|ticket| self.due.iter().all(|due| due.ticket != *ticket));
+            touched.push(order.ticket);
+        }
+        touched.retain(|ticket| self.due.iter().all(|(order, _)| order.ticket != *ticket));
         touched
             .into_iter()
             .filter_map(|ticket| Some((ticket, self.answers.remove(&ticket)?)))
@@ -179,6 +185,13 @@ mod tests {
 
     use super::*;
 
+    fn at(step: u64) -> Order {
+        Order {
+            step,
+            ..Order::default()
+        }
+    }
+
     fn folder() -> LateAnswers {
         LateAnswers::new(Some(CheckpointFolder {
             folder: "/tmp/states".into(),
@@ -189,10 +202,10 @@ mod tests {
     #[test]
     fn a_checkpoint_is_due_before_its_step_and_named_for_the_state() {
         let mut late = folder();
-        assert!(LateAnswers::default().check_file(5).is_err());
-        assert_eq!(late.check_file(5), Ok(()));
+        assert!(LateAnswers::default().check_file(1, 5).is_err());
+        assert_eq!(late.check_file(1, 5), Ok(()));
         assert_eq!(late.file_due(u64::MAX), None);
-        late.expect((1, vec![Ack::accepted(7, 9)]), &[(0, 9, Awaited::File)]);
+        late.expect((1, vec![Ack::accepted(7, 9)]), &[(0, at(9), Awaited::File)]);
         assert_eq!(late.file_due(8), None);
         let file = late.file_due(9).expect("due");
         assert_eq!(file, PathBuf::from("/tmp/states/demo-step-8.checkpoint"));
@@ -202,7 +215,10 @@ mod tests {
     fn an_answer_waits_for_the_last_of_its_files() {
         let mut late = folder();
         let acks = (1..=3).map(|sequence| Ack::accepted(sequence, 5)).collect();
-        late.expect((4, acks), &[(0, 5, Awaited::File), (2, 9, Awaited::File)]);
+        late.expect(
+            (4, acks),
+            &[(0, at(5), Awaited::File), (2, at(9), Awaited::File)],
+        );
         let written = Ok("here".to_owned());
         assert_eq!(late.written(5, &written), []);
         let full = Err("no space is left".to_owned());
@@ -219,7 +235,10 @@ mod tests {
     #[test]
     fn what_a_server_that_ends_has_not_written_is_said() {
         let mut late = folder();
-        late.expect((4, vec![Ack::accepted(1, 70)]), &[(0, 70, Awaited::File)]);
+        late.expect(
+            (4, vec![Ack::accepted(1, 70)]),
+            &[(0, at(70), Awaited::File)],
+        );
         let answers = late.give_up();
         assert_eq!(answers[0].1[0].status, ACK_REFUSED);
         assert_eq!(
@@ -227,12 +246,13 @@ mod tests {
             Ok("the server ended before step 70")
         );
     }
+
     #[test]
     fn steps_are_answered_by_their_last_frame_or_called_off() {
         let mut late = folder();
         let acks = || vec![Ack::accepted(1, 5), Ack::accepted(2, 7)];
-        late.expect((4, acks()), &[(1, 7, Awaited::Frame)]);
-        late.expect((5, acks()), &[(1, 9, Awaited::Frame)]);
+        late.expect((4, acks()), &[(1, at(7), Awaited::Frame)]);
+        late.expect((5, acks()), &[(1, at(9), Awaited::Frame)]);
         assert_eq!(late.file_due(u64::MAX), None);
         assert_eq!(late.sent(6), []);
         let answers = late.sent(7);

@@ -80,6 +80,20 @@ pub struct Now {
     pub state_hash: u64,
 }
 
+/// Orders that are not carried out any more, unless they have been.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CalledOff {
+    /// Those that came with a request whose last step is not made.
+    Request {
+        /// The port it came by.
+        port: u128,
+        /// Its ticket.
+        ticket: u64,
+    },
+    /// All of a participant that takes part no more.
+    Port(u128),
+}
+
 /// What takes part at present.
 #[derive(Debug)]
 pub struct Lockstep {
@@ -93,6 +107,12 @@ pub struct Lockstep {
     ticked: Instant,
     /// Why the session ends, if it does.
     stopped: Option<String>,
+    /// Whether participants were named: a session that somebody has to step does not run by itself.
+    is_listed: bool,
+    /// Whether the last of the named ones, and of all who joined them, has left.
+    stands: bool,
+    /// What is to be called off.
+    called_off: Vec<CalledOff>,
 }
 
 impl Lockstep {
@@ -113,17 +133,25 @@ impl Lockstep {
             clock: Duration::ZERO,
             ticked: now,
             stopped: None,
+            is_listed: !options.required.is_empty(),
+            stands: false,
+            called_off: Vec::new(),
         }
     }
 
     /// Whether nobody takes part: the server goes on by itself.
     pub fn freewheels(&self) -> bool {
-        self.members.is_empty()
+        self.members.is_empty() && !self.stands
     }
 
     /// Whether all permit a step.
     pub fn permits(&self) -> bool {
-        self.members.iter().all(|member| member.asked.is_some())
+        !self.stands && self.members.iter().all(|member| member.asked.is_some())
+    }
+
+    /// What was called off since the last look.
+    pub fn called_off(&mut self) -> Vec<CalledOff> {
+        std::mem::take(&mut self.called_off)
     }
 
     /// Whether a participant's policy ends the session.
@@ -177,6 +205,13 @@ impl Lockstep {
             wire::STEP_DETACH => self.own(name, port).map(|at| {
                 tracing::info!("participant {name} has left");
                 self.members.remove(at);
+                self.called_off.push(CalledOff::Port(port));
+                self.stands = self.is_listed && self.members.is_empty();
+                if self.stands {
+                    tracing::warn!(
+                        "nobody takes part any more: the server waits until somebody does"
+                    );
+                }
                 false
             }),
             wire::STEP_ADVANCE => {
@@ -227,6 +262,7 @@ impl Lockstep {
             }),
         }
         self.dropped.remove(name);
+        self.stands = false;
         tracing::info!("participant {name} takes part");
         Ok(())
     }
@@ -261,18 +297,16 @@ impl Lockstep {
         let (clock, mut n) = (self.clock, 0);
         while n < self.members.len() {
             let member = &mut self.members[n];
-            if member
-                .asked
-                .as_ref()
-                .is_some_and(|asked| !waits(asked.ticket))
-            {
+            if let Some(asked) = member.asked.take_if(|asked| !waits(asked.ticket)) {
                 // It gave up waiting: what it permitted is withdrawn.
-                member.asked = None;
                 member.since = clock;
+                self.called_off.extend(member.call_off(&asked));
             }
             let is_gone = member.port.is_some_and(|port| !ports.contains(&port));
             if is_gone {
-                (member.port, member.asked) = (None, None);
+                self.called_off
+                    .extend(member.port.take().map(CalledOff::Port));
+                member.asked = None;
                 member.since = clock;
             }
             let waited = clock.saturating_sub(member.since);
@@ -310,7 +344,12 @@ impl Lockstep {
             Policy::Wait => tracing::warn!("{why}: the server waits for it at step {step}"),
             Policy::Drop => {
                 tracing::warn!("{why}: the server goes on without it from step {step}");
-                self.members.retain(|member| member.name != name);
+                let (out, stay) = std::mem::take(&mut self.members)
+                    .into_iter()
+                    .partition::<Vec<_>, _>(|member| member.name == name);
+                self.members = stay;
+                let ports = out.iter().filter_map(|member| member.port);
+                self.called_off.extend(ports.map(CalledOff::Port));
                 self.dropped.insert(name, format!("{why}, at step {step}"));
             }
             Policy::Stop => {
@@ -342,6 +381,7 @@ impl Lockstep {
         for member in &mut self.members {
             if let Some(asked) = member.asked.take_if(|asked| is_over(asked)) {
                 member.since = clock;
+                self.called_off.extend(member.call_off(&asked));
                 answers.push(asked.answer(at.done(wire::RETURN_TIMEOUT, &reason)));
             }
         }
@@ -364,7 +404,12 @@ impl Lockstep {
                 None => continue,
             };
             member.since = clock;
-            answers.extend(member.asked.take().map(|asked| asked.answer(done)));
+            if let Some(asked) = member.asked.take() {
+                if done.cause != wire::RETURN_COMPLETE {
+                    self.called_off.extend(member.call_off(&asked));
+                }
+                answers.push(asked.answer(done));
+            }
         }
         answers
     }
@@ -379,6 +424,14 @@ impl Lockstep {
         asked
             .map(|asked| asked.answer(at.done(wire::RETURN_TERMINATE, &reason)))
             .collect()
+    }
+}
+
+impl Member {
+    /// The orders of a request that is withdrawn.
+    fn call_off(&self, asked: &Asked) -> Option<CalledOff> {
+        let ticket = asked.ticket;
+        self.port.map(|port| CalledOff::Request { port, ticket })
     }
 }
 

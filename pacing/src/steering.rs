@@ -1,7 +1,9 @@
 //! Permission to step: pauses, resumptions and the end, now or from a later step on.
 
+use crate::waiting::{Order, Waiting};
+
 /// An order to the server itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
     /// Stop stepping.
     Pause,
@@ -22,19 +24,6 @@ pub enum Permission {
     End,
 }
 
-/// An order that waits for its step; fields in the order of application.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Scheduled {
-    /// Step at whose start it takes effect.
-    pub step: u64,
-    /// Who gave it.
-    pub client: u64,
-    /// The sender's running number.
-    pub sequence: u64,
-    /// What to do.
-    pub control: Control,
-}
-
 /// Whether the server may step.
 #[derive(Debug, Default)]
 pub struct Steering {
@@ -42,8 +31,7 @@ pub struct Steering {
     /// Steps that may be made although it is paused.
     single: u64,
     stopped: bool,
-    /// In the order of application.
-    later: Vec<Scheduled>,
+    later: Waiting<Control>,
 }
 
 impl Steering {
@@ -87,17 +75,23 @@ impl Steering {
         self.reach(next_step);
     }
 
-    /// Orders that wait for their step.
-    pub fn waiting(&self) -> usize {
-        self.later.len()
+    /// What waits for its step.
+    pub fn later(&mut self) -> &mut Waiting<Control> {
+        &mut self.later
+    }
+
+    /// The steps that a paused server was to make are not made.
+    pub fn cancel_steps(&mut self) {
+        self.single = 0;
     }
 
     /// Takes an order; `next_step` is the first step still to come.
     ///
     /// # Errors
-    /// A sentence when a server that is paused would have to reach a later step to be resumed.
-    pub fn order(&mut self, order: Scheduled, next_step: u64) -> Result<(), String> {
-        if order.control == Control::Resume
+    /// A sentence when a server that is paused would have to reach a later step to be resumed, or too many of the sender's
+    /// orders wait.
+    pub fn order(&mut self, order: Order, control: Control, next_step: u64) -> Result<(), String> {
+        if control == Control::Resume
             && let Some(halt) = self.halts_before(order.step, next_step)
         {
             return Err(format!(
@@ -106,10 +100,10 @@ impl Steering {
             ));
         }
         if order.step <= next_step {
-            self.obey(order.control);
+            self.obey(control);
         } else {
-            let place = self.later.partition_point(|other| *other < order);
-            self.later.insert(place, order);
+            self.later.has_room(order.port, "later steps")?;
+            self.later.push(order, control);
         }
         Ok(())
     }
@@ -117,11 +111,11 @@ impl Steering {
     /// The step before which the server stands still for ever, as far as it is known, and so never reaches `step`.
     fn halts_before(&self, step: u64, next_step: u64) -> Option<u64> {
         let mut halt = self.paused.then_some(next_step);
-        for order in self.later.iter().take_while(|order| order.step < step) {
+        for (order, control) in self.later.iter().take_while(|(order, _)| order.step < step) {
             if halt.is_some_and(|halt| halt < order.step) {
                 break;
             }
-            halt = match order.control {
+            halt = match control {
                 Control::Pause => Some(order.step),
                 Control::Resume | Control::Stop => None,
             };
@@ -131,9 +125,8 @@ impl Steering {
 
     /// Obeys what is due before `next_step`.
     pub fn reach(&mut self, next_step: u64) {
-        let due = self.later.partition_point(|order| order.step <= next_step);
-        for order in self.later.drain(..due).collect::<Vec<_>>() {
-            self.obey(order.control);
+        for (_, control) in self.later.take_due(next_step) {
+            self.obey(control);
         }
     }
 
@@ -164,13 +157,13 @@ mod tests {
     fn run(paused: bool, orders: &[(u64, u64, u64, Control)]) -> Vec<Permission> {
         let mut steering = Steering::new(paused);
         for &(step, client, sequence, control) in orders {
-            let order = Scheduled {
+            let order = Order {
                 step,
                 client,
                 sequence,
-                control,
+                ..Order::default()
             };
-            steering.order(order, 1).expect("taken");
+            steering.order(order, control, 1).expect("taken");
         }
         let before = |next_step| {
             steering.reach(next_step);
@@ -222,14 +215,17 @@ mod tests {
 
     #[test]
     fn a_resumption_that_cannot_come_is_refused() {
-        let order = |step, control| Scheduled {
-            step,
-            client: 1,
-            sequence: step,
-            control,
+        let order = |steering: &mut Steering, step, control| {
+            let order = Order {
+                step,
+                client: 1,
+                sequence: step,
+                ..Order::default()
+            };
+            steering.order(order, control, 5)
         };
         let mut paused = Steering::new(true);
-        let refused = paused.order(order(20, Control::Resume), 5);
+        let refused = order(&mut paused, 20, Control::Resume);
         let said = refused.expect_err("step 20 never comes");
         assert!(
             said.contains("step 20") && said.contains("step 5"),
@@ -237,19 +233,13 @@ mod tests {
         );
         // With a resumption before, it comes; with a pause between, it does not.
         let mut steering = Steering::new(true);
-        steering.order(order(5, Control::Resume), 5).expect("taken");
-        steering.order(order(9, Control::Pause), 5).expect("taken");
-        steering.order(order(9, Control::Resume), 5).expect("taken");
-        let said = steering.order(order(20, Control::Pause), 5);
+        order(&mut steering, 5, Control::Resume).expect("taken");
+        order(&mut steering, 9, Control::Pause).expect("taken");
+        order(&mut steering, 9, Control::Resume).expect("taken");
+        let said = order(&mut steering, 20, Control::Pause);
         said.expect("a pause may always come");
-        steering
-            .order(order(30, Control::Resume), 5)
-            .expect_err("halted at 20");
-        steering
-            .order(order(20, Control::Resume), 5)
-            .expect("at 20 it can");
-        steering
-            .order(order(30, Control::Resume), 5)
-            .expect("and then at 30");
+        order(&mut steering, 30, Control::Resume).expect_err("halted at 20");
+        order(&mut steering, 20, Control::Resume).expect("at 20 it can");
+        order(&mut steering, 30, Control::Resume).expect("and then at 30");
     }
 }

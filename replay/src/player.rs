@@ -13,7 +13,8 @@ use cosplat_ipc::{
 };
 use cosplat_pacing::{
     pace::{Pace, Pacer},
-    steering::{Permission, Scheduled, Steering},
+    steering::{Permission, Steering},
+    waiting,
 };
 use cosplat_recorder::{
     chunks::Chunks,
@@ -299,10 +300,20 @@ impl<'a> Player<'a> {
         let (tape, steering, range) = (&mut self.tape, &mut self.steering, self.range);
         self.ports.poll_commands(
             |Asked {
-                 header, commands, ..
+                 port,
+                 ticket,
+                 header,
+                 commands,
              }| {
                 let acks = commands.iter().map(|command| {
-                    let outcome = obey(tape, steering, range, header.client, command);
+                    let origin = waiting::Order {
+                        client: header.client,
+                        sequence: command.sequence,
+                        port,
+                        ticket,
+                        step: 0,
+                    };
+                    let outcome = obey(tape, steering, range, origin, command);
                     match outcome {
                         Ok(step) => {
                             sought |= command.kind == wire::COMMAND_SEEK;
@@ -320,6 +331,13 @@ impl<'a> Player<'a> {
             let done = wire::StepDone::of_cause(wire::RETURN_REFUSED, reason);
             Reply::Now((done, refused.collect()))
         });
+        for departed in self.ports.departed() {
+            let later = self.steering.later();
+            match departed.died {
+                true => later.call_off(|order, _| order.port == departed.port),
+                false => later.leave(departed.port),
+            };
+        }
         sought
     }
 }
@@ -329,7 +347,7 @@ fn obey(
     tape: &mut Tape,
     steering: &mut Steering,
     range: [u64; 2],
-    client: u64,
+    origin: waiting::Order,
     command: &Command,
 ) -> Result<u64, String> {
     let [first, last] = range;
@@ -341,18 +359,22 @@ fn obey(
             format!("step {wanted} is not in the recording, which holds steps {first} to {last}")
         });
     }
-    let Ok(Order::Server(control)) = order_from_wire(client, command) else {
-        return Err(
-            "this session replays a recording: it takes pause, resume, stop and seek".into(),
-        );
-    };
     let step = command.apply_at_step.max(next_step);
-    let order = Scheduled {
-        step,
-        client,
-        sequence: command.sequence,
-        control,
-    };
-    steering.order(order, next_step)?;
-    Ok(step)
+    match order_from_wire(origin.client, command) {
+        Ok(Order::Server(control)) => {
+            let order = waiting::Order { step, ..origin };
+            steering.order(order, control, next_step)?;
+            Ok(step)
+        }
+        Ok(Order::Cancel { of_all }) => {
+            waiting::check_cancel(step, next_step)?;
+            let is_off = |order: &waiting::Order| of_all || order.client == origin.client;
+            steering.later().call_off(|order, _| is_off(order));
+            Ok(next_step)
+        }
+        _ => Err(
+            "this session replays a recording: it takes pause, resume, stop, seek and cancel"
+                .into(),
+        ),
+    }
 }

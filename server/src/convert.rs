@@ -14,10 +14,19 @@ use cosplat_sim_core::{
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WireError {
     /// `kind` is none of the known ones.
-    #[error("command kind {kind} is unknown: expected 1 to {}", wire::COMMAND_REDO)]
+    #[error(
+        "command kind {kind} is unknown: expected 1 to {}",
+        wire::COMMAND_CANCEL
+    )]
     UnknownKind {
         /// The value sent.
         kind: u32,
+    },
+    /// `object` says nobody's orders.
+    #[error("the orders of {whose} are to be cancelled, expected 0 for the sender's or 1 for all")]
+    UnknownExtent {
+        /// The value sent.
+        whose: u32,
     },
     /// `material.region` says no model level.
     #[error("fidelity {fidelity} is unknown: expected 1 static, 2 mpm, 3 auto or 4 rigid")]
@@ -57,6 +66,11 @@ pub enum Order {
     Checkpoint,
     /// Make so many steps while paused.
     Steps(u64),
+    /// Drop orders that wait: the sender's, or those of all.
+    Cancel {
+        /// Whether those of all.
+        of_all: bool,
+    },
     /// Something for the server itself.
     Server(Control),
 }
@@ -147,6 +161,14 @@ pub fn order_from_wire(client: u64, command: &wire::Command) -> Result<Order, Wi
                 return Err(WireError::Steps { count });
             }
             return Ok(Order::Steps(count.into()));
+        }
+        wire::COMMAND_CANCEL => {
+            let of_all = match command.object {
+                0 => false,
+                1 => true,
+                whose => return Err(WireError::UnknownExtent { whose }),
+            };
+            return Ok(Order::Cancel { of_all });
         }
         wire::COMMAND_PAUSE => return Ok(Order::Server(Control::Pause)),
         wire::COMMAND_RESUME => return Ok(Order::Server(Control::Resume)),

@@ -2,11 +2,13 @@
 
 use cosplat_ipc::{
     schema as wire,
-    server::{Asked, Reply},
+    server::{Asked, Departed, Reply},
 };
 use cosplat_pacing::{
-    late::{Awaited, CheckpointFolder, LateAnswers, MAX_PENDING},
-    steering::{Scheduled, Steering},
+    late::{Answers, Awaited, CheckpointFolder, LateAnswers},
+    lockstep::CalledOff,
+    steering::Steering,
+    waiting::{self, Waiting, check_cancel},
 };
 use cosplat_sim_core::{Action, Command, CommandError};
 
@@ -15,10 +17,18 @@ use crate::convert::{Order, order_from_wire};
 /// How far ahead a command may be scheduled [steps].
 pub const MAX_STEPS_AHEAD: u64 = 10_000_000;
 
+/// Why an order is not carried out that was cancelled.
+const CANCELLED: &str = "it was cancelled";
+
 /// The inbox of the simulation: checks on arrival, hands over what is due.
 #[derive(Debug, Default)]
 pub struct Ingest {
-    pending: Vec<Pending>,
+    /// What was ordered for the next step. It has room of its own, so that what waits for later ones never keeps it out.
+    next: Waiting<Pending>,
+    /// What was ordered for later steps.
+    later: Waiting<Pending>,
+    /// Answers to requests of which nothing is waited for any more.
+    answers: Vec<Answers>,
     /// Whether the server may step.
     pub steering: Steering,
     /// Answers that wait for checkpoints or steps.
@@ -50,7 +60,12 @@ impl Ingest {
 
     /// Commands to the world that wait for their step.
     pub fn waiting(&self) -> usize {
-        self.pending.len()
+        self.next.len() + self.later.len()
+    }
+
+    /// Answers to earlier requests that were cancelled.
+    pub fn take_answers(&mut self) -> Vec<Answers> {
+        std::mem::take(&mut self.answers)
     }
 
     /// Checks one request and answers every command of it, at once or, where one orders a checkpoint or steps, when
@@ -63,8 +78,8 @@ impl Ingest {
         next_step: u64,
         check: &dyn Fn(&Action) -> Result<(), CommandError>,
     ) -> Reply {
-        let client = asked.header.client;
-        let (acks, due) = self.accept_all(client, asked.commands, next_step, true, check);
+        let from = origin(asked, asked.header.client);
+        let (acks, due) = self.accept_all(from, asked.commands, next_step, true, check);
         if due.is_empty() {
             return Reply::Now(acks);
         }
@@ -75,23 +90,24 @@ impl Ingest {
     /// Checks the commands of a participant and answers each of them now.
     pub fn accept_now(
         &mut self,
-        client: u64,
-        commands: &[wire::Command],
+        asked: &Asked<'_, wire::StepRequest>,
         next_step: u64,
         check: &dyn Fn(&Action) -> Result<(), CommandError>,
     ) -> Vec<wire::Ack> {
-        self.accept_all(client, commands, next_step, false, check).0
+        let from = origin(asked, asked.header.client);
+        self.accept_all(from, asked.commands, next_step, false, check)
+            .0
     }
 
     fn accept_all(
         &mut self,
-        client: u64,
+        from: waiting::Order,
         commands: &[wire::Command],
         next_step: u64,
         may_be_late: bool,
         check: &dyn Fn(&Action) -> Result<(), CommandError>,
-    ) -> (Vec<wire::Ack>, Vec<(usize, u64, Awaited)>) {
-        let mut due = Vec::new();
+    ) -> (Vec<wire::Ack>, Vec<(usize, waiting::Order, Awaited)>) {
+        let mut due: Vec<(usize, waiting::Order, Awaited)> = Vec::new();
         let mut acks = Vec::with_capacity(commands.len());
         for (index, command) in commands.iter().enumerate() {
             let awaited = match command.kind {
@@ -99,14 +115,26 @@ impl Ingest {
                 wire::COMMAND_STEP => Some(Awaited::Frame),
                 _ => None,
             };
+            let from = waiting::Order {
+                sequence: command.sequence,
+                ..from
+            };
             let accepted = match awaited.is_some() && !may_be_late {
                 true => Err("its answer comes later: send it on the service command".into()),
-                false => self.accept_one(client, command, next_step, check),
+                false => self.accept_one(from, command, next_step, check),
             };
+            if accepted.is_ok() && command.kind == wire::COMMAND_CANCEL {
+                // What was ordered right before it as well.
+                for (index, order, _) in due.drain(..) {
+                    acks[index] = wire::Ack::refused(order.sequence, CANCELLED);
+                }
+            }
             acks.push(match accepted {
                 Ok(step) => {
                     self.accepted += 1;
-                    due.extend(awaited.map(|awaited| (index, step, awaited)));
+                    due.extend(
+                        awaited.map(|awaited| (index, waiting::Order { step, ..from }, awaited)),
+                    );
                     wire::Ack::accepted(command.sequence, step)
                 }
                 Err(reason) => {
@@ -120,11 +148,12 @@ impl Ingest {
 
     fn accept_one(
         &mut self,
-        client: u64,
+        from: waiting::Order,
         command: &wire::Command,
         next_step: u64,
         check: &dyn Fn(&Action) -> Result<(), CommandError>,
     ) -> Result<u64, String> {
+        let client = from.client;
         let step = command.apply_at_step.max(next_step);
         if step - next_step > MAX_STEPS_AHEAD {
             return Err(format!(
@@ -133,20 +162,18 @@ impl Ingest {
             ));
         }
         match order_from_wire(client, command).map_err(|error| error.to_string())? {
-            Order::Checkpoint => self.late.check_file(step)?,
+            Order::Checkpoint => self.late.check_file(from.port, step)?,
             Order::Steps(count) => {
-                self.late.has_room()?;
+                self.late.has_room(from.port)?;
                 return self.steering.single_steps(count, step, next_step);
             }
+            Order::Cancel { of_all } => {
+                check_cancel(step, next_step)?;
+                self.cancel(|order| of_all || order.client == client);
+            }
             Order::Server(control) => {
-                self.has_room(step == next_step)?;
-                let order = Scheduled {
-                    step,
-                    client,
-                    sequence: command.sequence,
-                    control,
-                };
-                self.steering.order(order, next_step)?;
+                let order = waiting::Order { step, ..from };
+                self.steering.order(order, control, next_step)?;
             }
             Order::World(action) => {
                 match check(&action) {
@@ -163,8 +190,12 @@ impl Ingest {
                         if self.will(|action| *action == Action::Undo) => {}
                     judged => judged.map_err(|error| error.to_string())?,
                 }
-                self.has_room(false)?;
-                self.pending.push(Pending {
+                let (queue, what) = match step == next_step {
+                    true => (&mut self.next, "the next step"),
+                    false => (&mut self.later, "later steps"),
+                };
+                queue.has_room(from.port, what)?;
+                let pending = Pending {
                     command: Command {
                         client,
                         sequence: command.sequence,
@@ -176,15 +207,22 @@ impl Ingest {
                         client,
                         command: *command,
                     },
-                });
+                };
+                queue.push(waiting::Order { step, ..from }, pending);
             }
         }
         Ok(step)
     }
 
+    /// All that has yet to take effect.
+    fn pending(&self) -> impl Iterator<Item = &Pending> {
+        let pending = self.later.iter().chain(self.next.iter());
+        pending.map(|(_, pending)| pending)
+    }
+
     /// Whether a client has ordered to hold an object, and that has yet to take effect.
     fn will_hold(&self, client: u64, object: usize) -> bool {
-        let mut pending = self.pending.iter().map(|pending| &pending.applied);
+        let mut pending = self.pending().map(|pending| &pending.applied);
         pending.any(|applied| {
             let command = &applied.command;
             command.kind == wire::COMMAND_GRAB
@@ -194,32 +232,88 @@ impl Ingest {
 
     /// Whether something was ordered that has yet to take effect.
     fn will(&self, what: impl Fn(&Action) -> bool) -> bool {
-        let mut pending = self.pending.iter();
-        pending.any(|pending| what(&pending.command.action))
+        self.pending().any(|pending| what(&pending.command.action))
     }
 
-    /// Whether one more command may wait; what takes effect `at_once` need not.
-    fn has_room(&self, at_once: bool) -> Result<(), String> {
-        let waiting = self.pending.len() + self.steering.waiting();
-        if at_once || waiting < MAX_PENDING {
-            return Ok(());
+    /// Drops what waits and `is_off`, and keeps the answers to those who wait for it.
+    fn cancel(&mut self, is_off: impl Fn(&waiting::Order) -> bool) {
+        let dropped = self.call_off(&is_off);
+        let had_steps = self.late.awaits_steps();
+        let answers = self.late.call_off(&is_off, CANCELLED);
+        self.answers.extend(answers);
+        if had_steps && !self.late.awaits_steps() {
+            self.steering.cancel_steps();
         }
-        Err(format!(
-            "{waiting} commands are waiting already, expected fewer than {MAX_PENDING}"
-        ))
+        tracing::info!("{dropped} waiting orders were cancelled");
+    }
+
+    /// Drops what waits and `is_off`, and says how many that were.
+    fn call_off(&mut self, is_off: impl Fn(&waiting::Order) -> bool) -> usize {
+        let of_world = [&mut self.next, &mut self.later]
+            .into_iter()
+            .map(|queue| queue.call_off(|order, _| is_off(order)).len())
+            .sum::<usize>();
+        let of_server = self.steering.later();
+        of_world + of_server.call_off(|order, _| is_off(order)).len()
+    }
+
+    /// A port is gone. What a dead process ordered is dropped; what one ordered that has ended waits on, as far as there is
+    /// room for those who are gone: so `cosplat ctl --at-step` does not have to stay.
+    pub fn depart(&mut self, departed: Departed) {
+        let Departed { port, died } = departed;
+        let dropped = match died {
+            true => {
+                let dropped = self.call_off(|order| order.port == port);
+                // Nobody is there to hear it.
+                self.late.call_off(|order| order.port == port, "gone");
+                dropped
+            }
+            false => {
+                self.next.leave(port).len()
+                    + self.later.leave(port).len()
+                    + self.steering.later().leave(port).len()
+                    + self.late.leave(port)
+            }
+        };
+        if dropped > 0 {
+            tracing::warn!(
+                "{dropped} waiting orders of a client that is gone were dropped: it {}",
+                match died {
+                    true => "died",
+                    false => "left more than there is room for",
+                }
+            );
+        }
+    }
+
+    /// What a participant ordered is not carried out any more.
+    pub fn withdraw(&mut self, orders: CalledOff) {
+        let dropped = self.call_off(|order| match orders {
+            CalledOff::Port(port) => order.port == port,
+            CalledOff::Request { port, ticket } => (order.port, order.ticket) == (port, ticket),
+        });
+        if dropped > 0 {
+            tracing::info!("{dropped} waiting orders of a participant were dropped");
+        }
     }
 
     /// Takes out what is due at `step`, in the order of application.
     pub fn take_due(&mut self, step: u64) -> Vec<Pending> {
-        let (mut due, later): (Vec<_>, Vec<_>) = std::mem::take(&mut self.pending)
-            .into_iter()
-            .partition(|pending| pending.command.apply_at_step <= step);
-        self.pending = later;
-        due.sort_by_key(|pending| {
-            let command = &pending.command;
-            (command.apply_at_step, command.client, command.sequence)
-        });
-        due
+        let mut due = self.later.take_due(step);
+        // These came after those that were ordered for later.
+        due.extend(self.next.take_due(step));
+        due.sort_by_key(|(order, _)| (order.step, order.client, order.sequence));
+        due.into_iter().map(|(_, pending)| pending).collect()
+    }
+}
+
+/// Where the orders of a request come from.
+fn origin<H>(asked: &Asked<'_, H>, client: u64) -> waiting::Order {
+    waiting::Order {
+        client,
+        port: asked.port,
+        ticket: asked.ticket,
+        ..waiting::Order::default()
     }
 }
 
@@ -233,174 +327,4 @@ fn comes_or_goes(action: &Action, id: usize) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn impulse(sequence: u64, apply_at_step: u64) -> wire::Command {
-        wire::Command {
-            kind: wire::COMMAND_IMPULSE,
-            sequence,
-            apply_at_step,
-            vector: [1.0, 0.0, 0.0],
-            ..Default::default()
-        }
-    }
-
-    /// The answers to a request of `client`, which come at once.
-    fn accept(
-        ingest: &mut Ingest,
-        client: u64,
-        commands: &[wire::Command],
-        next_step: u64,
-        check: &dyn Fn(&Action) -> Result<(), CommandError>,
-    ) -> Vec<wire::Ack> {
-        let header = wire::CommandHeader {
-            client,
-            ..Default::default()
-        };
-        let asked = Asked {
-            ticket: 1,
-            port: 1,
-            header: &header,
-            commands,
-        };
-        match ingest.accept(&asked, next_step, check) {
-            Reply::Now(acks) => acks,
-            other => panic!("{other:?}"),
-        }
-    }
-
-    #[test]
-    fn due_commands_come_in_step_client_sequence_order() {
-        let mut ingest = Ingest::default();
-        let fine = |_: &Action| Ok(());
-        accept(&mut ingest, 2, &[impulse(1, 5), impulse(2, 4)], 3, &fine);
-        accept(
-            &mut ingest,
-            1,
-            &[impulse(9, 5), impulse(3, 5), impulse(4, 7)],
-            3,
-            &fine,
-        );
-        let order: Vec<_> = ingest
-            .take_due(5)
-            .iter()
-            .map(|p| (p.applied.step, p.applied.client, p.command.sequence))
-            .collect();
-        assert_eq!(order, [(4, 2, 2), (5, 1, 3), (5, 1, 9), (5, 2, 1)]);
-        assert_eq!(ingest.take_due(7).len(), 1);
-    }
-
-    #[test]
-    fn a_past_step_means_the_next_one() {
-        let mut ingest = Ingest::default();
-        let acks = accept(&mut ingest, 1, &[impulse(1, 0), impulse(2, 2)], 8, &|_| {
-            Ok(())
-        });
-        assert!(acks.iter().all(|ack| ack.applied_at_step == 8));
-        assert!(ingest.take_due(7).is_empty());
-    }
-
-    #[test]
-    fn a_refused_command_leaves_nothing_behind() {
-        let mut ingest = Ingest::default();
-        let refuse = |_: &Action| {
-            Err(CommandError::UnknownObject {
-                object: 7,
-                count: 2,
-            })
-        };
-        let acks = accept(&mut ingest, 1, &[impulse(1, 0)], 1, &refuse);
-        assert_eq!(acks[0].status, wire::ACK_REFUSED);
-        let reason = String::from_utf8_lossy(&acks[0].reason).into_owned();
-        assert!(reason.contains('7') && reason.contains('2'), "{reason}");
-        assert!(ingest.take_due(u64::MAX).is_empty());
-        assert_eq!((ingest.accepted, ingest.refused), (0, 1));
-    }
-
-    #[test]
-    fn an_edit_that_waits_can_be_undone_already() {
-        let mut ingest = Ingest::default();
-        let judge = |action: &Action| match action {
-            Action::Undo => Err(CommandError::NothingToUndo),
-            Action::Redo => Err(CommandError::NothingToRedo),
-            _ => Ok(()),
-        };
-        let of = |kind| wire::Command {
-            kind,
-            ..Default::default()
-        };
-        let (undo, redo) = (of(wire::COMMAND_UNDO), of(wire::COMMAND_REDO));
-        let early = accept(&mut ingest, 1, &[undo, redo], 1, &judge);
-        assert!(early.iter().all(|ack| !ack.is_accepted()));
-        let orders = [of(wire::COMMAND_REMOVE), undo, redo];
-        let acks = accept(&mut ingest, 1, &orders, 1, &judge);
-        assert!(acks.iter().all(wire::Ack::is_accepted), "{acks:?}");
-    }
-
-    #[test]
-    fn a_flood_is_refused_and_not_stored() {
-        let mut ingest = Ingest::default();
-        let flood = vec![impulse(1, 0); MAX_PENDING + 10];
-        let acks = accept(&mut ingest, 1, &flood, 1, &|_| Ok(()));
-        let refused = acks.iter().filter(|a| a.status == wire::ACK_REFUSED);
-        assert_eq!(refused.count(), 10);
-        assert_eq!(ingest.take_due(1).len(), MAX_PENDING);
-    }
-
-    #[test]
-    fn an_order_for_a_checkpoint_is_answered_late_or_refused_now() {
-        let checkpoint = wire::Command {
-            kind: wire::COMMAND_CHECKPOINT,
-            sequence: 3,
-            ..Default::default()
-        };
-        let fine = |_: &Action| Ok(());
-        let refused = accept(&mut Ingest::default(), 1, &[checkpoint], 5, &fine);
-        assert_eq!(refused[0].status, wire::ACK_REFUSED);
-        let folder = CheckpointFolder {
-            folder: "/tmp/states".into(),
-            session: "demo".into(),
-        };
-        let mut ingest = Ingest::new(false, Some(folder));
-        let asked = Asked {
-            ticket: 8,
-            port: 1,
-            header: &wire::CommandHeader::default(),
-            commands: &[impulse(2, 0), checkpoint],
-        };
-        assert_eq!(ingest.accept(&asked, 5, &fine), Reply::Later);
-        let answers = ingest.late.written(5, &Ok("file".into()));
-        let (ticket, acks) = &answers[0];
-        assert_eq!((*ticket, acks.len()), (8, 2));
-        assert_eq!((acks[0].sequence, acks[0].reason()), (2, Ok("")));
-        assert_eq!((acks[1].sequence, acks[1].reason()), (3, Ok("file")));
-    }
-
-    #[test]
-    fn a_full_inbox_still_takes_what_acts_at_once() {
-        let mut ingest = Ingest::default();
-        let fine = |_: &Action| Ok(());
-        let flood = vec![impulse(1, 50); MAX_PENDING];
-        accept(&mut ingest, 1, &flood, 1, &fine);
-        let pause = |apply_at_step| wire::Command {
-            kind: wire::COMMAND_PAUSE,
-            apply_at_step,
-            ..Default::default()
-        };
-        let acks = accept(&mut ingest, 2, &[pause(7), pause(0)], 1, &fine);
-        assert_eq!(acks[0].status, wire::ACK_REFUSED);
-        assert_eq!(acks[1].status, wire::ACK_ACCEPTED);
-        assert_eq!(
-            ingest.steering.permission(),
-            cosplat_pacing::steering::Permission::Wait
-        );
-    }
-
-    #[test]
-    fn a_step_beyond_reach_is_refused() {
-        let mut ingest = Ingest::default();
-        let acks = accept(&mut ingest, 1, &[impulse(1, u64::MAX)], 1, &|_| Ok(()));
-        assert_eq!(acks[0].status, wire::ACK_REFUSED);
-    }
-}
+mod tests;

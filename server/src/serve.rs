@@ -351,6 +351,11 @@ impl Server<'_> {
             let seconds = begin.elapsed().as_secs_f64();
             allowance.answered(seconds, ingest.waiting() - before);
         }
+        for departed in self.ports.departed() {
+            self.ingest.depart(departed);
+        }
+        let cancelled = self.ingest.take_answers();
+        self.answer_late(cancelled);
         self.summary.commands_accepted = self.ingest.accepted;
         self.summary.commands_refused = self.ingest.refused;
         if let Some(path) = self.ingest.late.file_due(next_step) {

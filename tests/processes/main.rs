@@ -19,6 +19,7 @@ mod python;
 mod recording;
 mod replay;
 mod restart;
+mod shares;
 mod shutdown;
 mod stage;
 mod strokes;

@@ -63,7 +63,7 @@ fn malformed(rng: &mut impl Rng) -> Command {
             object: 4_000_000 + rng.next_u32() % 1000,
             ..of(wire::COMMAND_STEP)
         },
-        _ => of(wire::COMMAND_REDO + 1 + rng.next_u32() % (u32::MAX - 100)),
+        _ => of(wire::COMMAND_CANCEL + 1 + rng.next_u32() % (u32::MAX - 100)),
     }
 }
 

@@ -137,6 +137,8 @@ pub enum Order {
     Undo,
     /// Back to the state that the newest undo left.
     Redo,
+    /// Drop the orders of all clients that wait for their step.
+    Cancel,
     /// A force [N] and a torque [N m] about the centre of mass during the step, or a force on the particles within
     /// `radius` [m] of `point` [m].
     Force {
@@ -447,6 +449,7 @@ impl Order {
             | Order::BringIn { .. } => self.edit(lookup)?,
             Order::Undo => of_kind(wire::COMMAND_UNDO),
             Order::Redo => of_kind(wire::COMMAND_REDO),
+            Order::Cancel => numbered(wire::COMMAND_CANCEL, 1),
             Order::Save { snapshot } => numbered(wire::COMMAND_SAVE, *snapshot),
             Order::Restore { snapshot } => numbered(wire::COMMAND_RESTORE, *snapshot),
             Order::Step { count } => numbered(wire::COMMAND_STEP, *count),

@@ -124,7 +124,7 @@ pub fn seeds() -> Vec<Vec<u8>> {
         },
         ..Default::default()
     };
-    let all: Vec<wire::Command> = (1..=wire::COMMAND_REDO).map(command).collect();
+    let all: Vec<wire::Command> = (1..=wire::COMMAND_CANCEL).map(command).collect();
     let mut seeds: Vec<Vec<u8>> = all.iter().map(|c| bytemuck::bytes_of(c).to_vec()).collect();
     seeds.push(bytemuck::cast_slice(&all).to_vec());
     // Those that are applied once in so many, the material a rigid one.

@@ -71,6 +71,8 @@ pub const COMMAND_BRING_IN: u32 = 27;
 pub const COMMAND_UNDO: u32 = 28;
 /// Back to the state that the newest `COMMAND_UNDO` left; the step count goes on.
 pub const COMMAND_REDO: u32 = 29;
+/// Drop the orders that wait for their step, at once: `object` 0 those of the sender's `client` number, 1 those of all.
+pub const COMMAND_CANCEL: u32 = 30;
 
 /// Flag of a pose: the object keeps its place, and `vector` is not read.
 pub const POSE_KEEP_PLACE: u32 = 1;

@@ -16,13 +16,12 @@ use iceoryx2::{
     prelude::{BackpressureStrategy, CallbackProgression, EventId, PortFactory},
 };
 
-use super::{CreateError, notify, pool, repeated::Repeated};
+use super::{CreateError, nodes::Fallen, notify, pool, repeated::Repeated};
 use crate::{
     Service,
     schema::{Ack, Command, CommandHeader, RETURN_REFUSED, StepDone},
     session::{
-        self, EVENT_REQUEST, EVENT_RESPONSE, MAX_ACKS, MAX_CLIENTS, RequestHeader, Requests,
-        SessionName,
+        self, EVENT_REQUEST, EVENT_RESPONSE, MAX_ACKS, MAX_CLIENTS, RequestHeader, Requests, SessionName,
     },
 };
 
@@ -58,6 +57,15 @@ pub enum Reply<A = Vec<Ack>> {
     NotYet,
 }
 
+/// A port that sent requests and is gone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Departed {
+    /// The sender's port, as in [`Asked`].
+    pub port: u128,
+    /// Whether its process died, as far as this one saw.
+    pub died: bool,
+}
+
 /// The requests of one client, the oldest first.
 struct Line<H: RequestHeader> {
     client: UniqueClientId,
@@ -74,13 +82,20 @@ pub(super) struct RequestPort<H: RequestHeader> {
     /// Requests that are answered later, by ticket.
     held: BTreeMap<u64, Request<H, H::Answer>>,
     next_ticket: u64,
-    /// Clients when last looked.
-    clients: Vec<UniqueClientId>,
+    /// Clients when last looked, and the numbers of their nodes.
+    clients: Vec<(UniqueClientId, u128)>,
+    /// Clients that have gone since somebody asked.
+    departed: Vec<Departed>,
+    fallen: Fallen,
     lost: Repeated,
 }
 
 impl<H: RequestHeader> RequestPort<H> {
-    pub fn create(node: &Node<Service>, session: &SessionName) -> Result<Self, CreateError> {
+    pub fn create(
+        node: &Node<Service>,
+        session: &SessionName,
+        fallen: &Fallen,
+    ) -> Result<Self, CreateError> {
         let open = |error| CreateError::open(session.as_str(), "make a request service", error);
         let failed = |reason: String| CreateError::Transport {
             what: "make a request port",
@@ -109,6 +124,8 @@ impl<H: RequestHeader> RequestPort<H> {
             held: BTreeMap::new(),
             next_ticket: 0,
             clients: Vec::new(),
+            departed: Vec::new(),
+            fallen: fallen.clone(),
             lost: Repeated::new("answers were lost"),
         })
     }
@@ -196,13 +213,18 @@ impl<H: RequestHeader> RequestPort<H> {
     fn forget_the_gone(&mut self) {
         let mut clients = Vec::with_capacity(self.clients.len());
         self.service.dynamic_config().list_clients(|details| {
-            clients.push(details.client_id);
+            clients.push((details.client_id, details.node_id.value()));
             CallbackProgression::Continue
         });
         if clients != self.clients {
-            self.lines.retain(|line| clients.contains(&line.client));
-            self.held
-                .retain(|_, request| clients.contains(&request.origin()));
+            let is_there = |client: UniqueClientId| clients.iter().any(|(id, _)| *id == client);
+            self.lines.retain(|line| is_there(line.client));
+            self.held.retain(|_, request| is_there(request.origin()));
+            let gone = self.clients.iter().filter(|(id, _)| !is_there(*id));
+            self.departed.extend(gone.map(|(id, node)| Departed {
+                port: id.value(),
+                died: self.fallen.contains(*node),
+            }));
             self.clients = clients;
         }
         self.held.retain(|_, request| request.is_connected());
@@ -222,7 +244,12 @@ impl<H: RequestHeader> RequestPort<H> {
     /// The ports that are attached.
     pub fn ports(&mut self) -> impl Iterator<Item = u128> {
         self.forget_the_gone();
-        self.clients.iter().map(|client| client.value())
+        self.clients.iter().map(|(client, _)| client.value())
+    }
+
+    /// The ports that have gone since the last look.
+    pub fn departed(&mut self) -> Vec<Departed> {
+        std::mem::take(&mut self.departed)
     }
 
     /// Sends one answer per command of `request`.

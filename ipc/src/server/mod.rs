@@ -25,7 +25,7 @@ use iceoryx2::{
 };
 
 pub use changes::{ChangesLoan, ChangesReaders};
-pub use commands::{Answer, Asked, Reply};
+pub use commands::{Answer, Asked, Departed, Reply};
 pub use error::{CreateError, LoanRefused, PublishError};
 pub use frame::FrameLoan;
 pub use pool::PoolPlan;
@@ -46,6 +46,7 @@ use changes::ChangesPort;
 use commands::{RequestPort, Wake};
 use lock::SessionLock;
 use monitor::Monitor;
+use nodes::Fallen;
 use publish::{Publisher, copy_and_send, publisher};
 use status::StatusPort;
 
@@ -146,9 +147,10 @@ impl ServerPorts {
         )?;
         let status = Arc::new(StatusPort::create(&node, &session, epoch)?);
         let frame_notifier = Arc::new(sample_notifier(&node, &session, session::FRAME.name)?);
-        let steps = RequestPort::create(&node, &session)?;
+        let fallen = Fallen::default();
+        let steps = RequestPort::create(&node, &session, &fallen)?;
         // The last of the services: who finds its event finds all.
-        let commands = RequestPort::create(&node, &session)?;
+        let commands = RequestPort::create(&node, &session, &fallen)?;
         let wake = Wake::create(&node, &session)?;
         let monitor = Monitor::start(
             domain,
@@ -161,6 +163,7 @@ impl ServerPorts {
                 status.publisher(),
             ],
             status.clone(),
+            fallen,
         )?;
         Ok(Self {
             monitor,
@@ -394,6 +397,14 @@ impl ServerPorts {
     /// happens if its sender is gone.
     pub fn answer(&mut self, ticket: u64, acks: Vec<Ack>) {
         self.commands.answer(ticket, acks);
+    }
+
+    /// The ports that sent commands and have gone since the last look. A port shows as gone when requests are looked for;
+    /// that of a dead process when that is noticed, after some 100 ms.
+    pub fn departed(&mut self) -> Vec<Departed> {
+        // Who takes part is watched by `participant_ports`.
+        self.steps.departed();
+        self.commands.departed()
     }
 
     /// Sleeps until a request comes, a signal arrives or `timeout` is over; says whether to look for requests. Does

@@ -9,7 +9,10 @@ use std::{
 
 use iceoryx2::{node::Node, port::update_connections::UpdateConnections};
 
-use super::{nodes::DeadNodes, status::StatusPort};
+use super::{
+    nodes::{DeadNodes, Fallen},
+    status::StatusPort,
+};
 use crate::{Domain, DomainError, Service};
 
 /// History reaches a late joiner within this time.
@@ -44,6 +47,7 @@ impl Monitor {
         domain: &Domain,
         ports: Vec<Port>,
         status: Arc<StatusPort>,
+        fallen: Fallen,
     ) -> Result<Self, DomainError> {
         let node = domain.join("monitor")?;
         let shared = Arc::new(Shared {
@@ -57,7 +61,7 @@ impl Monitor {
             .name("cosplat-monitor".into())
             .spawn({
                 let shared = shared.clone();
-                move || run(&shared, &node, &status)
+                move || run(&shared, &node, &status, fallen)
             })
             .map_err(|cause| DomainError::Io {
                 path: domain.root().into(),
@@ -119,9 +123,9 @@ fn update(state: &State) {
     }
 }
 
-fn run(shared: &Shared, node: &Node<Service>, status: &StatusPort) {
+fn run(shared: &Shared, node: &Node<Service>, status: &StatusPort, fallen: Fallen) {
     let mut cleaned = Instant::now();
-    let mut dead = DeadNodes::default();
+    let mut dead = DeadNodes::new(fallen);
     let mut state = shared.state.lock().unwrap_or_else(PoisonError::into_inner);
     while !state.stop {
         if state.cleanup_asked || cleaned.elapsed() >= CLEANUP_PERIOD {

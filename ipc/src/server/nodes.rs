@@ -6,10 +6,11 @@
 //! holds a tag without its final mode, each time anew. Neither ever goes, and each try costs a millisecond.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::{BTreeMap, BTreeSet, VecDeque},
     fs, io,
     os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
+    sync::{Arc, Mutex, PoisonError},
     time::{Duration, Instant},
 };
 
@@ -33,10 +34,35 @@ const BIRTH: Duration = Duration::from_secs(5);
 /// Mode of a tag or of details that are not finished.
 const UNFINISHED_MODE: u32 = 0o600;
 
+/// Dead nodes that are remembered: a port goes right after its node was seen to be dead.
+const REMEMBERED: usize = 256;
+
 /// The nodes that are not alive, and when to try them again.
 #[derive(Default)]
 pub(super) struct DeadNodes {
     seen: BTreeMap<u128, Seen>,
+    fallen: Fallen,
+}
+
+/// The nodes that were seen to be dead of late. The ports of a dead node vanish like those of one that was ended in order;
+/// who wants to know which of the two it was asks here.
+#[derive(Clone, Default)]
+pub(super) struct Fallen(Arc<Mutex<VecDeque<u128>>>);
+
+impl Fallen {
+    fn add(&self, id: u128) {
+        let mut ids = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if !ids.contains(&id) {
+            ids.truncate(REMEMBERED - 1);
+            ids.push_front(id);
+        }
+    }
+
+    /// Whether the process of the node `id` died, as far as this process saw: another one may have cleared the node away.
+    pub fn contains(&self, id: u128) -> bool {
+        let ids = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        ids.contains(&id)
+    }
 }
 
 struct Seen {
@@ -55,6 +81,14 @@ pub(super) struct Outcome {
 }
 
 impl DeadNodes {
+    /// None seen yet; `fallen` is told of them.
+    pub fn new(fallen: Fallen) -> Self {
+        Self {
+            fallen,
+            ..Self::default()
+        }
+    }
+
     /// Clears away what is dead in the domain of `node` and due at `now`.
     pub fn clear(&mut self, node: &Node<Service>, now: Instant) -> Outcome {
         let global = &node.config().global;
@@ -96,6 +130,8 @@ impl DeadNodes {
             outcome.tried += 1;
             let cleared = match view {
                 Some(view) => {
+                    // Before its ports vanish.
+                    self.fallen.add(*id);
                     place.remove_unfinished_tags(*id);
                     let tried = view.try_remove_stale_resources();
                     tried.is_ok() || (seen.failures >= TRIES && place.remove(*id).is_ok())

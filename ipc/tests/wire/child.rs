@@ -126,6 +126,7 @@ fn a_child_plays_its_role() {
             Err(error) => say(&error.to_string()),
         },
         "participate" => participate(&domain, &session),
+        "order" => order(&domain, &session),
         "hold" => hold(&domain, &session),
         "cramped" => cramped(&domain, &session),
         other => panic!("no role {other:?}"),
@@ -156,6 +157,15 @@ fn participate(domain: &Domain, session: &str) {
     let client = Client::connect(domain, session, "child", PATIENCE).expect("attached");
     let mut robot = client.participate("robot", PATIENCE).expect("taken in");
     robot.step(1, &[]).expect("a step");
+}
+
+/// Gives an order and stays.
+fn order(domain: &Domain, session: &str) {
+    let client = Client::connect(domain, session, "child", PATIENCE).expect("attached");
+    let mut sender = client.commands().expect("a sender");
+    let order = cosplat_ipc::schema::Command::default();
+    sender.send(&[order], PATIENCE).expect("an answer");
+    std::thread::sleep(10 * PATIENCE);
 }
 
 /// Lets this process open `free` more files and no others.

@@ -9,10 +9,13 @@ use cosplat_ipc::{
         ACK_ACCEPTED, ACK_REFUSED, Ack, AppliedCommand, COMMAND_IMPULSE, COMMAND_PAUSE, Command,
         MAX_COMMANDS,
     },
-    server::Reply,
+    server::{Departed, Reply},
 };
 
-use super::support::{PATIENCE, TestDomain, serve};
+use super::{
+    child::Process,
+    support::{PATIENCE, TestDomain, serve},
+};
 
 /// Impulses are accepted at step 9, everything else is refused.
 fn acks(commands: &[Command]) -> Vec<Ack> {
@@ -318,4 +321,38 @@ fn a_place_that_a_dead_client_left_gets_no_answers_of_its() {
     ports.answer(ticket, vec![Ack::accepted(1, 9)]);
     let acks = sender.answers(sent, PATIENCE).expect("an answer");
     assert_eq!(acks[0].status, ACK_ACCEPTED);
+}
+
+/// The first port that has gone.
+fn departed(ports: &mut ServerPorts) -> Departed {
+    let start = Instant::now();
+    loop {
+        ports.poll_commands(|asked| Reply::Now(acks(asked.commands)));
+        if let Some(departed) = ports.departed().first() {
+            return *departed;
+        }
+        assert!(start.elapsed() < PATIENCE, "it is still there");
+        ports.wait(Duration::from_millis(5));
+        ports.maintain();
+    }
+}
+
+#[test]
+fn a_client_that_died_is_told_from_one_that_left() {
+    let domain = TestDomain::new();
+    let mut ports = serve(&domain, "gone");
+    let client = Client::connect(&domain, "gone", "test", PATIENCE).expect("attached");
+    let mut sender = client.commands().expect("a sender");
+    let leaving = std::thread::spawn(move || {
+        sender
+            .send(&[Command::default()], PATIENCE)
+            .expect("an answer");
+    });
+    answer(&mut ports, 1);
+    leaving.join().expect("the sender's thread");
+    assert!(!departed(&mut ports).died);
+    let mut child = Process::start(&[], &domain, "order", "gone");
+    answer(&mut ports, 1);
+    child.kill();
+    assert!(departed(&mut ports).died);
 }

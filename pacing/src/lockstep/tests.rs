@@ -307,3 +307,74 @@ fn an_answer_counts_its_steps_and_their_time() {
         (3, 3, 3_000_000_000)
     );
 }
+
+#[test]
+fn a_session_with_named_participants_stands_when_the_last_has_left() {
+    let leave = |header: &mut StepRequest| header.kind = wire::STEP_DETACH;
+    for (named, stands) in [(&["arm"][..], true), (&[], false)] {
+        let mut table = Table::new(named, None, Policy::Wait);
+        table.attach(1, "arm").expect("taken in");
+        table.ask(1, "arm", 1);
+        table.step();
+        table.send(1, "arm", leave).expect("it may");
+        assert_eq!(table.lockstep.permits(), !stands);
+        assert_eq!(table.lockstep.freewheels(), !stands);
+        // Another one makes it go on, and stand again.
+        table.attach(2, "leg").expect("taken in");
+        table.ask(2, "leg", 1);
+        table.step();
+        table.send(2, "leg", leave).expect("it may");
+        assert_eq!(table.lockstep.freewheels(), !stands);
+    }
+    // Who is dropped is gone on without, as the policy says.
+    let mut table = Table::new(&["arm"], Some(SECOND), Policy::Drop);
+    table.pass(2 * SECOND, false);
+    assert!(table.lockstep.freewheels());
+}
+
+#[test]
+fn what_came_with_a_request_that_ends_early_is_called_off() {
+    let mut table = Table::new(&[], None, Policy::Wait);
+    for (port, name) in [(1, "arm"), (2, "leg"), (3, "eye"), (4, "ear")] {
+        table.attach(port, name).expect("taken in");
+    }
+    let quarantine = |header: &mut StepRequest| {
+        header.kind = wire::STEP_ADVANCE;
+        header.frames = 5;
+        header.until = wire::UNTIL_QUARANTINE;
+    };
+    let arm = table.send(1, "arm", quarantine);
+    let arm = arm.expect("heard").expect("a ticket");
+    let timeout = |header: &mut StepRequest| {
+        header.kind = wire::STEP_ADVANCE;
+        header.frames = 5;
+        header.timeout_ns = 1;
+    };
+    let leg = table.send(2, "leg", timeout);
+    let leg = leg.expect("heard").expect("a ticket");
+    let eye = table.ask(3, "eye", 1);
+    let ear = table.ask(4, "ear", 9);
+    let outcome = StepOutcome {
+        quarantined: 1,
+        ..StepOutcome::default()
+    };
+    let now = table.now();
+    let answers = table.lockstep.stepped(&outcome, SECOND, now);
+    let answered: Vec<_> = answers.iter().map(|(ticket, _)| *ticket).collect();
+    assert_eq!(answered, [arm, eye]);
+    let request = |port, ticket| CalledOff::Request { port, ticket };
+    // The eye has had all its steps.
+    assert_eq!(table.lockstep.called_off(), [request(1, arm)]);
+    assert_eq!(table.pass(SECOND, false), [(leg, wire::RETURN_TIMEOUT)]);
+    assert_eq!(table.lockstep.called_off(), [request(2, leg)]);
+    table.waiting.remove(&ear);
+    table.pass(SECOND, false);
+    assert_eq!(table.lockstep.called_off(), [request(4, ear)]);
+    table
+        .send(2, "leg", |header| header.kind = wire::STEP_DETACH)
+        .expect("it may");
+    table.ports.remove(&3);
+    table.pass(SECOND, false);
+    let gone = [CalledOff::Port(2), CalledOff::Port(3)];
+    assert_eq!(table.lockstep.called_off(), gone);
+}

@@ -10,7 +10,7 @@ use cosplat_ipc::{
     server::Reply,
 };
 use cosplat_pacing::{
-    lockstep::{Answer, Now, refusal},
+    lockstep::{Answer, Lockstep, Now, refusal},
     outcome::StepOutcome,
 };
 use cosplat_sim_core::{Action, Command, StepReport};
@@ -49,9 +49,7 @@ impl Server<'_> {
                     now,
                 )),
                 Some(lockstep) => lockstep.hear(asked.ticket, asked.port, header, now, || {
-                    ingest.accept_now(header.client, asked.commands, now.step + 1, &|action| {
-                        world.check(action)
-                    })
+                    ingest.accept_now(&asked, now.step + 1, &|action| world.check(action))
                 }),
             };
             let Some((done, acks)) = said else {
@@ -67,6 +65,7 @@ impl Server<'_> {
                 .map(|c| Ack::refused(c.sequence, reason));
             Reply::Now((done, refused.collect()))
         });
+        self.withdraw_orders();
         self.summary.commands_accepted = self.ingest.accepted;
         self.summary.commands_refused = self.ingest.refused;
         heard
@@ -81,7 +80,16 @@ impl Server<'_> {
         let ports: BTreeSet<u128> = self.ports.participant_ports().collect();
         let waits = |ticket| self.ports.participant_waits(ticket);
         let answers = lockstep.tick(Instant::now(), paused, &ports, waits, at);
+        self.withdraw_orders();
         self.answer_participants(answers);
+    }
+
+    /// Drops what is left of requests that ended before their last step, and of participants who are gone.
+    fn withdraw_orders(&mut self) {
+        let called_off = self.lockstep.as_mut().map(Lockstep::called_off);
+        for orders in called_off.into_iter().flatten() {
+            self.ingest.withdraw(orders);
+        }
     }
 
     /// Answers those whose last step this was, once its frame is sent.
@@ -103,6 +111,7 @@ impl Server<'_> {
             quarantined: report.quarantined.len(),
         };
         let answers = lockstep.stepped(&outcome, spent, at);
+        self.withdraw_orders();
         self.answer_participants(answers);
     }
 

@@ -170,6 +170,8 @@ fn a_pose_is_for_what_it_names_and_edits_have_words() {
     assert_eq!(read("action = 'remove'\nobject = 1").object, 1);
     assert_eq!(read("action = 'undo'").kind, wire::COMMAND_UNDO);
     assert_eq!(read("action = 'redo'").kind, wire::COMMAND_REDO);
+    let cancel = read("action = 'cancel'");
+    assert_eq!((cancel.kind, cancel.object), (wire::COMMAND_CANCEL, 1));
     assert!(
         "matter"
             .parse::<Level>()

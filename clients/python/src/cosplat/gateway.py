@@ -73,6 +73,7 @@ ALLOWED: dict[str, type[Order]] = {
         orders.BringIn,
         orders.Undo,
         orders.Redo,
+        orders.Cancel,
         orders.Force,
         orders.ColliderVelocity,
         orders.Save,

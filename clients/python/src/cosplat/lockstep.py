@@ -98,7 +98,7 @@ class Participant:
 
         It returns earlier when at the end of a step the pair `contact` touches (an object, and an object or collider), at an
         `event`, when particles are frozen (`quarantine`), or after `timeout` [s]. Whoever reads frames or objects then finds
-        `Done.step`: `reader.at(done.step)`.
+        `Done.step`: `reader.at(done.step)`. Orders of the request whose step was not made are then dropped.
 
         Raises Refused when an order is refused (the steps are made, and `error.done` tells), StepRefused when the request
         is, BadName for names that the scene does not have, ServerLost.

@@ -397,6 +397,19 @@ class _Numbered(Order):
         return _command(self.kind, self.number)
 
 
+@dataclass(frozen=True)
+class Cancel(Order):
+    """Drop the orders that wait for their step, at once: those of this session's client number, or those `of_all` clients.
+
+    Files and steps that somebody waits for are not made either, and that one is told so.
+    """
+
+    of_all: bool = False
+
+    def body(self, scene: Scene) -> _Body:
+        return _command(wire.COMMAND_CANCEL, int(self.of_all))
+
+
 class Save(_Numbered):
     """Keep the state in the server's memory as snapshot `number`; 16 of them at most."""
 

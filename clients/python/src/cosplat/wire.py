@@ -115,6 +115,8 @@ COMMAND_UNDO = 28
 """Back to the state right before the newest edit; the step count goes on."""
 COMMAND_REDO = 29
 """Back to the state that the newest `COMMAND_UNDO` left; the step count goes on."""
+COMMAND_CANCEL = 30
+"""Drop the orders that wait for their step, at once: `object` 0 those of the sender's `client` number, 1 those of all."""
 POSE_KEEP_PLACE = 1
 """Flag of a pose: the object keeps its place, and `vector` is not read."""
 POSE_KEEP_ROTATION = 2
