@@ -2,8 +2,12 @@
 //!
 //! The standard macros panic where nobody reads any more, as behind `| head`. That ends neither a command nor its work
 //! here, and its exit status says how the work went.
+//!
+//! Names and sentences come from files and from other processes. What would make a terminal do something is printed as what it
+//! is, `\u001b`: an escape sequence could hide lines, rename the window or answer in the user's stead.
 
 use std::{
+    borrow::Cow,
     fmt,
     io::{self, ErrorKind, Write},
     net::SocketAddr,
@@ -36,7 +40,7 @@ macro_rules! note {
 /// When the output takes no more.
 pub fn line(out: &mut impl Write, text: fmt::Arguments) -> anyhow::Result<()> {
     // At once and whole: a result must not wait in a buffer for an exit that drops it.
-    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+    match writeln!(out, "{}", plain(&text.to_string())).and_then(|()| out.flush()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         outcome => outcome.context("cannot write to standard output"),
     }
@@ -44,7 +48,29 @@ pub fn line(out: &mut impl Write, text: fmt::Arguments) -> anyhow::Result<()> {
 
 /// Writes a line to standard error; there is no other place left to say that this failed.
 pub fn aside(text: fmt::Arguments) {
-    let _ = writeln!(io::stderr(), "{text}");
+    let _ = writeln!(io::stderr(), "{}", plain(&text.to_string()));
+}
+
+/// The text with all that a terminal obeys written out: control characters but for the end of a line and the tabulator, and what
+/// turns the direction of writing round. In a string of JSON it means the same as before.
+pub fn plain(text: &str) -> Cow<'_, str> {
+    if !text.chars().any(is_obeyed) {
+        return text.into();
+    }
+    let mut plain = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        match is_obeyed(c) {
+            true => plain.push_str(&format!("\\u{:04x}", u32::from(c))),
+            false => plain.push(c),
+        }
+    }
+    plain.into()
+}
+
+fn is_obeyed(c: char) -> bool {
+    let turns =
+        matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    turns || (c.is_control() && c != '\n' && c != '\t')
 }
 
 /// Prints the `link` of a page, and what else whoever has it `may` do where other machines reach it.
@@ -74,6 +100,19 @@ mod tests {
         fn flush(&mut self) -> io::Result<()> {
             Ok(())
         }
+    }
+
+    #[test]
+    fn what_a_terminal_would_obey_is_written_out() {
+        let mut written = Vec::new();
+        let name = "\u{1b}]0;owned\u{7}ball\r\u{9b}2J\u{202e}";
+        line(&mut written, format_args!("{name}\tis\nhere")).expect("memory takes all");
+        let text = String::from_utf8(written).expect("text");
+        assert_eq!(
+            text,
+            "\\u001b]0;owned\\u0007ball\\u000d\\u009b2J\\u202e\tis\nhere\n"
+        );
+        assert!(matches!(plain("größer als 1 µm"), Cow::Borrowed(_)));
     }
 
     #[test]

@@ -4,6 +4,8 @@ use std::cell::RefCell;
 
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 
+use crate::output::plain;
+
 /// A bar over `length` units with a free message at its end.
 pub fn bar(label: &str, length: u64) -> ProgressBar {
     let bar = ProgressBar::new(length);
@@ -41,7 +43,7 @@ pub fn parts() -> impl Fn(&'static str, u64, u64, &str) {
         }
         if let Some((_, bar)) = &*shown {
             bar.set_position(done);
-            bar.set_message(message.to_owned());
+            bar.set_message(plain(message).into_owned());
         }
     }
 }

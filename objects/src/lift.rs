@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
-use cosplat_console::{progress, say, size::size};
+use cosplat_console::{output::plain, progress, say, size::size};
 use cosplat_ipc::schema::GaussianState;
 use cosplat_renderer::{Harmonics, drawing::BACKGROUND, picture, png::write_png};
 use cosplat_scene::{
@@ -253,7 +253,7 @@ fn from_masks(
     let said = |n: usize| {
         let (view, path) = &views[n];
         bar.inc(1);
-        bar.set_message(view.name.clone());
+        bar.set_message(plain(&view.name).into_owned());
         let said = evidence(splat, &view.camera, &map_of(path, args.level)?);
         for e in said.iter().filter(|e| e.mask >= 0) {
             seen[e.gaussian as usize] += e.weight;
@@ -321,7 +321,7 @@ fn add_maps(
     let mut means = Means::new(objects.names.len());
     let mut seen = vec![0.0; splat.len()];
     for (n, (path, view)) in views.iter().enumerate() {
-        bar.set_message(view.name.clone());
+        bar.set_message(plain(&view.name).into_owned());
         let (said, vectors) = said(n)?;
         let added = means.add(&said, &objects.labels, &vectors);
         added.map_err(|why| anyhow::anyhow!("{}: {why}", path.display()))?;
