@@ -9,7 +9,8 @@ use cosplat_features::{
 };
 use cosplat_semantics::query::NEGATIVES;
 
-use crate::{note, progress, say};
+use crate::{note, progress, say, threads};
+use cosplat_console::output;
 
 /// Run networks of your own, as ONNX files: pictures to maps of features and masks, words to vectors.
 #[derive(clap::Args)]
@@ -39,9 +40,9 @@ struct PicturesArgs {
     /// Folder for the results.
     #[arg(short, long, value_name = "DIR")]
     out: PathBuf,
-    /// Pictures at once; each keeps a network's numbers in memory [default: processors].
-    #[arg(long, value_name = "N")]
-    threads: Option<NonZero<usize>>,
+    /// Pictures at once; each keeps a network's numbers in memory; 0 means one per processor.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = threads)]
+    threads: usize,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
@@ -78,10 +79,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 fn pictures(args: &PicturesArgs) -> anyhow::Result<()> {
     let masks = args.masks.as_deref();
     let job = Job::new(&args.pictures, &args.image, masks, &args.out)?;
-    let threads = args
-        .threads
-        .or_else(|| std::thread::available_parallelism().ok());
-    let threads = threads.map_or(1, NonZero::get);
+    let threads = match args.threads {
+        0 => std::thread::available_parallelism().map_or(1, NonZero::get),
+        threads => threads,
+    };
     let bar = progress::bar("pictures", job.len() as u64);
     let report = |progress: Progress| match progress {
         Progress::Estimate { left, time } if left > 0 => {
@@ -91,7 +92,7 @@ fn pictures(args: &PicturesArgs) -> anyhow::Result<()> {
         Progress::Estimate { .. } => {}
         Progress::Done { name } => {
             bar.inc(1);
-            bar.set_message(name);
+            bar.set_message(output::plain(&name).into_owned());
         }
     };
     let summary = job.run(threads, &report)?;

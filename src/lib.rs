@@ -26,7 +26,7 @@ mod web;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use cosplat_console::{note, progress, say, seconds, signals};
+use cosplat_console::{note, progress, say, seconds, signals, threads::threads};
 use cosplat_objects::{lift, pick as objects, refine};
 
 /// Physics in 3D Gaussian Splatting scenes: one process simulates, others watch, record and push over shared

@@ -13,7 +13,7 @@ use cosplat_scene::load::{LoadedScene, load_scene};
 use cosplat_server::serve::{ServeOptions, ServeSummary, serve};
 use serde_json::json;
 
-use crate::{note, say, seconds, signals};
+use crate::{note, say, seconds, signals, threads};
 
 /// Simulate a scene and publish every step over shared memory.
 #[derive(clap::Args)]
@@ -47,7 +47,7 @@ pub struct How {
     #[arg(long, value_enum, default_value_t = PolicyName::Wait)]
     on_timeout: PolicyName,
     /// Threads of the solver; 0 means one per core. Results do not depend on it.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = threads)]
     pub threads: usize,
     /// Simulated seconds after which to stop; without it, runs until Ctrl-C or `cosplat ctl stop`.
     #[arg(long, value_name = "S", value_parser = seconds::number)]

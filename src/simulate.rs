@@ -25,7 +25,7 @@ use cosplat_sim_core::{
 };
 use serde::Serialize;
 
-use crate::{note, progress, say, seconds, signals};
+use crate::{note, progress, say, seconds, signals, threads};
 
 /// Run a scene without shared memory and report every frame as a JSON line.
 #[derive(clap::Args)]
@@ -46,8 +46,8 @@ pub struct Args {
     #[arg(long, conflicts_with = "isa")]
     f64: bool,
     /// Threads of the solver; results do not depend on it [default: one per core, with --f64 one].
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[arg(long, value_parser = threads)]
+    threads: Option<usize>,
     /// Instruction set of the kernels; results do not depend on it [default: the best].
     #[arg(long, value_parser = isa)]
     isa: Option<Isa>,
@@ -154,7 +154,7 @@ struct Summary {
 /// # Errors
 /// When the scene cannot be used or the report cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    if let (true, Some(threads @ 2..)) = (args.f64, args.threads) {
+    if let (true, Some(threads @ (0 | 2..))) = (args.f64, args.threads) {
         bail!(
             "--threads {threads}: the solver of --f64 has one thread, expected --threads 1 or none"
         );
@@ -197,7 +197,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut world = World::new(args, &loaded)?;
     let mut pool = rayon::ThreadPoolBuilder::new();
     if let Some(threads) = args.threads.or(args.f64.then_some(1)) {
-        pool = pool.num_threads(threads.into());
+        pool = pool.num_threads(threads);
     }
     let pool = pool.build().context("cannot start the solver's threads")?;
     match pool.install(|| simulate(args, scene, &mut world, &mut out, &mut summary)) {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use cosplat_replay::verify::{Difference, Outcome, verify};
 
-use crate::{progress, say};
+use crate::{progress, say, threads};
 
 /// Simulate what was recorded again, from the recording alone, and compare every step.
 ///
@@ -15,7 +15,7 @@ pub struct Args {
     /// The recording.
     recording: PathBuf,
     /// Threads of the solver; 0 means one per core. Results do not depend on it.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = threads)]
     threads: usize,
     /// Print the outcome as one JSON object.
     #[arg(long)]
