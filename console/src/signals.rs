@@ -1,10 +1,13 @@
-//! Ctrl-C and SIGTERM as a flag that long work looks at.
+//! Ctrl-C, SIGTERM and SIGHUP as a flag that long work looks at.
 
-use std::sync::{Arc, atomic::AtomicBool};
+use std::{
+    fs,
+    sync::{Arc, atomic::AtomicBool},
+};
 
 use anyhow::{Context, ensure};
 use rustix::process::{Signal, getppid, set_parent_process_death_signal};
-use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 
 /// Asks this process to finish, as SIGTERM does, when the one that started it ends, even when that is killed.
 ///
@@ -31,7 +34,8 @@ pub fn outlive_full_files() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A flag that SIGINT or SIGTERM sets; a second SIGINT ends the process at once.
+/// A flag that SIGINT, SIGTERM or SIGHUP sets; a second SIGINT or SIGTERM ends the process at once. Of a terminal that closes
+/// several SIGHUP come, from the system and from the shell, and whoever started the process with `nohup` wants none of them.
 ///
 /// # Errors
 /// When the operating system refuses the handlers.
@@ -44,5 +48,37 @@ pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
         signal_hook::flag::register(signal, Arc::clone(&stop))
             .context("cannot install a signal handler")?;
     }
+    if !is_ignored(SIGHUP) {
+        signal_hook::flag::register(SIGHUP, Arc::clone(&stop))
+            .context("cannot install a signal handler")?;
+    }
     Ok(stop)
+}
+
+/// Whether this process was started with `signal` ignored.
+fn is_ignored(signal: i32) -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    ignored_signals(&status) >> (signal - 1) & 1 == 1
+}
+
+/// The mask of ignored signals in the text of a process's `status`; none where it says nothing.
+fn ignored_signals(status: &str) -> u64 {
+    let mask = status
+        .lines()
+        .find_map(|line| line.strip_prefix("SigIgn:"))
+        .and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ignored_signals_are_read_from_the_process_status() {
+        let status = "SigBlk:\t0000000000000000\nSigIgn:\t0000000000001001\nSigCgt:\t0\n";
+        assert_eq!(ignored_signals(status), 0x1001);
+        assert_eq!(ignored_signals("Name:\tcosplat\n"), 0);
+        assert!(!is_ignored(SIGXFSZ));
+    }
 }

@@ -1,4 +1,4 @@
-//! Ctrl-C, SIGTERM and `ctl stop` end a session cleanly.
+//! Ctrl-C, SIGTERM, a closed terminal and `ctl stop` end a session cleanly.
 
 use std::path::PathBuf;
 
@@ -47,6 +47,42 @@ fn ctrl_c_ends_the_session_cleanly() {
 #[test]
 fn sigterm_ends_the_session_cleanly() {
     ends_cleanly(|_, server| server.signal("TERM"));
+}
+
+#[test]
+fn a_closed_terminal_ends_the_session_cleanly() {
+    ends_cleanly(|_, server| {
+        // One comes from the system and one from the shell.
+        server.signal("HUP");
+        server.signal("HUP");
+    });
+}
+
+#[test]
+fn nohup_outlives_the_terminal() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let scene = stage.path("scene.toml");
+    std::fs::write(&scene, crate::stage::SMALL_SCENE).expect("the stage's folder is writable");
+    let mut command = crate::stage::command("sh");
+    command
+        .args(["-c", "trap '' HUP; exec \"$0\" serve scene.toml --json"])
+        .arg(env!("CARGO_BIN_EXE_cosplat"))
+        .envs(
+            stage
+                .cosplat(&[])
+                .get_envs()
+                .filter_map(|(k, v)| Some((k, v?))),
+        )
+        .current_dir(scene.parent().expect("a file has a folder"));
+    let mut server = crate::stage::Process::start(command);
+    let client = stage.client();
+    let step = wait_for_status(&client, |s| s.step >= 1).step;
+    server.signal("HUP");
+    wait_for_status(&client, |s| s.step >= step + 20);
+    assert!(server.is_running());
+    server.signal("TERM");
+    assert!(server.wait().success());
 }
 
 #[test]
