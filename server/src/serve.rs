@@ -5,6 +5,8 @@ mod publishing;
 
 use std::{
     fs,
+    io::Write,
+    os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
     sync::atomic::{AtomicBool, Ordering},
     time::{Duration, Instant},
@@ -482,13 +484,59 @@ impl Server<'_> {
     }
 }
 
-/// Writes a file that is either complete or not there.
+/// Writes a file that is either complete or not there. While it is written it has a name that nobody can foretell: where others
+/// may write to the folder too, a link of theirs at a known name would lead the writing elsewhere.
 fn write_checkpoint(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let unfinished = path.with_extension("unfinished");
-    let written = fs::write(&unfinished, bytes).and_then(|()| fs::rename(&unfinished, path));
-    if written.is_err() {
-        // The disk may be full: what there is of it is of no use. The first error tells more than one from here.
-        let _ = fs::remove_file(&unfinished);
+    let (Some(folder), Some(name)) = (path.parent(), path.file_stem()) else {
+        return Err(std::io::ErrorKind::InvalidFilename.into());
+    };
+    let mut prefix = name.to_owned();
+    prefix.push(".");
+    // Made anew, never opened; dropped, it is removed.
+    let mut unfinished = tempfile::Builder::new()
+        .prefix(&prefix)
+        .suffix(".unfinished")
+        .permissions(fs::Permissions::from_mode(0o666))
+        .tempfile_in(folder)?;
+    unfinished.write_all(bytes)?;
+    unfinished.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::{MetadataExt, symlink};
+
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_follows_no_link() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("victim"), "as it was").expect("written");
+        for name in ["demo-step-7.unfinished", "demo-step-7.checkpoint"] {
+            symlink(at("victim"), at(name)).expect("linked");
+        }
+        let path = at("demo-step-7.checkpoint");
+        write_checkpoint(&path, b"state").expect("written");
+        assert_eq!(fs::read(at("victim")).expect("readable"), b"as it was");
+        let found = fs::symlink_metadata(&path).expect("there");
+        assert!(found.is_file() && found.len() == 5);
+        // What others may read is a matter of the umask, as of any file.
+        assert_eq!(
+            found.mode() & 0o777,
+            fs::metadata(at("victim")).expect("there").mode() & 0o777
+        );
+        let left = fs::read_dir(folder.path()).expect("a folder").count();
+        assert_eq!(left, 3, "nothing unfinished is left");
     }
-    written
+
+    #[test]
+    fn a_checkpoint_that_cannot_be_written_leaves_nothing() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("demo-step-7.checkpoint");
+        fs::create_dir(&path).expect("made");
+        write_checkpoint(&path, b"state").expect_err("a folder is in the way");
+        assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 1);
+    }
 }
