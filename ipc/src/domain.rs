@@ -18,6 +18,9 @@ pub const MAX_ROOT_LENGTH: usize = 107 - 1 - 39 - 6;
 /// Longest name of a named domain [byte]: root and prefix both carry it, and six digits of a user id.
 const MAX_NAME_LENGTH: usize = 12;
 
+/// Where a domain has its configuration, below its root folder.
+const CONFIGURATION: &str = "config/iceoryx2.toml";
+
 /// A group of processes that see each other's sessions, and nobody else's.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Domain {
@@ -65,6 +68,17 @@ pub enum DomainError {
     NotAFolder {
         /// The path.
         path: PathBuf,
+    },
+    /// The root folder holds something else.
+    #[error(
+        "the folder {} holds {found:?} and is no domain: set COSPLAT_DOMAIN to an empty or a new folder, or to a name of 1 to 12 of the characters a-z A-Z 0-9 - _",
+        path.display()
+    )]
+    NotADomain {
+        /// The folder.
+        path: PathBuf,
+        /// A file or folder in it.
+        found: String,
     },
     /// Other users may enter the root folder.
     #[error(
@@ -245,7 +259,7 @@ impl Domain {
     fn write_config(&self) {
         static DEFAULT: Once = Once::new();
         let folder = self.root.join("config");
-        let file = folder.join("iceoryx2.toml");
+        let file = self.root.join(CONFIGURATION);
         let text = format!(
             "[global]\nroot-path = {:?}\nprefix = {:?}\n",
             self.root, self.prefix
@@ -304,8 +318,39 @@ impl Domain {
                 mode,
             });
         }
-        Ok(())
+        match stranger(&self.root).map_err(io)? {
+            Some(found) => Err(DomainError::NotADomain {
+                path: self.root.clone(),
+                found,
+            }),
+            None => Ok(()),
+        }
     }
+}
+
+/// What makes the folder none of ours: something in it that whoever joins does not make. A domain would put hundreds of files
+/// beside it.
+fn stranger(root: &FsPath) -> std::io::Result<Option<String>> {
+    let is_domain = root.join(CONFIGURATION).is_file()
+        || ["nodes", "services"]
+            .iter()
+            .all(|name| root.join(name).is_dir());
+    if is_domain {
+        return Ok(None);
+    }
+    // Others may just be making it, or somebody has cleaned some of it away.
+    let is_ours = |name: &str| {
+        ["nodes", "services", "config"].contains(&name)
+            || name.ends_with(".event")
+            || (name.starts_with("session-") && name.ends_with(".lock"))
+    };
+    for entry in fs::read_dir(root)? {
+        let name = entry?.file_name().to_string_lossy().into_owned();
+        if !is_ours(&name) {
+            return Ok(Some(name));
+        }
+    }
+    Ok(None)
 }
 
 /// Releases of iceoryx2 other than ours that left their marks in the domain of `config`.
@@ -436,6 +481,38 @@ mod tests {
         assert_eq!(fs::read_dir(&root).expect("a folder").count(), 0);
         fs::remove_file(&link).expect("removed");
         fs::remove_dir(&root).expect("removed");
+    }
+
+    #[test]
+    fn a_folder_that_is_neither_empty_nor_a_domain_is_refused() {
+        let name = format!("cphome{}", std::process::id());
+        let root = PathBuf::from(format!("/tmp/{name}"));
+        fs::DirBuilder::new()
+            .mode(0o700)
+            .create(&root)
+            .expect("made");
+        // A home folder may have one of these.
+        fs::create_dir(root.join("config")).expect("made");
+        fs::write(root.join(".bashrc"), "").expect("written");
+        let domain = Domain::new(&root, &format!("{name}_")).expect("a domain");
+        let error = domain.join("test").expect_err("refused");
+        assert!(
+            matches!(&error, DomainError::NotADomain { found, .. } if found == ".bashrc"),
+            "{error}"
+        );
+        assert_eq!(fs::read_dir(&root).expect("a folder").count(), 2);
+        fs::remove_file(root.join(".bashrc")).expect("removed");
+        drop(domain.join("test").expect("it is just being made"));
+        // What a user puts into a domain does not end it, and neither does who cleans its folder away.
+        fs::write(root.join("notes"), "").expect("written");
+        drop(domain.join("test").expect("it is a domain"));
+        fs::remove_file(root.join("notes")).expect("removed");
+        for name in ["config", "nodes", "services"] {
+            fs::remove_dir_all(root.join(name)).expect("removed");
+        }
+        fs::write(root.join("session-demo.lock"), "").expect("written");
+        drop(domain.join("test").expect("joined"));
+        domain.discard();
     }
 
     #[test]

@@ -60,6 +60,15 @@ def test_domains_have_the_names_of_the_wire_format() -> None:
         cosplat.connect("a/b")
 
 
+def test_a_folder_that_is_neither_empty_nor_a_domain_is_refused(tmp_path: Path) -> None:
+    root = tmp_path / "home"
+    root.mkdir(mode=0o700)
+    (root / ".bashrc").touch()
+    with pytest.raises(DomainUnusable, match=r"holds '\.bashrc' and is no domain"):
+        Domain(root).join("test")
+    assert [file.name for file in root.iterdir()] == [".bashrc"]
+
+
 def test_a_folder_that_others_may_enter_is_refused(tmp_path: Path) -> None:
     root = tmp_path / "open"
     root.mkdir(mode=0o755)

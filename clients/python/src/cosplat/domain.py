@@ -116,6 +116,19 @@ class Domain:
             raise DomainUnusable(
                 f"the folder {self.root} has mode {found.st_mode & 0o777:03o}, expected 700, so that nobody else can enter"
             )
+        stranger = self._stranger()
+        if stranger is not None:
+            raise DomainUnusable(
+                f"the folder {self.root} holds {stranger!r} and is no domain: expected an empty or a new folder"
+            )
+
+    def _stranger(self) -> str | None:
+        """Something in the root folder that whoever joins does not make, where it is no domain."""
+        made = [(self.root / name).is_dir() for name in ("nodes", "services")]
+        if all(made) or (self.root / "config" / "iceoryx2.toml").is_file():
+            return None
+        ours = re.compile(r"nodes|services|config|.*\.event|session-.*\.lock")
+        return next((name for name in os.listdir(self.root) if not ours.fullmatch(name)), None)
 
     def _claim_counter(self) -> None:
         """Makes the file from which iceoryx2 numbers its nodes, for this user alone, where it is missing or unsound."""
