@@ -22,8 +22,9 @@ pub(super) struct Bond {
     pub normal: [f64; 3],
     /// Signed distance from the wall [m].
     pub gap: f64,
-    /// Velocity of the wall there [m/s].
+    /// Velocity of the wall there [m/s], and its angular velocity [rad/s], in the substep.
     pub wall: [f64; 3],
+    pub spin: [f64; 3],
     /// Whether it may slip along the wall.
     pub slips: bool,
     /// How far it is from where it stuck along the wall, and how far in front of the wall it stays: where it was when it met it [m].

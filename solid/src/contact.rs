@@ -472,6 +472,7 @@ impl At {
             normal: found.normal,
             gap: found.value,
             wall: placed.velocity(self.x),
+            spin: placed.spin(),
             slips,
             stretch: match slips {
                 true => found.normal.map(|n| in_front * n),
@@ -506,8 +507,9 @@ impl At {
         out: &mut Pressed,
     ) -> Option<Grip> {
         let mut spring = self.spring(placed, found, stretch.is_some())?;
-        let u = placed.velocity(self.x);
+        let u = placed.past_velocity(self.x);
         let relative = std::array::from_fn(|a| self.v[a] - u[a]);
+        let stretch = stretch.map(|stretch| placed.carried(stretch, self.moved));
         let (force, stretch) = spring.pull(stretch, relative, self.moved);
         for a in 0..3 {
             out.force[a] += force[a];

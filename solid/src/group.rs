@@ -96,7 +96,7 @@ pub fn advance_group(
             None => break,
         }
     }
-    // Velocities come level with positions.
+    // Velocities come level with positions: colliders move as they did in the last substep.
     let now = Substep {
         time: start + length,
         dt: 0.0,
@@ -128,7 +128,7 @@ impl Members<'_, '_> {
         let (around, now, stands) = (self.around, self.now, known.is_some());
         let touched = self.group.iter().any(|mover| !mover.colliders.is_empty());
         let placed = match touched {
-            true => around.boundaries.all(around.paths, now),
+            true => around.boundaries.all_since(around.paths, now, moved),
             false => vec![],
         };
         let (mut given, on_bodies) = match known {

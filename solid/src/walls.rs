@@ -16,7 +16,7 @@ use super::{
     skyline::Skyline,
 };
 use crate::{
-    colliders::Placed,
+    colliders::{Placed, turned},
     ledger::{ContactPartner, Ledger, Received},
     mat3::{dot, length},
     simd::Isa,
@@ -39,6 +39,13 @@ pub(crate) struct WallsAt<'a> {
     pub drift: f64,
 }
 
+impl<'a> WallsAt<'a> {
+    /// The collider that a point is held by, if one does.
+    fn wall(&self, with: u32) -> Option<&'a Placed<'a>> {
+        self.placed.iter().find(|placed| placed.id == with as usize)
+    }
+}
+
 impl Solid<'_> {
     /// Keeps points on the walls that hold them, after forces have acted and nodes have moved.
     pub(crate) fn bind(
@@ -54,6 +61,10 @@ impl Solid<'_> {
             let Walls { bonds, patches, .. } = &mut walls;
             for bond in &mut *bonds {
                 [_, bond.v] = self.motion(surface, bond.point);
+                // Bonds were made where the substep before ended, if that was the last of a span.
+                if let Some(wall) = at.wall(bond.with) {
+                    (bond.wall, bond.spin) = (wall.velocity(bond.x), wall.spin());
+                }
             }
             let mut turned = false;
             for patch in patches {
@@ -107,6 +118,7 @@ impl Solid<'_> {
                     normal: [0.0; 3],
                     gap: 0.0,
                     wall: face.velocity,
+                    spin: [0.0; 3],
                     slips: false,
                     stretch,
                 });
@@ -122,9 +134,9 @@ impl Solid<'_> {
             if spring.with == bond.with {
                 let v: [f64; 3] = std::array::from_fn(|a| v[a] - bond.wall[a]);
                 let along = dot(v, bond.normal);
-                spring.stretch = std::array::from_fn(|a| {
-                    bond.stretch[a] + drift * (v[a] - along * bond.normal[a])
-                });
+                let before = turned(bond.spin, drift, bond.stretch);
+                spring.stretch =
+                    std::array::from_fn(|a| before[a] + drift * (v[a] - along * bond.normal[a]));
             }
         }
     }
@@ -275,7 +287,7 @@ impl Solid<'_> {
             x[a] += self.state.shift[a] + self.model.dx * sums[a] - at.drift * v[a];
         }
         patch.missing = [0.0; 3];
-        let Some(wall) = at.placed.iter().find(|p| p.id == patch.with as usize) else {
+        let Some(wall) = at.wall(patch.with) else {
             return;
         };
         let found = wall.distance(x);

@@ -10,6 +10,7 @@ use super::{
     feature::{Feature, Solid, gap},
     impact_time::{SearchEffort, first_contact},
     meet::{CLOSE, Contact, Pair, contacts, is_free, pairs},
+    passing::{follow_turns, transport_contact_points},
     solve::{Mover, Point, SWEEPS, impact, settle_energy, sweep, sweeps},
     vector::{Vec3, add, along, length, scaled, sub},
 };
@@ -100,9 +101,9 @@ fn note(
 
 /// Constant acceleration and torque of a body during a part of a step.
 #[derive(Clone, Copy)]
-struct Load {
-    acceleration: Vec3,
-    torque: Vec3,
+pub(super) struct Load {
+    pub acceleration: Vec3,
+    pub torque: Vec3,
 }
 
 /// Moves all bodies by `dt` [s]. Momentum only changes by gravity, drives and walls; kinetic and potential energy
@@ -149,6 +150,7 @@ fn piece(
         for (pair, point) in resolve_impacts(actors, &mut contacts, bounce) {
             note(&mut outcome.touches, actors, &walls, pair, &point, 1.0);
         }
+        follow_turns(actors, &walls, &mut contacts, left);
         let mut loads = solve_contact_forces(actors, &mut contacts, memory, setting, left);
         let until = match n < MOST_IMPACTS {
             true => next_impact(actors, &walls, &pairs, &loads, setting, bounce, left),
@@ -380,43 +382,6 @@ fn solve_contact_forces(
     }
     memory.sort_by_key(|known| (known.pair, known.feature));
     loads
-}
-
-/// Lets the points of contact follow their bodies during `until` [s]: forces between two bodies that pass each other
-/// would otherwise turn the pair.
-fn transport_contact_points(
-    actors: &[Actor<'_>],
-    origins: &[Vec3],
-    contacts: &[Contact],
-    loads: &mut [Load],
-    left: f64,
-    until: f64,
-) {
-    // Mean way of a centre of mass.
-    let ways: Vec<Vec3> = actors
-        .iter()
-        .zip(loads.iter())
-        .map(|(actor, load)| {
-            let half = scaled(actor.body.velocity, 0.5 * until);
-            along(half, until * until / 6.0, load.acceleration)
-        })
-        .collect();
-    for (n, actor) in actors.iter().enumerate() {
-        if let Drive::Free { force, .. } = actor.drive {
-            let way = add(sub(actor.body.com, origins[n]), ways[n]);
-            loads[n].torque = sub(loads[n].torque, cross(way, force));
-        }
-    }
-    for Contact { point, .. } in contacts {
-        let Some(b) = point.b else { continue };
-        if !is_free(&actors[point.a]) || !is_free(&actors[b]) {
-            continue;
-        }
-        let shift = scaled(sub(ways[b], ways[point.a]), 0.5);
-        let torque = cross(shift, scaled(point.impulse(), 1.0 / left));
-        loads[point.a].torque = add(loads[point.a].torque, torque);
-        loads[b].torque = add(loads[b].torque, torque);
-    }
 }
 
 /// Bound of how fast the distance of a pair changes within `left` [s] under these loads [m/s]. That of the pair does

@@ -131,7 +131,7 @@ fn closing_velocity(
             let spin = actor.body.spin(&actor.shape.inertia);
             add(actor.body.velocity, cross(spin, sub(x, actor.body.com)))
         }
-        None => walls[n - actors.len()].velocity(x),
+        None => walls[n - actors.len()].velocity_now(x),
     };
     sub(of(a), of(b))
 }
@@ -178,7 +178,7 @@ pub(super) fn contacts<'a>(
             let second = actors.get(pair.b).map(|actor| actor.body.com);
             let wall = match second {
                 Some(_) => [0.0; 3],
-                None => walls[pair.b - actors.len()].velocity(spot.x),
+                None => walls[pair.b - actors.len()].velocity_now(spot.x),
             };
             let point = Point {
                 a: pair.a,

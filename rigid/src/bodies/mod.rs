@@ -15,6 +15,7 @@ pub mod grain;
 pub mod impact_time;
 mod meet;
 mod overlap;
+mod passing;
 mod points;
 mod rims;
 pub mod shape;

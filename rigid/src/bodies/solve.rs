@@ -35,7 +35,7 @@ pub struct Point {
     pub normal: Vec3,
     /// From the two centres of mass.
     pub arms: [Vec3; 2],
-    /// Of the wall, where there is no `b`.
+    /// Velocity of the wall, where there is no `b`; else what `b` has besides that of its motion.
     pub wall: Vec3,
     /// Coulomb coefficient `mu_f`.
     pub friction: f64,
@@ -59,7 +59,10 @@ impl Point {
     /// Velocity of `a` relative to `b`.
     pub fn relative(&self, movers: &[Mover]) -> Vec3 {
         let at = |n: usize, r: Vec3| add(movers[n].velocity, cross(movers[n].spin, r));
-        let other = self.b.map_or(self.wall, |b| at(b, self.arms[1]));
+        let other = match self.b {
+            Some(b) => add(at(b, self.arms[1]), self.wall),
+            None => self.wall,
+        };
         sub(at(self.a, self.arms[0]), other)
     }
 

@@ -119,7 +119,7 @@ impl Face {
             return None;
         };
         let releases = contact.surface == Surface::Separate;
-        if body.angular != [0.0; 3] || releases && contact.gives_back() {
+        if body.turns() || releases && contact.gives_back() {
             return None;
         }
         let normal = body.distance(body.start.translation).normal;
@@ -129,7 +129,7 @@ impl Face {
         let sticky = contact.surface == Surface::Sticky;
         Some(Self {
             constrained_axes: std::array::from_fn(|a| sticky || a == axis),
-            velocity: body.linear,
+            velocity: body.velocity(body.start.translation),
             releases,
             friction: if sticky { 0.0 } else { contact.friction },
             frictional: (!sticky).then_some(body.body.friction),

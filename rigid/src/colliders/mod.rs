@@ -13,6 +13,7 @@ mod face;
 pub mod friction;
 mod held;
 pub mod mesh;
+mod moving;
 pub mod primitives;
 pub mod rules;
 pub mod shape;
@@ -25,6 +26,7 @@ pub use attach::{Attached, attached, attached_line};
 pub use commanded::{CommandedForce, Loaded};
 pub use edge::reconstructs_surface;
 pub use face::{Face, Nodes, Owner};
+pub use moving::turned;
 pub use rules::{Members, Pins, Rules};
 pub use sweep::Way;
 pub use touch::{ANCHOR, ConditionedParticle, Ghost, ParticleConditions};
@@ -32,13 +34,14 @@ pub use touch::{ANCHOR, ConditionedParticle, Ghost, ParticleConditions};
 use contact::Contact;
 use friction::{Frictions, domain_walls};
 use held::{FixedRegion, has_faces};
+use moving::Motion;
 use primitives::Distance;
 use serde::{Deserialize, Serialize};
 use shape::Shape;
 
 use crate::{
-    mat3::{cross, dot},
-    rotation::{conjugate, from_rotation_vector, product, rotate, rotation_vector},
+    mat3::dot,
+    rotation::rotate,
     scene::{
         Collider, ColliderMotion, DomainPolicy, PinnedRegion, Pose, Scene, Surface, TimeSpan,
         pose_at,
@@ -147,10 +150,10 @@ pub struct Placed<'a> {
     pub start: Pose,
     /// Pose at its end.
     pub end: Pose,
-    /// Velocity of its origin [units/s].
-    linear: [f64; 3],
-    /// Angular velocity [rad/s].
-    angular: [f64; 3],
+    /// How it moves in the substep; where that has no length, as it has moved before it.
+    ahead: Motion,
+    /// How it has moved since what it meets was last looked at; where that is not known, as it moves in the substep.
+    past: Motion,
     /// Coulomb coefficient against what it meets.
     friction: f64,
 }
@@ -210,33 +213,35 @@ impl Boundaries {
         body.motion == ColliderMotion::Static && body.span == TimeSpan::ALWAYS && path.is_none()
     }
 
-    fn place(&self, id: usize, paths: &Paths, substep: &Substep) -> Option<Placed<'_>> {
+    /// Places a body at a substep that begins `moved` [s] after what it meets was last looked at.
+    fn place(&self, id: usize, paths: &Paths, substep: &Substep, moved: f64) -> Option<Placed<'_>> {
         let body = &self.bodies[id];
         if !substep.is_in(&body.span) {
             return None;
         }
-        let start = self.pose(id, paths, substep, substep.time);
-        let start = start.in_units(self.unit);
+        let at = |time: f64| self.pose(id, paths, substep, time).in_units(self.unit);
+        let start = at(substep.time);
         let mut placed = Placed {
             id,
             body,
             start,
             end: start,
-            linear: [0.0; 3],
-            angular: [0.0; 3],
+            ahead: Motion::NONE,
+            past: Motion::NONE,
             friction: self.shared_friction(body.friction),
         };
-        if !self.is_fixed(id, paths) && substep.dt > 0.0 {
-            let end = self.pose(id, paths, substep, substep.time + substep.dt);
-            let end = end.in_units(self.unit);
-            for a in 0..3 {
-                placed.linear[a] = (end.translation[a] - start.translation[a]) / substep.dt;
+        if !self.is_fixed(id, paths) {
+            if substep.dt > 0.0 {
+                placed.end = at(substep.time + substep.dt);
+                placed.ahead = Motion::between(&start, &placed.end, substep.dt);
             }
-            if end.rotation != start.rotation {
-                let turn = product(end.rotation, conjugate(start.rotation));
-                placed.angular = rotation_vector(turn).map(|r| r / substep.dt);
+            placed.past = placed.ahead;
+            if moved > 0.0 {
+                placed.past = Motion::before(&at(substep.time - moved), &start, moved);
             }
-            placed.end = end;
+            if substep.dt == 0.0 {
+                placed.ahead = placed.past;
+            }
         }
         Some(placed)
     }
@@ -257,7 +262,7 @@ impl Boundaries {
     pub fn on_nodes(&self, paths: &Paths, substep: &Substep) -> NodeConditions<'_> {
         let ids = (0..self.bodies.len()).filter(|&id| self.bodies[id].on_nodes);
         let bodies: Vec<Placed<'_>> = ids
-            .filter_map(|id| self.place(id, paths, substep))
+            .filter_map(|id| self.place(id, paths, substep, 0.0))
             .collect();
         let regions: Vec<FixedRegion> = (0..self.regions.len())
             .filter_map(|n| self.held(n, substep))
@@ -276,15 +281,21 @@ impl Boundaries {
 
     /// All colliders of a substep, in the order of the scene.
     pub fn all(&self, paths: &Paths, substep: &Substep) -> Vec<Placed<'_>> {
+        self.all_since(paths, substep, 0.0)
+    }
+
+    /// All colliders of a substep that begins `moved` [s] after what they meet was last looked at, in the order of the scene. Where the
+    /// substep has no length they move as they did before it.
+    pub fn all_since(&self, paths: &Paths, substep: &Substep, moved: f64) -> Vec<Placed<'_>> {
         let ids = 0..self.bodies.len();
-        ids.filter_map(|id| self.place(id, paths, substep))
+        ids.filter_map(|id| self.place(id, paths, substep, moved))
             .collect()
     }
 
     /// What acts on particles in a substep, in the order of the scene.
     pub fn on_particles(&self, paths: &Paths, substep: &Substep) -> Vec<Placed<'_>> {
         let ids = (0..self.bodies.len()).filter(|&id| self.bodies[id].on_particles);
-        ids.filter_map(|id| self.place(id, paths, substep))
+        ids.filter_map(|id| self.place(id, paths, substep, 0.0))
             .collect()
     }
 
@@ -304,7 +315,9 @@ impl Boundaries {
             region.velocity == [0.0; 3] && region.span == TimeSpan::ALWAYS
         };
         NodeConditions {
-            bodies: ids.filter_map(|id| self.place(id, paths, &now)).collect(),
+            bodies: ids
+                .filter_map(|id| self.place(id, paths, &now, 0.0))
+                .collect(),
             regions: (0..self.regions.len())
                 .filter(fixed)
                 .filter_map(|n| self.held(n, &now))
@@ -335,10 +348,8 @@ impl Boundaries {
                     .iter()
                     .any(|t| (first..=last).contains(t))
         };
-        let moves = |placed: &Placed<'_>| {
-            let is_still = placed.linear == [0.0; 3] && placed.angular == [0.0; 3];
-            !is_still && placed.comes_near(min, max, substep)
-        };
+        let moves =
+            |placed: &Placed<'_>| !placed.ahead.is_none() && placed.comes_near(min, max, substep);
         let drifts = |n: usize| {
             self.regions[n].velocity != [0.0; 3]
                 && self
@@ -360,7 +371,7 @@ impl Boundaries {
         };
         NodeConditions {
             bodies: ids
-                .filter_map(|id| self.place(id, paths, substep))
+                .filter_map(|id| self.place(id, paths, substep, 0.0))
                 .collect(),
             regions: (0..self.regions.len())
                 .filter(moving)
@@ -431,46 +442,9 @@ impl Placed<'_> {
         self.body.contact.surface != Surface::Separate
     }
 
-    /// Velocity of the collider's matter at a world point [units/s].
-    pub fn velocity(&self, x: [f64; 3]) -> [f64; 3] {
-        if self.angular == [0.0; 3] {
-            return self.linear;
-        }
-        let r = std::array::from_fn(|a| x[a] - self.start.translation[a]);
-        let turn = cross(self.angular, r);
-        std::array::from_fn(|a| self.linear[a] + turn[a])
-    }
-
-    /// The same collider `t` [s] into its substep.
-    pub fn later(&self, t: f64) -> Self {
-        if self.linear == [0.0; 3] && self.angular == [0.0; 3] {
-            return *self;
-        }
-        let turn = from_rotation_vector(self.angular.map(|w| t * w));
-        Self {
-            start: Pose {
-                translation: std::array::from_fn(|a| {
-                    self.start.translation[a] + t * self.linear[a]
-                }),
-                rotation: product(turn, self.start.rotation),
-            },
-            ..*self
-        }
-    }
-
     /// Thickness that a wall without any has for bodies [units].
     pub fn skin(&self) -> f64 {
         self.body.skin
-    }
-
-    /// Largest speed of its matter within `margin` of it, as far as `reach` from its origin [units/s].
-    pub fn speed(&self, margin: f64, reach: f64) -> f64 {
-        let linear = dot(self.linear, self.linear).sqrt();
-        let angular = dot(self.angular, self.angular).sqrt();
-        if angular == 0.0 {
-            return linear;
-        }
-        linear + angular * (self.body.radius + margin).min(reach)
     }
 
     /// Whether it may come into a box during a substep.

@@ -1,6 +1,7 @@
 //! Sliding, rolling, lying still.
 
 use super::*;
+use crate::scene::{Collider, ColliderMotion, ColliderShape, Pose, TimeSpan};
 
 const G: f64 = 9.81;
 
@@ -128,4 +129,86 @@ fn a_hundred_times_the_mass_rests_on_a_small_block() {
         "{:?}",
         stage.bodies[1]
     );
+}
+
+/// What a box lies on that turns about z.
+#[derive(Clone, Copy, Debug)]
+enum Turntable {
+    Collider,
+    /// A body that is moved.
+    Moved,
+    /// A heavy body that turns on its own.
+    Free,
+}
+
+#[test]
+fn what_sticks_to_a_turntable_stays_where_it_is_on_it() {
+    let spin = 1.5;
+    for turntable in [Turntable::Collider, Turntable::Moved, Turntable::Free] {
+        for rate in [60.0, 240.0] {
+            let mut stage = Stage::new([0.0, 0.0, -G]);
+            stage.surface = (0.0, 0.5);
+            let id = stage.add(&block([1.0, 0.0, 0.05], 0.05, [2, 2, 2]));
+            match turntable {
+                Turntable::Collider => {
+                    let shape = ColliderShape::Box {
+                        half_extents: [2.0, 2.0, 0.1],
+                    };
+                    let at = Pose::at([0.0, 0.0, -0.1]);
+                    stage.scene.colliders.push(Collider {
+                        friction: Some(0.5),
+                        motion: ColliderMotion::Velocity {
+                            linear: [0.0; 3],
+                            angular: [0.0, 0.0, spin],
+                            span: TimeSpan::ALWAYS,
+                        },
+                        ..Collider::fixed("table", shape, at, Surface::Separate)
+                    });
+                }
+                Turntable::Moved | Turntable::Free => {
+                    let table = stage.add(&block([0.0, 0.0, -0.25], 0.5, [8, 8, 1]));
+                    let inertia = stage.shapes[table].inertia;
+                    stage.bodies[table].set_spin(&inertia, [0.0, 0.0, spin]);
+                    if matches!(turntable, Turntable::Moved) {
+                        stage.drives[table] = Drive::Kinematic {
+                            velocity: [0.0; 3],
+                            spin: [0.0, 0.0, spin],
+                        };
+                    } else {
+                        stage.plane([0.0, 0.0, 1.0], 0.0, 0.0);
+                        stage.scene.colliders[0].pose.translation[2] = -0.5;
+                    }
+                }
+            }
+            let inertia = stage.shapes[id].inertia;
+            stage.bodies[id].velocity = [0.0, spin, 0.0];
+            stage.bodies[id].set_spin(&inertia, [0.0, 0.0, spin]);
+            for _ in 0..rate as u32 {
+                stage.step(1.0 / rate);
+            }
+            let center = match turntable {
+                Turntable::Free => stage.bodies[1].com,
+                _ => [0.0; 3],
+            };
+            let [x, y, _] = sub(stage.bodies[id].com, center);
+            let case = (turntable, rate);
+            // Velocities of the start of a step took it 9 mm outwards.
+            assert!((x.hypot(y) - 1.0).abs() < 2e-4, "{case:?}: {}", x.hypot(y));
+            // A body that turns on its own is slowed by what it carries.
+            if !matches!(turntable, Turntable::Free) {
+                let turned = y.atan2(x).rem_euclid(std::f64::consts::TAU);
+                assert!((turned - spin).abs() < 1e-3, "{case:?}: {turned}");
+            }
+            let own = stage.bodies[id].spin(&inertia)[2];
+            let below = stage.bodies.get(1).zip(stage.shapes.get(1));
+            let below = below.map_or(spin, |(body, shape)| body.spin(&shape.inertia)[2]);
+            // Two free bodies share the torque of forces at points that move with one of them.
+            let most = if matches!(turntable, Turntable::Free) {
+                0.01
+            } else {
+                1e-3
+            };
+            assert!((own - below).abs() < most, "{case:?}: {own} on {below}");
+        }
+    }
 }

@@ -3,6 +3,7 @@
 mod afloat;
 mod asked;
 mod boundaries;
+mod carried;
 mod coherence;
 mod edits;
 mod fields;
