@@ -3,6 +3,7 @@
 use super::{
     ball::Ball,
     body::Body,
+    edges::{gap_of_part, spot_of_part},
     shape::{Form, Shape},
     vector::{Vec3, add, along, length, sub, unit},
 };
@@ -149,6 +150,9 @@ pub(super) fn place(of: &Solid<'_>, n: u32) -> Vec3 {
 /// The gap of a feature of the pair `a`, `b` [m].
 pub(super) fn gap(a: &Solid<'_>, b: &Solid<'_>, feature: Feature) -> f64 {
     let (of, other) = if feature.second { (b, a) } else { (a, b) };
+    if let Solid::Wall(wall) = of {
+        return gap_of_part(wall, feature.point, other);
+    }
     of.probe(feature.point, other)
         .map_or(f64::INFINITY, |found| found.1)
 }
@@ -156,6 +160,9 @@ pub(super) fn gap(a: &Solid<'_>, b: &Solid<'_>, feature: Feature) -> f64 {
 /// The feature with its place and normal.
 pub(super) fn spot(a: &Solid<'_>, b: &Solid<'_>, feature: Feature) -> Spot {
     let (of, other) = if feature.second { (b, a) } else { (a, b) };
+    if let Solid::Wall(wall) = of {
+        return spot_of_part(wall, feature, other);
+    }
     let (x, gap) = of
         .probe(feature.point, other)
         .unwrap_or(([0.0; 3], f64::INFINITY));

@@ -34,6 +34,11 @@ impl Field {
         (Self { lattice, values }, points)
     }
 
+    /// Distance between its nodes, and about that between the points of its surface [m].
+    pub fn spacing(&self) -> f64 {
+        self.lattice.h
+    }
+
     /// Depth of the deepest node [m].
     pub fn depth(&self) -> f64 {
         -self.values.iter().copied().fold(0.0, f64::min)

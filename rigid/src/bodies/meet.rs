@@ -2,6 +2,7 @@
 
 use super::{
     actor::{Actor, Drive, SLOP, Setting, TOUCH},
+    edges::only_sticking_out,
     feature::{Feature, Solid, Spot, spot},
     overlap::only_facing,
     rims::choose,
@@ -158,6 +159,7 @@ pub(super) fn contacts<'a>(
                 spots.push(spot);
             }
         }
+        only_sticking_out(&a, &b, &mut spots, setting.dx);
         choose(&a, &b, &mut spots);
         only_facing(&a, &b, &pair.near, &mut spots, setting.dx);
         let (restitution, friction, holds, sticks) = match pair.b < actors.len() {

@@ -8,6 +8,7 @@ mod ball;
 pub mod body;
 mod cylinder;
 mod distance;
+mod edges;
 pub mod engine;
 mod feature;
 mod field;

@@ -17,7 +17,7 @@ use crate::{
 };
 
 /// Sine of the angle between the axis and a normal below which a lid lies flat, and the cosine below which a side does.
-const FLAT: f64 = 1e-3;
+pub(super) const FLAT: f64 = 1e-3;
 /// Cosine between the normal of a lid and the direction that it is pressed from, above which it takes part.
 const LID: f64 = 0.3;
 /// Margin, in parts of the smaller of radius and half length, by which points of the other solid may lie outside of
@@ -41,7 +41,7 @@ const AROUND: [[f64; 2]; 12] = [
 /// Cosine of 30 degrees.
 const C: f64 = 0.866_025_403_784_438_6;
 /// Distance below which computed points are one, in parts of the smallest radius or half length.
-const SAME: f64 = 1e-2;
+pub(super) const SAME: f64 = 1e-2;
 /// How far on each side of a rim's lowest point normals are looked at, in radii: gaps at an impact, 1e-12 cells, are
 /// nothing beside it, and curved surfaces are flat.
 const EDGE: f64 = 1e-4;
@@ -68,37 +68,15 @@ impl Drum<'_> {
         }
     }
 
-    /// The point of a circle that is nearest to another solid; of a rim, all around, as an edge across a lid is near
-    /// in two places.
+    /// The point of its side at a height that is nearest to another solid.
     fn lowest(&self, height: f64, other: &Solid<'_>) -> Vec3 {
-        let circle = self.circle(height);
-        let normal = other.normal(circle.center);
-        let down = along(scaled(normal, -1.0), dot(normal, self.axis), self.axis);
         let others = [1, 2].map(|n| {
             let mut one = [0.0; 3];
             one[(self.form.axis + n) % 3] = 1.0;
             rotate(self.body.rotation, one)
         });
-        let mut start = if length(down) > 1e-9 {
-            unit(down, down)
-        } else {
-            others[0]
-        };
-        // Round-off along the axis would add up.
-        start = unit(along(start, -dot(start, self.axis), self.axis), start);
-        if height.abs() == self.form.half && !other.is_plane() {
-            let at = |e: Vec3| other.distance(along(circle.center, circle.radius, e));
-            let mut least = at(start);
-            for [c, s] in AROUND {
-                let e = add(scaled(others[0], c), scaled(others[1], s));
-                let value = at(e);
-                if value < least - 1e-9 * circle.radius {
-                    (least, start) = (value, e);
-                }
-            }
-        }
-        let direction = circle.lowest(&|x| other.normal(x), start);
-        along(circle.center, circle.radius, direction)
+        let is_rim = height.abs() == self.form.half;
+        nearest_of_circle(&self.circle(height), others, other, is_rim)
     }
 
     /// Outward normal of the other solid at a computed point. Where a rim lies on an edge of the other, a mean of the
@@ -110,13 +88,7 @@ impl Drum<'_> {
             return scaled(radial, -1.0);
         }
         let tangent = cross(self.axis, radial);
-        let aside = |w: f64| other.normal(along(x, w * self.form.radius, tangent));
-        let (before, after) = (aside(-EDGE), aside(EDGE));
-        let (p, q) = (-dot(before, tangent), dot(after, tangent));
-        if p <= 0.0 || q <= 0.0 {
-            return other.normal(x);
-        }
-        unit(add(scaled(before, q), scaled(after, p)), before)
+        across_edge(other, x, tangent, EDGE * self.form.radius)
     }
 
     /// How fast the distance of the lowest point grows with the height.
@@ -143,6 +115,51 @@ impl Drum<'_> {
         }
         sign * crossing(&rise, (-half, low), (half, high), 1e-12 * half)
     }
+}
+
+/// The point of a circle that is nearest to another solid; of a rim, all around, as an edge across a lid is near in two places. `others`
+/// are unit vectors in its plane.
+pub(super) fn nearest_of_circle(
+    circle: &Circle,
+    others: [Vec3; 2],
+    other: &Solid<'_>,
+    is_rim: bool,
+) -> Vec3 {
+    let axis = circle.axis;
+    let normal = other.normal(circle.center);
+    let down = along(scaled(normal, -1.0), dot(normal, axis), axis);
+    let mut start = if length(down) > 1e-9 {
+        unit(down, down)
+    } else {
+        others[0]
+    };
+    // Round-off along the axis would add up.
+    start = unit(along(start, -dot(start, axis), axis), start);
+    if is_rim && !other.is_plane() {
+        let at = |e: Vec3| other.distance(along(circle.center, circle.radius, e));
+        let mut least = at(start);
+        for [c, s] in AROUND {
+            let e = add(scaled(others[0], c), scaled(others[1], s));
+            let value = at(e);
+            if value < least - 1e-9 * circle.radius {
+                (least, start) = (value, e);
+            }
+        }
+    }
+    let direction = circle.lowest(&|x| other.normal(x), start);
+    along(circle.center, circle.radius, direction)
+}
+
+/// Outward normal of a solid at a place on an edge of another that goes along `tangent`; where it lies on an edge, a mean of the normals
+/// of that edge's two faces, so far apart [m]: that across both edges.
+pub(super) fn across_edge(other: &Solid<'_>, x: Vec3, tangent: Vec3, apart: f64) -> Vec3 {
+    let aside = |w: f64| other.normal(along(x, w, tangent));
+    let (before, after) = (aside(-apart), aside(apart));
+    let (p, q) = (-dot(before, tangent), dot(after, tangent));
+    if p <= 0.0 || q <= 0.0 {
+        return other.normal(x);
+    }
+    unit(add(scaled(before, q), scaled(after, p)), before)
 }
 
 impl<'a> Solid<'a> {
@@ -220,7 +237,7 @@ impl<'a> Solid<'a> {
         match cylinder.form.normals(cylinder.shape.points[n as usize]) {
             [Some(lid), _] => -dot(rotate(cylinder.body.rotation, lid), other.normal(x)) > LID,
             // Of a surface that turns inwards a circle touches more than its lowest point.
-            _ => matches!(other, Solid::Wall(wall) if matches!(wall.shape(), Wall::Mesh(_))),
+            _ => matches!(other, Solid::Wall(wall) if !wall.shape().is_convex()),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Where two solids touch: all features with a small gap, and the few that matter.
 
 use super::{
+    edges::near_parts,
     feature::{FACE, Feature, Solid, Spot, gap},
     rims::near_rims,
     shape::Form,
@@ -13,8 +14,12 @@ pub(super) fn near(a: &Solid<'_>, b: &Solid<'_>, margin: f64) -> Vec<(Feature, f
     let mut found = Vec::new();
     let balls = a.is_ball() && b.is_ball();
     for (second, of, other) in [(false, a, b), (true, b, a)] {
-        let Solid::Body(shape, body) = of else {
-            continue;
+        let (shape, body) = match of {
+            Solid::Body(shape, body) => (shape, body),
+            Solid::Wall(wall) => {
+                found.extend(near_parts(wall, other, margin));
+                continue;
+            }
         };
         // Of two balls one is enough, unless the second is in the first.
         if balls && second && !b.is_held_by(a) {

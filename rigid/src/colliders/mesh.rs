@@ -129,6 +129,13 @@ impl Mesh {
         Some((hit.time_of_impact, array(normal * facing)))
     }
 
+    /// Its corners, and the triangles between them; none where there are none.
+    pub fn triangles(&self) -> Option<(Vec<[f64; 3]>, &[[u32; 3]])> {
+        let surface = self.surface.as_ref()?;
+        let points = surface.vertices().iter().map(|x| array(*x));
+        Some((points.collect(), surface.indices()))
+    }
+
     /// Radius of a ball about the origin that holds it.
     pub fn radius(&self) -> f64 {
         self.radius

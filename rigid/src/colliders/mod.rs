@@ -17,6 +17,7 @@ mod moving;
 pub mod primitives;
 pub mod rules;
 pub mod shape;
+pub mod skeleton;
 pub mod springs;
 pub mod sweep;
 pub mod touch;
@@ -38,6 +39,7 @@ use moving::Motion;
 use primitives::Distance;
 use serde::{Deserialize, Serialize};
 use shape::Shape;
+use skeleton::Skeleton;
 
 use crate::{
     mat3::dot,
@@ -123,6 +125,7 @@ pub struct Boundaries {
 #[derive(Clone, Debug)]
 pub struct Body {
     shape: Shape,
+    skeleton: Skeleton,
     rest: Pose,
     motion: ColliderMotion,
     span: TimeSpan,
@@ -399,6 +402,7 @@ impl Body {
             } else {
                 BODY_SKIN * cell
             },
+            skeleton: Skeleton::new(&shape),
             shape,
             rest: collider.pose,
             motion: collider.motion.clone(),
@@ -435,6 +439,11 @@ impl Placed<'_> {
     /// What it is in its own frame [units].
     pub fn shape(&self) -> &Shape {
         &self.body.shape
+    }
+
+    /// What sticks out of it, in its own frame [units].
+    pub fn skeleton(&self) -> &Skeleton {
+        &self.body.skeleton
     }
 
     /// Whether it acts on matter that moves away from it.

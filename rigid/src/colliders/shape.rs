@@ -97,6 +97,19 @@ impl Shape {
         }
     }
 
+    /// Whether each way between two points of it stays in it. Of what is not convex a way may leave it and come in again, and
+    /// more than the lowest point of a circle may touch it.
+    pub fn is_convex(&self) -> bool {
+        match self {
+            Self::HalfSpace { .. }
+            | Self::Box { .. }
+            | Self::Sphere { .. }
+            | Self::Cylinder { .. }
+            | Self::Capsule { .. } => true,
+            Self::Mesh(_) => false,
+        }
+    }
+
     /// Radius of a ball about the origin that holds the shape; infinite for a half-space.
     pub fn radius(&self) -> f64 {
         match *self {

@@ -35,9 +35,23 @@ fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 impl Shape {
     /// Part of the way from `from` to `to` at which the surface is met from outside, and the normal there.
     fn first_contact(&self, from: [f64; 3], to: [f64; 3], skin: f64) -> Option<(f64, [f64; 3])> {
-        if let Self::Mesh(mesh) = self {
-            return mesh.crossing(from, to);
+        match self {
+            Self::Mesh(mesh) => mesh.crossing(from, to),
+            Self::HalfSpace { .. }
+            | Self::Box { .. }
+            | Self::Sphere { .. }
+            | Self::Cylinder { .. }
+            | Self::Capsule { .. } => self.first_contact_of_convex(from, to, skin),
         }
+    }
+
+    /// The same of what is [convex](Self::is_convex), by the distance alone.
+    fn first_contact_of_convex(
+        &self,
+        from: [f64; 3],
+        to: [f64; 3],
+        skin: f64,
+    ) -> Option<(f64, [f64; 3])> {
         // The distance from a convex body is a convex function of the way: the first half of a bracket that
         // ends inside holds the crossing.
         let start = self.distance(from);

@@ -3,6 +3,7 @@
 mod cylinders;
 mod flight;
 mod impacts;
+mod narrow;
 mod resting;
 mod shapes;
 mod uneven;
