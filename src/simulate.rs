@@ -16,7 +16,7 @@ use cosplat_scene::{
     scene_file::ObjectSpec,
 };
 use cosplat_sim_core::{
-    ContactEpisode, DtLimit, Isa, ObjectState, Scene, StepReport, Work,
+    ContactEpisode, DtLimit, Interruption, Isa, ObjectState, Scene, StepReport, Work,
     moments::{Matter, matter},
     notices::Notices,
     probe::{Measured, Probes},
@@ -234,11 +234,15 @@ fn simulate(
     let bar = progress::bar("frames", frames);
     let start = Instant::now();
     for frame in 0..frames {
-        if stop.load(Ordering::Relaxed) {
+        let asks = || stop.load(Ordering::Relaxed);
+        let stepped = match asks() {
+            true => None,
+            false => world.step(&Interruption::when(&asks), 1.0 / scene.frame_rate),
+        };
+        let Some(report) = stepped else {
             out.flush()?;
             bail!("interrupted after {frame} of {frames} frames, which are in the report");
-        }
-        let report = world.step(1.0 / scene.frame_rate);
+        };
         let measured = world.measure(&probes, report.sim_time);
         let line = line(scene, &report, &world.matter(scene, &parts), measured);
         serde_json::to_writer(&mut *out, &line)?;
@@ -409,10 +413,10 @@ impl World {
         Ok(Self::Fast(Box::new(world)))
     }
 
-    fn step(&mut self, frame_dt: f64) -> StepReport {
+    fn step(&mut self, interruption: &Interruption<'_>, frame_dt: f64) -> Option<StepReport> {
         match self {
-            Self::Fast(world) => world.step(frame_dt, &[]),
-            Self::Reference(world) => world.step(frame_dt, &[]),
+            Self::Fast(world) => world.step_unless(interruption, frame_dt, &[]),
+            Self::Reference(world) => world.step_unless(interruption, frame_dt, &[]),
         }
     }
 

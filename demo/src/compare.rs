@@ -14,7 +14,7 @@ use cosplat_renderer::{
 };
 use cosplat_scene::{load::load_text, scene_file::SceneFile, settings};
 use cosplat_server::publish::Output;
-use cosplat_sim_core::{Scene, World};
+use cosplat_sim_core::{Interruption, Scene, World};
 use glam::Vec3;
 use serde::Serialize;
 
@@ -141,7 +141,7 @@ impl Comparison<'_> {
             }
             if frame < frames {
                 for run in &mut runs {
-                    run.step(1.0 / rate);
+                    run.step(1.0 / rate, stop)?;
                 }
             }
             progress("frames", frame, frames, "");
@@ -219,15 +219,19 @@ fn named_velocities(world: &World) -> Vec<(String, [f64; 3], [f64; 3])> {
 }
 
 impl Run {
-    fn step(&mut self, frame_dt: f64) {
+    fn step(&mut self, frame_dt: f64, stop: &AtomicBool) -> anyhow::Result<()> {
         let start = Instant::now();
-        let report = self.world.step(frame_dt, &[]);
+        let asks = || stop.load(Ordering::Relaxed);
+        let interruption = Interruption::when(&asks);
+        let report = self.world.step_unless(&interruption, frame_dt, &[]);
+        let report = report.context("interrupted")?;
         self.side.wall_seconds += start.elapsed().as_secs_f64();
         self.side.substeps += u64::from(report.substeps);
         self.side.particle_updates += report.particle_updates;
         self.side.energy[1] = report.kinetic_energy + report.elastic_energy;
         self.side.linear_momentum[1] = report.linear_momentum;
         self.side.angular_momentum[1] = report.angular_momentum;
+        Ok(())
     }
 
     fn draw(&mut self) -> Image {

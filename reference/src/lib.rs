@@ -13,7 +13,7 @@ mod time_step;
 use std::collections::BTreeMap;
 
 use cosplat_sim_core::{
-    ObjectState,
+    Interruption, ObjectState,
     colliders::{Boundaries, Paths, Pins, Rules},
     command::Command,
     expression::GRADIENT_STEP,
@@ -157,11 +157,25 @@ impl ReferenceWorld {
 
     /// Applies the commands, then advances by `frame_dt` [s] with substeps of the scene's `cfl`.
     pub fn step(&mut self, frame_dt: f64, commands: &[Command]) -> StepReport {
+        let whole = self.step_unless(Interruption::never(), frame_dt, commands);
+        whole.unwrap_or_default()
+    }
+
+    /// The same, unless it is interrupted: then nothing is returned, and the world is amid the frame, not to be stepped again.
+    pub fn step_unless(
+        &mut self,
+        interruption: &Interruption<'_>,
+        frame_dt: f64,
+        commands: &[Command],
+    ) -> Option<StepReport> {
         let mut frame = self.begin(commands, frame_dt);
         let stops = self.scene.conditions.domain_policy == DomainPolicy::Stop;
         let before = stops.then(|| self.clone());
         let mut remaining = frame_dt;
         while remaining > 0.0 {
+            if interruption.is_due() {
+                return None;
+            }
             let limit = self.time_step();
             // Equal shares of what is left, so that a frame never ends in a sliver.
             let shares = (remaining / limit.dt).ceil().max(1.0);
@@ -180,7 +194,7 @@ impl ReferenceWorld {
                 ..StepReport::default()
             };
         }
-        self.finish(frame)
+        Some(self.finish(frame))
     }
 
     /// Applies the commands, then takes exactly these substeps [s]: for comparison with another solver.

@@ -16,7 +16,7 @@ use cosplat_recorder::{
     topics::checkpoint_of,
 };
 use cosplat_scene::load::LoadedScene;
-use cosplat_sim_core::command::Action;
+use cosplat_sim_core::{Interruption, command::Action};
 
 use crate::{
     ReplayError,
@@ -78,7 +78,11 @@ pub fn branch(
             rerun.expect(entry.applied);
         }
     }
+    let asks = || stop.load(Ordering::Relaxed);
     loop {
+        if asks() {
+            return Ok(None);
+        }
         let (step, found) = (rerun.step(), rerun.report().state_hash);
         let expected = recorded.hashes.get(&step).copied().unwrap_or(found);
         if expected != found {
@@ -92,10 +96,7 @@ pub fn branch(
         if step == at {
             break;
         }
-        if stop.load(Ordering::Relaxed) {
-            return Ok(None);
-        }
-        rerun.advance()?;
+        rerun.advance(&Interruption::when(&asks))?;
     }
     // Recorders of the branch find here what they attach, for as long as it is served.
     let copies = unpack(&kept, &header, folder)?;

@@ -22,7 +22,7 @@ use cosplat_server::{
     convert::{Order, order_from_wire},
     publish::{Output, SceneBuffers},
 };
-use cosplat_sim_core::{Command, StepReport, World};
+use cosplat_sim_core::{Command, Interruption, StepReport, World};
 
 use crate::{ReplayError, outlook::Start, walk::Walk};
 
@@ -251,18 +251,19 @@ impl Rerun {
         self.world.report().step
     }
 
-    /// Makes the next step.
+    /// Makes the next step, unless it is interrupted; then there is no other.
     ///
     /// # Errors
     /// When a command of it is one that this program cannot apply.
-    pub fn advance(&mut self) -> Result<(), ReplayError> {
+    pub fn advance(&mut self, interruption: &Interruption<'_>) -> Result<(), ReplayError> {
         let step = self.step() + 1;
         let mut commands = Vec::new();
         while let Some(applied) = self.due.pop_front_if(|c| c.step <= step) {
             commands.push(action(&applied, step)?);
         }
         let (world, frame_dt) = (&mut self.world, self.frame_dt);
-        self.pool.install(|| world.step(frame_dt, &commands));
+        self.pool
+            .install(|| world.step_unless(interruption, frame_dt, &commands));
         Ok(())
     }
 

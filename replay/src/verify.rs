@@ -9,6 +9,7 @@ use cosplat_recorder::{
     reader::{Event, Recording},
     runs::{CommandCount, RunHeader, StepCount},
 };
+use cosplat_sim_core::Interruption;
 use serde::Serialize;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -308,7 +309,7 @@ impl Check {
             return Err(ReplayError::StepOrder { step, before });
         }
         while rerun.step() < step {
-            rerun.advance()?;
+            rerun.advance(Interruption::never())?;
         }
         let (later, commands) = std::mem::take(&mut self.seen.commands)
             .into_iter()

@@ -7,6 +7,7 @@ pub mod bodies;
 pub mod colliders;
 pub mod distance;
 pub mod episodes;
+pub mod interruption;
 pub mod ledger;
 pub mod motion;
 

@@ -8,7 +8,10 @@ use std::{
     io::Write,
     os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
-    sync::atomic::{AtomicBool, Ordering},
+    sync::{
+        Mutex,
+        atomic::{AtomicBool, Ordering},
+    },
     time::{Duration, Instant},
 };
 
@@ -27,7 +30,9 @@ use cosplat_scene::{
     load::LoadedScene,
     sources::{SourceFile, SourceKind},
 };
-use cosplat_sim_core::{Action, CheckpointError, World, WorldError, notices::Notices};
+use cosplat_sim_core::{
+    Action, CheckpointError, Command, Interruption, StepReport, World, WorldError, notices::Notices,
+};
 
 use crate::{
     changes::Told,
@@ -138,6 +143,9 @@ pub struct ServeSummary {
 
 /// How long a paused server sleeps between looks at its clients; a request wakes it at once.
 const IDLE: Duration = Duration::from_millis(20);
+/// How often it is looked amid a frame whether the session is to end.
+const LOOK: Duration = Duration::from_millis(50);
+
 /// Serves `scene` until its duration is over, a client or `stop` ends it.
 ///
 /// `started` is called once when clients can attach.
@@ -399,14 +407,45 @@ impl Server<'_> {
         Ok(())
     }
 
+    /// Makes a step of the world, unless somebody ends the session meanwhile: signals are looked at all the time, clients where it takes
+    /// long.
+    fn make_step(&mut self, step: u64, commands: &[Command]) -> Option<StepReport> {
+        let (world, frame_dt, stop) = (&mut self.world, self.frame_dt, self.stop);
+        let clients = Mutex::new((&mut self.ports, &mut self.ingest, Instant::now()));
+        let asks = || {
+            if stop.load(Ordering::Relaxed) {
+                return true;
+            }
+            // Another thread may be looking.
+            let Ok(mut clients) = clients.try_lock() else {
+                return false;
+            };
+            let (ports, ingest, looked) = &mut *clients;
+            if looked.elapsed() < LOOK {
+                return false;
+            }
+            *looked = Instant::now();
+            let ends = |commands: &[wire::Command]| {
+                commands.iter().all(|c| c.kind == wire::COMMAND_STOP) && !commands.is_empty()
+            };
+            // Orders to the server are not judged by the world.
+            ports.poll_urgent(ends, |asked| ingest.accept(&asked, step, &|_| Ok(())));
+            ingest.steering.permission() == Permission::End
+        };
+        let interruption = Interruption::when(&asks);
+        self.pool
+            .install(|| world.step_unless(&interruption, frame_dt, commands))
+    }
+
     fn step(&mut self) -> Result<(), ServeError> {
         let begin = Instant::now();
         self.output.state = wire::SERVER_RUNNING;
         let step = self.world.report().step + 1;
         let due = self.ingest.take_due(step);
         let commands: Vec<_> = due.iter().map(|p| p.command.clone()).collect();
-        let (world, frame_dt) = (&mut self.world, self.frame_dt);
-        let report = self.pool.install(|| world.step(frame_dt, &commands));
+        let Some(report) = self.make_step(step, &commands) else {
+            return Ok(());
+        };
         if report.stopped {
             // Nothing will change until a command does something about it.
             self.ingest.steering.pause();

@@ -40,7 +40,11 @@ pub use cosplat_matter::{
     simd::{self, Isa},
 };
 use cosplat_rigid::{bodies, episodes, ledger, motion};
-pub use cosplat_rigid::{colliders, distance};
+
+pub use cosplat_rigid::{
+    colliders, distance,
+    interruption::{self, Interruption},
+};
 use cosplat_solid as solid;
 
 pub use command::{Action, Command, CommandError, HoldChange, Patch, Place};

@@ -14,6 +14,7 @@ use crate::{
     colliders::{Paths, rules::Pins},
     coupling::{near::Watch, sweeps::WarmStart},
     grid::Grid,
+    interruption::Interruption,
     ledger::Ledger,
     materials::{Material, limits::DeformationBounds},
     model::{Model, Painted},
@@ -145,9 +146,14 @@ pub(crate) struct Moving<'a> {
 }
 
 impl State {
-    /// What substeps read, and what they change.
-    pub fn split<'a>(&'a mut self, model: &'a Model) -> (Given<'a>, Moving<'a>) {
+    /// What substeps read, and what they change, in a frame that may be interrupted.
+    pub fn split<'a>(
+        &'a mut self,
+        model: &'a Model,
+        interruption: &'a Interruption<'a>,
+    ) -> (Given<'a>, Moving<'a>) {
         let given = Given {
+            interruption,
             model,
             commanded: &self.commanded,
             levels: &self.levels,
@@ -224,6 +230,8 @@ pub(crate) struct Given<'a> {
     pub levels: &'a [SleepState],
     /// Simulated time where the frame begins [s].
     pub time: f64,
+    /// Whether the frame has to end before it is done.
+    pub interruption: &'a Interruption<'a>,
 }
 
 impl<'a> Given<'a> {
@@ -234,6 +242,7 @@ impl<'a> Given<'a> {
             commanded: &state.commanded,
             levels: &state.levels,
             time: state.progress.sim_time,
+            interruption: Interruption::never(),
         }
     }
 

@@ -29,6 +29,7 @@ pub(crate) use solids::laws_of;
 pub(crate) use tally::{Tally, timed};
 
 use crate::{
+    interruption::Interruption,
     model::Model,
     state::{State, Workspace},
 };
@@ -47,11 +48,11 @@ pub(crate) fn substep(
     model: &Model,
     segment: &Segment,
     schedule: &Schedule,
-    state: &mut State,
+    (state, interruption): (&mut State, &Interruption<'_>),
     workspace: &mut Workspace,
     tally: &mut Tally,
 ) -> Result<Option<Schedule>, Failure> {
-    let (given, moving) = state.split(model);
+    let (given, moving) = state.split(model, interruption);
     let (matter, motion) = (moving.matter, moving.motion);
     let at = &Context::new(given, segment, schedule, motion.velocity_offset);
     // P2G: of the first substep of a segment. That of the others came with the G2P before.

@@ -39,7 +39,8 @@ pub struct Passed {
     pub last: f64,
 }
 
-/// Moves a group, and the rigid bodies that it may touch, from `start` for `length` [s] > 0; notes what contact gave.
+/// Moves a group, and the rigid bodies that it may touch, from `start` for `length` [s] > 0; notes what contact gave. Where it is
+/// interrupted, all are amid the span.
 ///
 /// # Errors
 /// The number of the first object that is nowhere in the end: whoever called undoes what has changed by then.
@@ -91,6 +92,9 @@ pub fn advance_group(
         passed.substeps += 1;
         passed.smallest = passed.smallest.min(shares.dt);
         (passed.last, moved) = (shares.dt, shares.dt);
+        if around.interruption.is_due() {
+            return Ok(passed);
+        }
         match shares.next(limit(group, shares.dt)) {
             Some(next) => kick = next,
             None => break,

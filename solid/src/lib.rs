@@ -59,7 +59,7 @@ pub mod walls;
 pub mod wholes;
 
 use cosplat_matter::{mat3, materials, rotation, scene, simd};
-use cosplat_rigid::{bodies, colliders, episodes, ledger, motion};
+use cosplat_rigid::{bodies, colliders, episodes, interruption, ledger, motion};
 
 #[cfg(test)]
 mod tests;

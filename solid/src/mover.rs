@@ -8,6 +8,7 @@ use super::{
 };
 use crate::{
     colliders::{Boundaries, Paths},
+    interruption::Interruption,
     scene::Scene,
 };
 
@@ -47,4 +48,6 @@ pub struct Around<'a> {
     pub paths: &'a Paths,
     /// Start and length of the frame [s].
     pub frame: [f64; 2],
+    /// Whether the frame has to end before it is done.
+    pub interruption: &'a Interruption<'a>,
 }

@@ -11,7 +11,7 @@ use cosplat_renderer::{Camera, Image, drawing::BACKGROUND, mp4::Mp4Writer, pictu
 use cosplat_scene::load::load_text;
 use cosplat_semantics::show;
 use cosplat_server::publish::Output;
-use cosplat_sim_core::World;
+use cosplat_sim_core::{Interruption, World};
 use glam::Vec3;
 use serde::Serialize;
 
@@ -119,7 +119,10 @@ pub(super) fn collide(
         }
         own.push(plain);
         if frame < frames {
-            let report = world.step(1.0 / rate, &[]);
+            let asks = || stop.load(Ordering::Relaxed);
+            let interruption = Interruption::when(&asks);
+            let report = world.step_unless(&interruption, 1.0 / rate, &[]);
+            let report = report.context("interrupted")?;
             impacts.extend(report.contacts.clone());
         }
         progress("frames", frame, frames, "");

@@ -171,6 +171,33 @@ impl<H: RequestHeader> RequestPort<H> {
         answered
     }
 
+    /// Hands the requests to `answer` that are the first of their client and `cannot_wait`; others stay in line.
+    pub fn poll_urgent<A: Answer<H::Answer>>(
+        &mut self,
+        cannot_wait: impl Fn(&[Command]) -> bool,
+        mut answer: impl FnMut(Asked<H>) -> Reply<A>,
+    ) {
+        self.line_up();
+        self.forget_the_gone();
+        let is_urgent = |request: &Request<H, H::Answer>| cannot_wait(request.payload());
+        let lines = self.lines.iter_mut();
+        let urgent = lines.filter_map(|line| line.requests.pop_front_if(|one| is_urgent(one)));
+        let urgent: Vec<_> = urgent.collect();
+        let any = !urgent.is_empty();
+        for request in urgent.into_iter().filter(|one| one.is_connected()) {
+            match ask(&request, self.next_ticket, &mut answer) {
+                Reply::Now(said) => self.respond(&request, said),
+                Reply::Later | Reply::NotYet => {
+                    self.held.insert(self.next_ticket, request);
+                }
+            }
+            self.next_ticket += 1;
+        }
+        if any {
+            notify(&self.notifier);
+        }
+    }
+
     /// Answers the request of `ticket`; nothing happens if its sender is gone.
     pub fn answer(&mut self, ticket: u64, said: impl Answer<H::Answer>) {
         self.forget_the_gone();

@@ -393,6 +393,16 @@ impl ServerPorts {
         self.commands.poll(answer)
     }
 
+    /// Hands those requests to `answer` that are the first of their client and, by their commands, `cannot_wait`, while others have to:
+    /// amid a frame.
+    pub fn poll_urgent(
+        &mut self,
+        cannot_wait: impl Fn(&[Command]) -> bool,
+        answer: impl FnMut(Asked) -> Reply,
+    ) {
+        self.commands.poll_urgent(cannot_wait, answer);
+    }
+
     /// Answers the request of `ticket`, to which the reply was [`Reply::Later`]: one answer per command. Nothing
     /// happens if its sender is gone.
     pub fn answer(&mut self, ticket: u64, acks: Vec<Ack>) {

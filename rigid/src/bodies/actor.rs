@@ -8,7 +8,7 @@ use super::{
     shape::Shape,
     vector::{Vec3, add},
 };
-use crate::colliders::Placed;
+use crate::{colliders::Placed, interruption::Interruption};
 
 /// Gap up to which bodies touch, and depth that is left alone [cells].
 pub(super) const TOUCH: f64 = 1e-3;
@@ -81,4 +81,6 @@ pub struct Setting<'a> {
     pub friction: &'a dyn Fn(usize) -> Option<f64>,
     /// What the search for impacts takes, and may take.
     pub effort: &'a Cell<SearchEffort>,
+    /// Whether the step has to end before it is done.
+    pub interruption: &'a Interruption<'a>,
 }

@@ -107,7 +107,8 @@ pub(super) struct Load {
 }
 
 /// Moves all bodies by `dt` [s]. Momentum only changes by gravity, drives and walls; kinetic and potential energy
-/// never grow by contact, but for what lifts bodies out of each other that overlap by more than the slop.
+/// never grow by contact, but for what lifts bodies out of each other that overlap by more than the slop. Where it is interrupted, bodies
+/// are amid the step.
 pub fn step(
     actors: &mut [Actor<'_>],
     memory: &mut Vec<CachedImpulse>,
@@ -119,6 +120,9 @@ pub fn step(
     let h = dt / pieces;
     let origins: Vec<Vec3> = actors.iter().map(|actor| actor.body.com).collect();
     for n in 0..pieces as u32 {
+        if setting.interruption.is_due() {
+            break;
+        }
         let from = f64::from(n) * h;
         outcome = piece(actors, memory, setting, &origins, from, h, outcome);
     }

@@ -240,6 +240,7 @@ fn advance(
         surface: &surface,
         friction: &|body| solids.friction_of(objects[body]),
         effort,
+        interruption: given.interruption,
     };
     step(actors, warm_start, &setting, now.dt)
 }

@@ -282,6 +282,7 @@ fn move_together(
         boundaries: &given.model.solids,
         paths: &given.commanded.paths,
         frame: [span.frame_start, span.frame_length],
+        interruption: given.interruption,
     };
     let mut all = Passed {
         substeps: 0,
@@ -291,6 +292,9 @@ fn move_together(
     let mut at = span.time;
     let longest = longest_part(given, island);
     for end in parts_of(given, span, longest) {
+        if given.interruption.was_due() {
+            break;
+        }
         let part = Substep {
             time: at,
             dt: end - at,

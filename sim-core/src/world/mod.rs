@@ -50,6 +50,7 @@ pub use visible::{Form, Placed, Visible};
 use crate::{
     colliders::Substep,
     command::Command,
+    interruption::Interruption,
     materials::Material,
     model::Model,
     moments::ParticleArrays,
@@ -149,6 +150,18 @@ impl World {
     /// Commands act in the order of (`apply_at_step`, `client`, `sequence`) and all of them now: the caller
     /// hands over those that are due. One that [`check`](Self::check) refuses is passed over whole.
     pub fn step(&mut self, frame_dt: f64, commands: &[Command]) -> StepReport {
+        let whole = self.step_unless(Interruption::never(), frame_dt, commands);
+        whole.unwrap_or_else(|| self.report.clone())
+    }
+
+    /// The same, unless it is interrupted: then nothing is returned, and the world is amid the frame. Its [`report`](Self::report) and
+    /// whatever it publishes are those of the step before, and it must not be stepped, nor saved, again.
+    pub fn step_unless(
+        &mut self,
+        interruption: &Interruption<'_>,
+        frame_dt: f64,
+        commands: &[Command],
+    ) -> Option<StepReport> {
         let start = Instant::now();
         let mut frame = Frame::new(frame_dt);
 
@@ -166,7 +179,10 @@ impl World {
         self.state.in_contact.ledger.clear();
         self.state.bodies.ledger.clear();
         self.set_springs(frame.length);
-        self.advance(&mut frame);
+        self.advance(&mut frame, interruption);
+        if interruption.was_due() {
+            return None;
+        }
         self.stop(before, &mut frame);
 
         // Particles back to scene order; moments, energies, hash.
@@ -181,7 +197,7 @@ impl World {
         report.timings.moments = measuring.elapsed().as_secs_f64();
         report.timings.total = start.elapsed().as_secs_f64();
         self.report = report;
-        self.report.clone()
+        Some(self.report.clone())
     }
 
     /// Brings particles back to scene order.

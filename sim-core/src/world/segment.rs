@@ -5,6 +5,7 @@ use crate::{
     bodies::{body::Body, engine::CachedImpulse},
     colliders::Substep,
     coupling::near::Watch,
+    interruption::Interruption,
     kinematics::kick,
     ledger::Ledger,
     particles::Extremes,
@@ -35,8 +36,8 @@ struct Start {
 }
 
 impl World {
-    /// Advances by one frame, segment after segment.
-    pub(super) fn advance(&mut self, frame: &mut Frame) {
+    /// Advances by one frame, segment after segment; one that is interrupted is left where it is.
+    pub(super) fn advance(&mut self, frame: &mut Frame, interruption: &Interruption<'_>) {
         self.workspace.substeps.clear();
         if frame.remaining == 0.0 {
             return;
@@ -54,11 +55,14 @@ impl World {
         while frame.remaining > 0.0 {
             if !self.state.matter.particles.groups.is_empty() {
                 self.meet_as_spheres(frame);
-                self.segment(frame);
+                self.segment(frame, interruption);
             } else if self.state.bodies.any() || self.has_solids() {
-                self.off_grid_alone(frame);
+                self.off_grid_alone(frame, interruption);
             } else {
                 break;
+            }
+            if interruption.was_due() || frame.remaining > 0.0 && interruption.is_due() {
+                return;
             }
         }
         let now = offsets.iter().zip(&self.state.motion.velocity_offsets);
@@ -76,10 +80,10 @@ impl World {
     }
 
     /// What is left of a frame in which nothing is on the grid: rigid bodies and solids.
-    fn off_grid_alone(&mut self, frame: &mut Frame) {
+    fn off_grid_alone(&mut self, frame: &mut Frame, interruption: &Interruption<'_>) {
         let dt = frame.remaining;
         let now = self.fine_substep(frame, dt);
-        let (given, moving) = self.state.split(&self.model);
+        let (given, moving) = self.state.split(&self.model, interruption);
         let (matter, motion) = (moving.matter, moving.motion);
         let off_grid = OffGrid {
             episodes: &mut moving.in_contact.of_solids,
@@ -115,7 +119,7 @@ impl World {
 
     /// Takes substeps until velocities must be written out: the frame ends, particles drifted too far from
     /// their blocks, or enough work has piled up. After a failure the state is that of the segment's start.
-    fn segment(&mut self, frame: &mut Frame) {
+    fn segment(&mut self, frame: &mut Frame, interruption: &Interruption<'_>) {
         if self.state.matter.drift > SORT_DRIFT {
             self.sort(frame);
         }
@@ -130,7 +134,7 @@ impl World {
                 &self.model,
                 &segment,
                 &at,
-                state,
+                (state, interruption),
                 workspace,
                 &mut frame.tally,
             );
@@ -143,6 +147,9 @@ impl World {
             match next {
                 Some(next) => at = next,
                 None => break,
+            }
+            if interruption.is_due() {
+                return;
             }
         }
         self.end_segment(frame, &segment);
@@ -230,7 +237,7 @@ impl World {
 
     /// Gives objects without particles in motion the common velocity offset.
     fn join_offsets(&mut self) {
-        let (given, moving) = self.state.split(&self.model);
+        let (given, moving) = self.state.split(&self.model, Interruption::never());
         let mut moves = vec![false; moving.motion.velocity_offsets.len()];
         for (id, part) in self.model.parts.iter().enumerate() {
             moves[part.object] |= given.is_simulated(id);

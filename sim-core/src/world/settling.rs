@@ -4,6 +4,7 @@
 
 use super::{Frame, World};
 use crate::{
+    interruption::Interruption,
     particles::{Extremes, Motion, NO_PARTICLE},
     simd::LANES,
     step::sort::Newcomer,
@@ -32,7 +33,7 @@ impl World {
         let frames = (span * self.model.scene.frame_rate).ceil().max(1.0);
         for _ in 0..frames as usize {
             let mut frame = Frame::new(span / frames);
-            self.advance(&mut frame);
+            self.advance(&mut frame, Interruption::never());
             self.publish();
             self.report = self.measure(&frame);
             for object in objects.clone() {

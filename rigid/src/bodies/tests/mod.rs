@@ -22,6 +22,7 @@ use super::{
 use crate::{
     Scene,
     colliders::{Boundaries, Substep},
+    interruption::Interruption,
     mat3::{cross, dot},
     scene::Surface,
     test_scenes::{add_plane, empty},
@@ -160,6 +161,7 @@ impl Stage {
             surface: &|_, _| surface,
             friction: &|_| None,
             effort: &effort,
+            interruption: Interruption::never(),
         };
         let mut actors: Vec<Actor<'_>> = (0..self.bodies.len())
             .map(|n| Actor {

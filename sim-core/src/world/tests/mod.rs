@@ -10,6 +10,7 @@ mod fields;
 mod flowing;
 mod grab;
 mod holding;
+mod interrupted;
 mod laws;
 mod materials;
 mod pace;
