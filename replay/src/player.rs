@@ -172,12 +172,13 @@ impl<'a> Player<'a> {
             self.send(&frame, wire::FRAME_FLAG_LAST)?;
         }
         self.status(wire::SERVER_STOPPING)?;
+        self.ports.check_place()?;
         Ok(self.played)
     }
 
     /// What comes next: a step, nothing just now, or the end.
     fn permission(&mut self) -> Permission {
-        if self.stop.load(Ordering::Relaxed) {
+        if self.stop.load(Ordering::Relaxed) || self.ports.check_place().is_err() {
             return Permission::End;
         }
         match self.steering.permission() {

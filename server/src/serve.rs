@@ -294,7 +294,8 @@ impl Server<'_> {
         self.answer_late(unmet);
         self.dismiss_participants();
         self.output.state = wire::SERVER_STOPPING;
-        self.update_status()
+        self.update_status()?;
+        Ok(self.ports.check_place()?)
     }
 
     /// Whether a step may be made: the one place that says so. Steering may hold it up, and so may participants; what
@@ -310,7 +311,8 @@ impl Server<'_> {
     /// Whether the session has ended or is paused.
     fn held_up(&self) -> Permission {
         let is_stopped = self.lockstep.as_ref().is_some_and(Lockstep::is_stopped);
-        if self.done() || is_stopped || self.stop.load(Ordering::Relaxed) {
+        let is_lost = self.ports.check_place().is_err();
+        if self.done() || is_stopped || is_lost || self.stop.load(Ordering::Relaxed) {
             Permission::End
         } else {
             self.ingest.steering.permission()

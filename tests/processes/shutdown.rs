@@ -90,6 +90,32 @@ fn a_stop_command_ends_the_session_cleanly() {
     ends_cleanly(|stage, _| assert!(stage.ctl(&["stop"]).status.success()));
 }
 
+#[test]
+fn a_session_whose_files_are_cleaned_away_ends_and_says_why() {
+    for what in ["", "session-default.lock"] {
+        let _watchdog = watchdog();
+        let stage = Stage::new();
+        let mut server = stage.serve(&[]);
+        let client = stage.client();
+        let pid = wait_for_status(&client, |s| s.step >= 1).pid;
+        let files = mapped(pid);
+        let root = client.domain().root().join(what);
+        match root.is_dir() {
+            true => std::fs::remove_dir_all(&root).expect("removed"),
+            false => std::fs::remove_file(&root).expect("removed"),
+        }
+        assert_eq!(server.wait().code(), Some(1));
+        let words = server.words();
+        assert!(
+            words.contains("were removed") && words.contains("COSPLAT_DOMAIN"),
+            "{words}"
+        );
+        drop(client);
+        let left: Vec<_> = files.iter().filter(|file| file.exists()).collect();
+        assert!(left.is_empty(), "{left:?}");
+    }
+}
+
 /// One of the same session name.
 #[test]
 fn a_second_server_is_refused_with_the_first_ones_pid() {

@@ -1,5 +1,7 @@
 //! What can go wrong on the server's side, in sentences.
 
+use std::path::PathBuf;
+
 use crate::{BadSessionName, DomainError, LimitReached, session::OpenError};
 
 /// Why a session cannot be served.
@@ -135,3 +137,14 @@ pub enum PublishError {
         reason: String,
     },
 }
+    /// Nobody finds the session any more.
+    #[error(
+        "session {session:?} ends: its files in {} were removed, so nobody could find or stop it; keep what cleans folders away from there, or set COSPLAT_DOMAIN to a folder elsewhere",
+        root.display()
+    )]
+    Lost {
+        /// Name of the session.
+        session: String,
+        /// Root folder of its domain.
+        root: PathBuf,
+    },

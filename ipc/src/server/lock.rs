@@ -1,9 +1,10 @@
 //! One server per session: a lock that the system gives back whatever happens to its holder.
 
 use std::{
-    fs::{File, OpenOptions},
+    fs::{self, File, OpenOptions},
     io::{self, Read},
-    os::unix::fs::FileExt,
+    os::unix::fs::{FileExt, MetadataExt},
+    path::PathBuf,
     time::SystemTime,
 };
 
@@ -16,7 +17,26 @@ use crate::{Domain, session::SessionName};
 #[derive(Debug)]
 pub(super) struct SessionLock {
     _file: File,
+    /// Whoever cleans folders by age leaves those alone that are locked, as systemd-tmpfiles does.
+    _root: Option<File>,
+    entry: Entry,
     epoch: u64,
+}
+
+/// Where others find a session: while it is there, nobody serves another one of this name.
+#[derive(Clone, Debug)]
+pub(super) struct Entry {
+    path: PathBuf,
+    inode: u64,
+    services: PathBuf,
+}
+
+impl Entry {
+    /// Whether others find the session.
+    pub fn is_there(&self) -> bool {
+        let found = fs::symlink_metadata(&self.path);
+        found.is_ok_and(|found| found.ino() == self.inode) && self.services.is_dir()
+    }
 }
 
 impl SessionLock {
@@ -60,7 +80,27 @@ impl SessionLock {
         let text = format!("{}\n{epoch}\n", std::process::id());
         file.write_all_at(text.as_bytes(), 0).map_err(failed)?;
         file.set_len(text.len() as u64).map_err(failed)?;
-        Ok(Self { _file: file, epoch })
+        let inode = file.metadata().map_err(failed)?.ino();
+        let root = File::open(domain.root()).ok();
+        if let Some(root) = &root {
+            // A cleaner that looks just now has the lock for a moment: then there is none.
+            let _ = rustix::fs::flock(root, FlockOperation::NonBlockingLockShared);
+        }
+        Ok(Self {
+            _file: file,
+            _root: root,
+            entry: Entry {
+                path,
+                inode,
+                services: domain.root().join("services"),
+            },
+            epoch,
+        })
+    }
+
+    /// Where others find the session.
+    pub fn entry(&self) -> &Entry {
+        &self.entry
     }
 
     /// Identifies this run: larger than that of any run before, wherever the clock was set to meanwhile.
@@ -106,8 +146,6 @@ fn now() -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use std::fs;
-
     use super::*;
 
     /// A root folder with the lock's file of `session` in it.

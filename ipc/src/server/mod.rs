@@ -14,6 +14,7 @@ mod scene;
 mod status;
 
 use std::{
+    path::PathBuf,
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -66,6 +67,7 @@ pub struct ServerPorts {
     steps: RequestPort<StepRequest>,
     commands: RequestPort<CommandHeader>,
     session: SessionName,
+    root: PathBuf,
     node: Node<Service>,
     plan: PoolPlan,
     slots: usize,
@@ -174,6 +176,7 @@ impl ServerPorts {
             contacts,
             contacts_service,
             journal,
+            lock.entry().clone(),
             status,
             wake,
             steps,
@@ -189,6 +192,7 @@ impl ServerPorts {
         })
     }
 
+            root: domain.root().into(),
     /// Name of the session.
     pub fn session(&self) -> &str {
         self.session.as_str()
@@ -469,6 +473,21 @@ impl ServerPorts {
 fn greet(
     node: &Node<Service>,
     session: &SessionName,
+    /// Why the session has to end, if somebody removed the files by which others find it: a second server could take its name,
+    /// and nobody could end it but by a signal. It is noticed within 100 ms.
+    ///
+    /// # Errors
+    /// [`PublishError::Lost`] then.
+    pub fn check_place(&self) -> Result<(), PublishError> {
+        match self.monitor.is_lost() {
+            false => Ok(()),
+            true => Err(PublishError::Lost {
+                session: self.session().into(),
+                root: self.root.clone(),
+            }),
+        }
+    }
+
     greeting: Hello,
 ) -> Result<Arc<iceoryx2::port::publisher::Publisher<Service, Hello, ()>>, CreateError> {
     const WHAT: &str = "make the hello service";

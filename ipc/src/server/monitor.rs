@@ -2,7 +2,10 @@
 //! processes held comes back, and the heartbeat goes on.
 
 use std::{
-    sync::{Arc, Condvar, Mutex, PoisonError},
+    sync::{
+        Arc, Condvar, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
     thread::JoinHandle,
     time::{Duration, Instant},
 };
@@ -10,6 +13,7 @@ use std::{
 use iceoryx2::{node::Node, port::update_connections::UpdateConnections};
 
 use super::{
+    lock::Entry,
     nodes::{DeadNodes, Fallen},
     status::StatusPort,
 };
@@ -34,6 +38,8 @@ struct State {
 struct Shared {
     state: Mutex<State>,
     wake: Condvar,
+    /// Whether the session's files were found to be gone.
+    is_lost: AtomicBool,
 }
 
 /// The running thread; stops when dropped.
@@ -48,6 +54,7 @@ impl Monitor {
         ports: Vec<Port>,
         status: Arc<StatusPort>,
         fallen: Fallen,
+        entry: Entry,
     ) -> Result<Self, DomainError> {
         let node = domain.join("monitor")?;
         let shared = Arc::new(Shared {
@@ -56,12 +63,13 @@ impl Monitor {
                 ..State::default()
             }),
             wake: Condvar::new(),
+            is_lost: AtomicBool::new(false),
         });
         let thread = std::thread::Builder::new()
             .name("cosplat-monitor".into())
             .spawn({
                 let shared = shared.clone();
-                move || run(&shared, &node, &status, fallen)
+                move || run(&shared, &node, &status, fallen, &entry)
             })
             .map_err(|cause| DomainError::Io {
                 path: domain.root().into(),
@@ -88,6 +96,11 @@ impl Monitor {
     pub fn ask_cleanup(&self) {
         self.lock().cleanup_asked = true;
         self.shared.wake.notify_all();
+    }
+
+    /// Whether somebody removed the files by which others find the session.
+    pub fn is_lost(&self) -> bool {
+        self.shared.is_lost.load(Ordering::Relaxed)
     }
 
     /// Serves late joiners now.
@@ -123,7 +136,7 @@ fn update(state: &State) {
     }
 }
 
-fn run(shared: &Shared, node: &Node<Service>, status: &StatusPort, fallen: Fallen) {
+fn run(shared: &Shared, node: &Node<Service>, status: &StatusPort, fallen: Fallen, entry: &Entry) {
     let mut cleaned = Instant::now();
     let mut dead = DeadNodes::new(fallen);
     let mut state = shared.state.lock().unwrap_or_else(PoisonError::into_inner);
@@ -137,6 +150,9 @@ fn run(shared: &Shared, node: &Node<Service>, status: &StatusPort, fallen: Falle
                     count = outcome.cleared,
                     "cleaned up after processes that died"
                 );
+            }
+            if !entry.is_there() {
+                shared.is_lost.store(true, Ordering::Relaxed);
             }
             cleaned = Instant::now();
             state = shared.state.lock().unwrap_or_else(PoisonError::into_inner);
