@@ -31,6 +31,7 @@ pub struct Args {
 /// When the recording lacks something, the step is not in it, or simulating it again gives another state.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let stop = signals::stop_flag()?;
+    args.how.check()?;
     let (path, at) = (&args.recording, args.at);
     let place = Place { at, run: args.run };
     let folder = tempfile::tempdir().context("cannot make a temporary folder")?;

@@ -11,7 +11,7 @@ use cosplat_controller::{
     order::{Level, MaterialRef, MaterialValue, ObjectRef, Order},
     script::Script,
 };
-use cosplat_ipc::{Domain, schema::MaterialSpec};
+use cosplat_ipc::{Domain, schema::MaterialSpec, session_name};
 use cosplat_scene::materials::stated;
 use serde_json::json;
 
@@ -24,7 +24,7 @@ const HAND: u64 = 0;
 #[derive(clap::Args)]
 pub struct Args {
     /// Session to talk to.
-    #[arg(long, default_value = "default", global = true)]
+    #[arg(long, default_value = "default", global = true, value_parser = session_name)]
     session: String,
     /// Seconds to wait for the server and for its answers.
     #[arg(long, value_name = "S", default_value = "5", global = true, value_parser = seconds::duration)]

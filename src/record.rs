@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use cosplat_ipc::Domain;
+use cosplat_ipc::{Domain, session_name};
 use cosplat_recorder::client::{RecordOptions, Summary, record};
 use cosplat_recorder::parts::Split;
 use cosplat_recorder::writer::{Compression, WriterOptions};
@@ -14,7 +14,7 @@ use crate::{progress, say, seconds, signals};
 #[derive(clap::Args)]
 pub struct Args {
     /// Name of the session.
-    #[arg(long, default_value = "default")]
+    #[arg(long, default_value = "default", value_parser = session_name)]
     session: String,
     /// The recording.
     #[arg(short, long)]

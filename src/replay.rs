@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
-use cosplat_ipc::Domain;
+use cosplat_ipc::{Domain, session_name};
 use cosplat_replay::player::{PlayOptions, Player};
 
 use crate::{note, progress, say, signals};
@@ -16,7 +16,7 @@ pub struct Args {
     /// The recording.
     recording: PathBuf,
     /// Name under which clients find it.
-    #[arg(long, default_value = "default")]
+    #[arg(long, default_value = "default", value_parser = session_name)]
     session: String,
     /// How fast: simulated seconds per wall second, 0.001 to 1e6.
     #[arg(long, default_value_t = 1.0, value_parser = rate)]

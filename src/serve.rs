@@ -4,7 +4,7 @@ use std::{path::PathBuf, sync::atomic::AtomicBool, time::Duration};
 
 use anyhow::{Context, anyhow, bail};
 use clap::ValueEnum;
-use cosplat_ipc::Domain;
+use cosplat_ipc::{Domain, session_name};
 use cosplat_pacing::{
     lockstep::{LockstepOptions, Policy, Terms, check_name},
     pace::Pace,
@@ -31,7 +31,7 @@ pub struct Args {
 #[derive(clap::Args)]
 pub struct How {
     /// Name under which clients find this simulation.
-    #[arg(long, default_value = "default")]
+    #[arg(long, default_value = "default", value_parser = session_name)]
     session: String,
     /// How simulated time follows wall time.
     #[arg(long, value_enum, default_value_t = PaceName::Realtime)]
@@ -102,6 +102,23 @@ impl From<PolicyName> for Policy {
 }
 
 impl How {
+    /// Refuses what can be refused before anything takes time.
+    ///
+    /// # Errors
+    /// When a participant, the folder for checkpoints or the domain cannot be used.
+    pub fn check(&self) -> anyhow::Result<()> {
+        self.lockstep()?;
+        self.checkpoints()?;
+        domain()?;
+        Ok(())
+    }
+
+    fn checkpoints(&self) -> anyhow::Result<PathBuf> {
+        self.checkpoints
+            .canonicalize()
+            .with_context(|| format!("no folder for checkpoints: {}", self.checkpoints.display()))
+    }
+
     fn lockstep(&self) -> anyhow::Result<LockstepOptions> {
         let concerns = !self.participants.is_empty() || self.participant_timeout.is_some();
         if concerns && !matches!(self.pace, PaceName::Lockstep) {
@@ -121,6 +138,10 @@ impl How {
         }
         Ok(LockstepOptions { required, terms })
     }
+}
+
+fn domain() -> anyhow::Result<Domain> {
+    Domain::from_env().context("cannot use the session folder")
 }
 
 /// `NAME`, `NAME=POLICY` or `NAME=POLICY:SECONDS`.
@@ -150,6 +171,7 @@ fn participant(text: &str, terms: Terms) -> anyhow::Result<(String, Option<Terms
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let stop = signals::stop_flag()?;
+    args.how.check()?;
     let scene = load_scene(&args.scene)?;
     serve_scene(scene, args.restore.clone(), &args.how, &stop)
 }
@@ -167,12 +189,8 @@ pub fn serve_scene(
     for warning in &scene.report.warnings {
         note!("warning: {warning}");
     }
-    let checkpoints = args
-        .checkpoints
-        .canonicalize()
-        .with_context(|| format!("no folder for checkpoints: {}", args.checkpoints.display()))?;
     let options = ServeOptions {
-        domain: Domain::from_env().context("cannot use the session folder")?,
+        domain: domain()?,
         session: args.session.clone(),
         pace: match args.pace {
             PaceName::Realtime => Pace::Realtime,
@@ -185,7 +203,7 @@ pub fn serve_scene(
         paused: args.paused,
         lossless: args.lossless,
         frame_slots: args.frame_slots,
-        checkpoints: Some(checkpoints),
+        checkpoints: Some(args.checkpoints()?),
         restore,
     };
     let summary = serve(scene, &options, stop, |summary| {

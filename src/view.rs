@@ -9,7 +9,7 @@ use cosplat_export::{
     film,
     reel::{Reel, Steps},
 };
-use cosplat_ipc::Domain;
+use cosplat_ipc::{Domain, session_name};
 use cosplat_renderer::client::Options;
 use cosplat_renderer::drawing::{Look, Summary};
 
@@ -25,7 +25,7 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     run: Option<usize>,
     /// Session to watch.
-    #[arg(long, default_value = "default")]
+    #[arg(long, default_value = "default", value_parser = session_name)]
     session: String,
     /// Seconds to wait for the server, and as long for what it needs to draw.
     #[arg(long, value_name = "S", default_value = "10", value_parser = seconds::duration)]

@@ -29,7 +29,7 @@ pub use domain::{Domain, DomainError, MAX_ROOT_LENGTH};
 pub use limits::LimitReached;
 
 pub use server::ServerPorts;
-pub use session::{BadSessionName, SessionInfo, list_sessions};
+pub use session::{BadSessionName, SessionInfo, list_sessions, session_name};
 
 /// Ports are `Send` and `Sync`, so that a monitor thread can serve late joiners while a step runs.
 pub(crate) type Service = iceoryx2::prelude::ipc_threadsafe::Service;

@@ -134,6 +134,14 @@ impl SessionName {
     pub fn as_str(&self) -> &str {
         &self.0
     }
+/// Passes a session's name on: for command lines, so that a wrong one is refused before anything takes time.
+///
+/// # Errors
+/// When it is none.
+pub fn session_name(text: &str) -> Result<String, BadSessionName> {
+    SessionName::new(text).map(|name| name.0)
+}
+
 
     fn service(&self, stream: &str) -> Result<ServiceName, OpenError> {
         let name = format!("cosplat/{}/v{WIRE_VERSION}/{stream}", self.0);
