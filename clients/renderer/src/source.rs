@@ -8,7 +8,7 @@ use cosplat_ipc::client::{
     ConnectError, Frame, FrameReader, Participant, ReadError, SceneReader, SceneView, SendError,
     StatusReader, StepError, Until,
 };
-use cosplat_ipc::schema::FRAME_FLAG_LAST;
+use cosplat_ipc::schema::{FRAME_FLAG_LAST, SERVER_STOPPING};
 
 use crate::client::{Options, RenderError};
 
@@ -100,8 +100,21 @@ impl<'a> Source<'a> {
                 Ok(stepped) if stepped.is_last() => return Ok(false),
                 Ok(stepped) if stepped.done.frames > 0 => return Ok(true),
                 Ok(_) => {}
-                // A session that ended without a word.
-                Err(StepError::Send(SendError::ServerEnded { .. })) => return Ok(false),
+                // A session that ended without a word, or before it heard of the request.
+                Err(StepError::Send(
+                    SendError::ServerEnded { .. } | SendError::NoServer { .. },
+                )) => {
+                    return Ok(false);
+                }
+                // What a server lets go of unanswered is lost, unless it ends.
+                Err(StepError::Send(SendError::AnswerLost { .. }))
+                    if self
+                        .status
+                        .newest()?
+                        .is_some_and(|status| status.server_state == SERVER_STOPPING) =>
+                {
+                    return Ok(false);
+                }
                 Err(error) => return Err(error.into()),
             }
         }

@@ -66,7 +66,7 @@ impl CommandSender {
             pid: std::process::id(),
             count: commands.len() as u32,
         };
-        let sent = self.requests.submit(header, commands, timeout)?;
+        let sent = self.requests.submit(header, commands, timeout, true)?;
         Ok(Unanswered { sent })
     }
 

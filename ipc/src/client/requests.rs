@@ -69,12 +69,14 @@ impl<H: RequestHeader> RequestSender<H> {
         })
     }
 
-    /// Sends commands under `header`, numbered on, waiting up to `timeout` for a place in the server's queue.
+    /// Sends commands under `header`, numbered on, waiting up to `timeout` for a place in the server's queue, and where
+    /// `awaits_server` for one that comes.
     pub fn submit(
         &mut self,
         header: H,
         commands: &[Command],
         timeout: Duration,
+        awaits_server: bool,
     ) -> Result<Sent<H>, SendError> {
         if commands.len() > MAX_COMMANDS {
             return Err(SendError::TooMany {
@@ -92,7 +94,7 @@ impl<H: RequestHeader> RequestSender<H> {
             })
             .collect();
         Ok(Sent {
-            pending: self.deliver(header, &numbered, timeout)?,
+            pending: self.deliver(header, &numbered, timeout, awaits_server)?,
             first,
             count: commands.len(),
             since: Instant::now(),
@@ -104,7 +106,9 @@ impl<H: RequestHeader> RequestSender<H> {
         header: H,
         commands: &[Command],
         timeout: Duration,
+        awaits_server: bool,
     ) -> Result<Pending<H, H::Answer>, SendError> {
+        let start = Instant::now();
         let deadline = super::deadline(timeout);
         loop {
             let mut request = self
@@ -124,8 +128,8 @@ impl<H: RequestHeader> RequestSender<H> {
                 Err(RequestSendError::ExceedsMaxActiveRequests) => true,
                 Err(error) => return Err(SendError::Transport(format!("{error:?}"))),
             };
-            if Instant::now() >= deadline {
-                let seconds = timeout.as_secs_f64();
+            if Instant::now() >= deadline || !(full || awaits_server) {
+                let seconds = start.elapsed().as_secs_f64();
                 return Err(if full {
                     SendError::Busy { seconds }
                 } else {

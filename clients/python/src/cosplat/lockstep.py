@@ -118,7 +118,7 @@ class Participant:
     ) -> Submitted:
         """Asks as `step` does and does not wait: who has several servers lets them step side by side.
 
-        Raises BadName, NoServer and TimedOut; what else `step` raises comes from `Submitted.done`.
+        Raises BadName, ServerLost and TimedOut; what else `step` raises comes from `Submitted.done`.
         """
         until = _NO_CONDITION
         if contact is not None or event or quarantine:
@@ -160,7 +160,8 @@ class Participant:
             head = _REQUEST.pack(self._client, os.getpid(), len(orders), kind, frames, *until, timeout_ns, self._name)
         except struct.error as error:
             raise ValueError(f"{frames} steps cannot be asked for: {error}") from None
-        return self._port, self._port.submit(orders, head, timeout)
+        # It takes part with one server: the next one knows nothing of it.
+        return self._port, self._port.submit(orders, head, timeout, awaits_server=kind == wire.STEP_ATTACH)
 
 
 class Submitted:

@@ -44,10 +44,13 @@ class RequestPort:
         # Several threads may send; one request is made at a time, and answers are waited for side by side.
         self._lock = transport.Belonging(threading.RLock())
 
-    def submit(self, orders: tuple[Order, ...], head: bytes, timeout: float | None) -> Sent:
+    def submit(
+        self, orders: tuple[Order, ...], head: bytes, timeout: float | None, *, awaits_server: bool = True
+    ) -> Sent:
         """Sends orders under a header, waiting up to `timeout` [s] (5 without) for a place in the server's queue.
 
-        Raises BadName, NoServer, TimedOut, and ValueError for more than 32 orders.
+        Raises BadName, NoServer, TimedOut, and ValueError for more than 32 orders. Who does not await a server gets ServerLost
+        at once where there is none.
         """
         count = len(orders)
         if count > wire.MAX_COMMANDS:
@@ -58,7 +61,8 @@ class RequestPort:
             commands = encode(orders, scene, first) if scene is not None else b""
             self._sequence += count
         start = time.monotonic()
-        return Sent(self._deliver(count, commands, head, start, timeout), first, count, start)
+        pending = self._deliver(count, commands, head, start, timeout, awaits_server)
+        return Sent(pending, first, count, start)
 
     def answer(self, sent: Sent, timeout: float | None) -> tuple[bytes, list[Ack]]:
         """Waits for the answer to what was sent: its header, empty where it has none, and one acknowledgement per order.
@@ -75,13 +79,17 @@ class RequestPort:
             raise TransportFailed(f"the server answered {len(acks)} of {sent.order_count} orders")
         return header, acks
 
-    def _deliver(self, count: int, commands: bytes, head: bytes, start: float, timeout: float | None) -> Any:
+    def _deliver(
+        self, count: int, commands: bytes, head: bytes, start: float, timeout: float | None, awaits_server: bool
+    ) -> Any:
         while True:
             with self._lock.native:
                 pending = transport.send(self._port, count, commands, head)
             if pending is not None:
                 break
             waited = time.monotonic() - start
+            if not awaits_server and self._service.dynamic_config.number_of_servers == 0:
+                raise ServerLost("the server ended before it heard of the orders")
             if waited >= (5.0 if timeout is None else timeout):
                 if self._service.dynamic_config.number_of_servers == 0:
                     raise NoServer(f"no server took the orders within {waited:.1f} s")
