@@ -7,7 +7,9 @@ use std::{fmt::Write, fs, path::PathBuf};
 use crate::{
     Domain, MAX_ROOT_LENGTH,
     schema::{MAX_COMMANDS, WIRE_VERSION, layout, schema_hash},
-    session::{self, MAX_ACTIVE_REQUESTS, MAX_SUBSCRIBERS},
+    session::{
+        self, MAX_ACTIVE_REQUESTS, MAX_ATTACHED, MAX_PARTICIPANTS, MAX_SENDERS, MAX_SUBSCRIBERS,
+    },
 };
 
 fn document(path: &str) -> PathBuf {
@@ -105,6 +107,12 @@ fn limit_table() -> String {
             format!("{MAX_ROOT_LENGTH} bytes"),
         ),
         ("readers of a stream", MAX_SUBSCRIBERS.to_string()),
+        (
+            "readers of `hello`, `status` and `scene/...`",
+            MAX_ATTACHED.to_string(),
+        ),
+        ("senders of commands", MAX_SENDERS.to_string()),
+        ("participants", MAX_PARTICIPANTS.to_string()),
         (
             "commands in a request or journal message",
             MAX_COMMANDS.to_string(),

@@ -2,7 +2,7 @@
 
 use rustix::process::{Resource, getrlimit};
 
-use crate::session::{MAX_CLIENTS, MAX_NODES, MAX_SUBSCRIBERS};
+use crate::session::{MAX_ATTACHED, MAX_ENDS, MAX_NODES, MAX_SENDERS, MAX_SUBSCRIBERS};
 
 /// Descriptors that a server holds, with a listener for each reader, and some to spare.
 pub(crate) const SERVER_FILES: u64 = 240;
@@ -50,18 +50,10 @@ impl LimitReached {
     /// The limit that made a step of iceoryx2 fail, going by what it says and by what is left.
     pub(crate) fn behind(reason: &str) -> Option<Self> {
         [
-            ("ExceedsMaxSupportedSubscribers", "readers", MAX_SUBSCRIBERS),
-            ("ExceedsMaxSupportedClients", "command senders", MAX_CLIENTS),
-            (
-                "ExceedsMaxSupportedListeners",
-                "listeners",
-                2 * MAX_SUBSCRIBERS,
-            ),
-            (
-                "ExceedsMaxSupportedNotifiers",
-                "notifiers",
-                2 * MAX_SUBSCRIBERS,
-            ),
+            ("ExceedsMaxSupportedSubscribers", "readers", readers),
+            ("ExceedsMaxSupportedClients", "command senders", MAX_SENDERS),
+            ("ExceedsMaxSupportedListeners", "listeners", MAX_ENDS),
+            ("ExceedsMaxSupportedNotifiers", "notifiers", MAX_ENDS),
             ("ExceedsMaxNumberOfNodes", "processes", MAX_NODES),
         ]
         .into_iter()
@@ -70,6 +62,11 @@ impl LimitReached {
         .or_else(|| Self::files(FEW_FILES))
     }
 }
+        let attached = ["hello: ", "status: ", "scene/"];
+        let readers = match attached.iter().any(|stream| reason.starts_with(stream)) {
+            true => MAX_ATTACHED,
+            false => MAX_SUBSCRIBERS,
+        };
 
 /// Descriptors that are open and count against `limit`, which is one on their numbers; `None` when there is none
 /// left to look with.

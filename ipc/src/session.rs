@@ -37,8 +37,10 @@ pub(crate) const EVENT_SAMPLE: usize = 3;
 pub(crate) const MAX_ACTIVE_REQUESTS: usize = 16;
 /// The same of a participant in lock-step: one that waits for its steps, and the one with which it leaves.
 pub(crate) const MAX_ACTIVE_STEPS: usize = 2;
-/// Senders of commands at most, and participants at most.
-pub(crate) const MAX_CLIENTS: usize = 32;
+/// Participants at most.
+pub(crate) const MAX_PARTICIPANTS: usize = 32;
+/// Senders of commands at most: as many as participants, and some for who looks after them.
+pub(crate) const MAX_SENDERS: usize = MAX_PARTICIPANTS + 8;
 
 /// Quality of service of a publish-subscribe stream.
 #[derive(Clone, Copy, Debug)]
@@ -47,6 +49,7 @@ pub(crate) struct Stream {
     pub history: usize,
     pub max_depth: usize,
     pub max_held: usize,
+    pub max_readers: usize,
 }
 
 pub(crate) const FRAME: Stream = Stream {
@@ -54,6 +57,7 @@ pub(crate) const FRAME: Stream = Stream {
     history: 1,
     max_depth: 64,
     max_held: 8,
+    max_readers: MAX_SUBSCRIBERS,
 };
 /// Who joins gets a complete message, so that no old one has to be kept.
 pub(crate) const CHANGES: Stream = Stream {
@@ -74,12 +78,14 @@ pub(crate) const STATUS: Stream = Stream {
     history: 1,
     max_depth: 1,
     max_held: 2,
+    max_readers: MAX_ATTACHED,
 };
 pub(crate) const JOURNAL: Stream = Stream {
     name: "journal",
     history: 256,
     max_depth: 256,
     max_held: 2,
+    max_readers: MAX_SUBSCRIBERS,
 };
 pub(crate) const SCENE_GAUSSIANS: Stream = scene("scene/gaussians");
 pub(crate) const SCENE_SH: Stream = scene("scene/sh");
@@ -94,11 +100,17 @@ const fn scene(name: &'static str) -> Stream {
         history: 1,
         max_depth: 1,
         max_held: 4,
+        max_readers: MAX_ATTACHED,
     }
 }
 
 /// Subscribers of a stream at most.
 pub(crate) const MAX_SUBSCRIBERS: usize = 32;
+/// The same of what all who are attached read for as long as they are: greeting, status and scene. It is more than there can be
+/// participants or readers, so that whoever wants to give an order finds a place.
+pub(crate) const MAX_ATTACHED: usize = 64;
+/// Listeners and notifiers of an event at most: one of each participant, each sender, and each reader.
+pub(crate) const MAX_ENDS: usize = MAX_PARTICIPANTS + MAX_SENDERS + MAX_SUBSCRIBERS;
 /// The server, a replay or a tunnel, and a dead server that is not cleaned up yet.
 const MAX_PUBLISHERS: usize = 4;
 /// Processes that use a service at most.
@@ -122,6 +134,14 @@ pub struct BadSessionName {
     pub name: String,
 }
 
+/// Passes a session's name on: for command lines, so that a wrong one is refused before anything takes time.
+///
+/// # Errors
+/// When it is none.
+pub fn session_name(text: &str) -> Result<String, BadSessionName> {
+    SessionName::new(text).map(|name| name.0)
+}
+
 impl SessionName {
     pub fn new(name: &str) -> Result<Self, BadSessionName> {
         let plain = |b: u8| b.is_ascii_alphanumeric() || b"-_.".contains(&b);
@@ -134,14 +154,6 @@ impl SessionName {
     pub fn as_str(&self) -> &str {
         &self.0
     }
-/// Passes a session's name on: for command lines, so that a wrong one is refused before anything takes time.
-///
-/// # Errors
-/// When it is none.
-pub fn session_name(text: &str) -> Result<String, BadSessionName> {
-    SessionName::new(text).map(|name| name.0)
-}
-
 
     fn service(&self, stream: &str) -> Result<ServiceName, OpenError> {
         let name = format!("cosplat/{}/v{WIRE_VERSION}/{stream}", self.0);
@@ -228,7 +240,7 @@ where
         .history_size(stream.history)
         .subscriber_max_buffer_size(stream.max_depth)
         .subscriber_max_borrowed_samples(stream.max_held)
-        .max_subscribers(MAX_SUBSCRIBERS)
+        .max_subscribers(stream.max_readers)
         .max_publishers(MAX_PUBLISHERS)
         .max_nodes(MAX_NODES);
     make(node, &name, MessagingPattern::PublishSubscribe, || {
@@ -251,7 +263,7 @@ pub(crate) fn hello(
         .history_size(1)
         .subscriber_max_buffer_size(1)
         .subscriber_max_borrowed_samples(1)
-        .max_subscribers(MAX_SUBSCRIBERS)
+        .max_subscribers(MAX_ATTACHED)
         .max_publishers(1)
         .max_nodes(MAX_NODES);
     make(node, &name, MessagingPattern::PublishSubscribe, || {
@@ -272,8 +284,8 @@ pub(crate) fn event(
         return Ok(builder.open()?);
     }
     let builder = builder
-        .max_listeners(2 * MAX_SUBSCRIBERS)
-        .max_notifiers(2 * MAX_SUBSCRIBERS)
+        .max_listeners(MAX_ENDS)
+        .max_notifiers(MAX_ENDS)
         .max_nodes(MAX_NODES);
     make(node, &name, MessagingPattern::Event, || {
         Ok(builder.clone().open_or_create()?)
@@ -304,6 +316,8 @@ pub(crate) trait RequestHeader: Copy + Debug + Default + ZeroCopySend + 'static 
     const STREAM: &'static str;
     /// Requests that a client may have unanswered.
     const MAX_ACTIVE: usize;
+    /// Clients at most.
+    const MAX_CLIENTS: usize;
     /// Commands announced.
     fn count(&self) -> usize;
     /// Sender's process id.
@@ -314,6 +328,7 @@ impl RequestHeader for CommandHeader {
     type Answer = ();
     const STREAM: &'static str = "command";
     const MAX_ACTIVE: usize = MAX_ACTIVE_REQUESTS;
+    const MAX_CLIENTS: usize = MAX_SENDERS;
     fn count(&self) -> usize {
         self.count as usize
     }
@@ -326,6 +341,7 @@ impl RequestHeader for StepRequest {
     type Answer = StepDone;
     const STREAM: &'static str = "step";
     const MAX_ACTIVE: usize = MAX_ACTIVE_STEPS;
+    const MAX_CLIENTS: usize = MAX_PARTICIPANTS;
     fn count(&self) -> usize {
         self.count as usize
     }
@@ -357,7 +373,7 @@ pub(crate) fn requests<H: RequestHeader>(
         .max_loaned_requests(1)
         .max_response_buffer_size(1)
         .max_borrowed_responses_per_pending_response(1)
-        .max_clients(MAX_CLIENTS)
+        .max_clients(H::MAX_CLIENTS)
         .max_servers(2)
         .max_nodes(MAX_NODES);
     make(node, &name, MessagingPattern::RequestResponse, || {

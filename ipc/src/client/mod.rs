@@ -226,7 +226,7 @@ fn read_hello(
         .subscriber_builder()
         .buffer_size(1)
         .create()
-        .map_err(|error| failed(error.to_string()))?;
+        .map_err(|error| failed(format!("hello: {error}")))?;
     let deadline = Instant::now() + Duration::from_millis(500);
     loop {
         let sample = subscriber

@@ -21,14 +21,14 @@ use crate::{
     Service,
     schema::{Ack, Command, CommandHeader, RETURN_REFUSED, StepDone},
     session::{
-        self, EVENT_REQUEST, EVENT_RESPONSE, MAX_ACKS, MAX_CLIENTS, RequestHeader, Requests, SessionName,
+        self, EVENT_REQUEST, EVENT_RESPONSE, MAX_ACKS, RequestHeader, Requests, SessionName,
     },
 };
 
 /// Answers in memory at most: each request of each client may have one that waits and one that is held, and one is
 /// being written. No client can take those of others.
-pub(super) const fn response_slots(max_active: usize) -> usize {
-    MAX_CLIENTS * max_active * 2 + 1
+pub(super) const fn response_slots<H: RequestHeader>() -> usize {
+    H::MAX_CLIENTS * H::MAX_ACTIVE * 2 + 1
 }
 
 type Request<H, R> = ActiveRequest<Service, [Command], H, [Ack], R>;
@@ -107,7 +107,7 @@ impl<H: RequestHeader> RequestPort<H> {
             .initial_max_slice_len(MAX_ACKS)
             .max_loaned_responses_per_request(1)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
-            .override_response_preallocation(|_| response_slots(H::MAX_ACTIVE))
+            .override_response_preallocation(|_| response_slots::<H>())
             .create()
             .map_err(|error| failed(error.to_string()))?;
         pool::reserve(server.id().value())?;

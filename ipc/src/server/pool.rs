@@ -2,8 +2,11 @@
 
 use super::{CreateError, SceneBlocks, commands::response_slots};
 use crate::{
-    schema::{Ack, AppliedCommand, Contact, GaussianState, MAX_COMMANDS, ObjectState, Status},
-    session::{FRAME, MAX_ACKS, MAX_ACTIVE_REQUESTS, MAX_ACTIVE_STEPS, MAX_SUBSCRIBERS},
+    schema::{
+        Ack, AppliedCommand, CommandHeader, Contact, GaussianState, MAX_COMMANDS, ObjectState,
+        Status, StepRequest,
+    },
+    session::{FRAME, MAX_ACKS, MAX_ATTACHED, MAX_SUBSCRIBERS, STATUS},
     shm::{self, ReserveError},
 };
 
@@ -32,8 +35,8 @@ const CONTACTS_PER_OBJECT: usize = 12;
 const FEWEST_CONTACTS: usize = 16;
 /// Journal messages kept: the history, and what readers hold.
 pub(super) const JOURNAL_SLOTS: usize = 320;
-/// Status messages kept.
-pub(super) const STATUS_SLOTS: usize = 72;
+/// Status messages kept: what waits for each reader and what it holds may all be different ones.
+pub(super) const STATUS_SLOTS: usize = MAX_ATTACHED * (STATUS.max_depth + STATUS.max_held) + 2;
 
 /// What a session needs room for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,11 +80,11 @@ impl PoolPlan {
             + messages(STATUS_SLOTS, size_of::<Status>(), 1)
             + messages(CONTACTS_SLOTS, size_of::<Contact>(), self.contact_count())
             + messages(
-                response_slots(MAX_ACTIVE_REQUESTS),
+                response_slots::<CommandHeader>(),
                 size_of::<Ack>(),
                 MAX_ACKS,
             )
-            + messages(response_slots(MAX_ACTIVE_STEPS), size_of::<Ack>(), MAX_ACKS)
+            + messages(response_slots::<StepRequest>(), size_of::<Ack>(), MAX_ACKS)
             + self.scene_bytes
             + OVERHEAD_BYTES
     }

@@ -61,11 +61,11 @@ fn a_full_session_says_how_many_places_it_has() {
         "{refused}"
     );
     assert_eq!(places(refused), ("readers", 32));
-    let senders: Vec<_> = (0..32)
+    let senders: Vec<_> = (0..40)
         .map(|_| client.commands().expect("a sender"))
         .collect();
     let refused = client.commands().err().expect("refused");
-    assert_eq!(places(refused), ("command senders", 32));
+    assert_eq!(places(refused), ("command senders", 40));
     // Those who have a place are none the worse, and a place that is left is free.
     assert!(readers[31].next(PATIENCE).expect("readable").is_some());
     drop((readers.pop(), senders));

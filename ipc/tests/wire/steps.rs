@@ -176,3 +176,63 @@ fn contacts_arrive_and_the_strongest_come_first() {
     assert_eq!(message.items()[0].other, 99);
     assert_eq!(message.header().total, 100);
 }
+
+#[test]
+fn a_participant_whose_server_has_gone_does_not_wait_for_another() {
+    let domain = TestDomain::new();
+    let mut ports = serve(&domain, "gone");
+    let client = Client::connect(&domain, "gone", "test", PATIENCE).expect("attached");
+    let (say, hear) = std::sync::mpsc::channel();
+    let robot = std::thread::spawn(move || {
+        // An hour: the test would not come to its end.
+        let patience = Duration::from_secs(3600);
+        let mut robot = client.participate("robot", patience).expect("taken in");
+        hear.recv().expect("the server has gone");
+        robot.step(1, &[]).expect_err("nobody makes steps")
+    });
+    let (ticket, ..) = take(&mut ports);
+    ports.answer_steps(ticket, complete(0, vec![]));
+    // What was answered is still on its way when the last port goes.
+    std::thread::sleep(Duration::from_millis(100));
+    drop(ports);
+    say.send(()).expect("the robot's thread");
+    let error = robot.join().expect("the robot's thread");
+    let is_gone = matches!(error, StepError::Send(SendError::NoServer { .. }));
+    assert!(is_gone, "{error}");
+}
+
+#[test]
+fn a_full_table_of_participants_leaves_a_place_for_orders() {
+    let domain = TestDomain::new();
+    let mut ports = serve(&domain, "full");
+    let attach = |role: &str| {
+        let client = Client::connect(&domain, "full", role, PATIENCE).expect("attached");
+        let status = client.status().expect("a reader of the status");
+        (client, status)
+    };
+    let robots: Vec<_> = (0..32)
+        .map(|n| {
+            let (client, status) = attach("robot");
+            let name = format!("robot-{n}");
+            let robot = std::thread::spawn(move || {
+                let part = client.participate(&name, PATIENCE).expect("taken in");
+                let sender = client.commands().expect("a sender of orders as well");
+                (client, part, sender, status)
+            });
+            let (ticket, ..) = take(&mut ports);
+            ports.answer_steps(ticket, complete(0, vec![]));
+            robot.join().expect("the robot's thread")
+        })
+        .collect();
+    for role in ["view", "record", "controller"] {
+        let (client, _) = attach(role);
+        client.commands().expect("a place for orders");
+    }
+    std::thread::scope(|scope| {
+        scope.spawn(|| drop(robots));
+        for _ in 0..32 {
+            let (ticket, ..) = take(&mut ports);
+            ports.answer_steps(ticket, complete(0, vec![]));
+        }
+    });
+}
