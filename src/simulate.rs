@@ -202,7 +202,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let pool = pool.build().context("cannot start the solver's threads")?;
     match pool.install(|| simulate(args, scene, &mut world, &mut out, &mut summary)) {
         // Who reads standard output has seen enough: `| head` is no failure.
-        Err(error) if is_broken_pipe(&error) => return Ok(()),
+        Err(error) if io_error(&error) == Some(io::ErrorKind::BrokenPipe) => return Ok(()),
+        // All that is written is the report.
+        Err(error) if io_error(&error).is_some() => {
+            let name = file.map_or("standard output".into(), |path| path.display().to_string());
+            return Err(error.context(format!("cannot write {name}")));
+        }
         outcome => outcome?,
     }
     if args.json && file.is_some() {
@@ -285,15 +290,14 @@ fn simulate(
     Ok(())
 }
 
-fn is_broken_pipe(error: &anyhow::Error) -> bool {
+/// The answer of the system behind an error, if there is one.
+fn io_error(error: &anyhow::Error) -> Option<io::ErrorKind> {
     let kind = |e: &(dyn std::error::Error + 'static)| {
         let io = e.downcast_ref::<io::Error>().map(io::Error::kind);
         let json = e.downcast_ref::<serde_json::Error>();
         io.or(json.and_then(serde_json::Error::io_error_kind))
     };
-    error
-        .chain()
-        .any(|e| kind(e) == Some(io::ErrorKind::BrokenPipe))
+    error.chain().find_map(kind)
 }
 
 fn line<'a>(

@@ -9,6 +9,9 @@ pub(crate) const SERVER_FILES: u64 = 240;
 /// With fewer free descriptors, a step of iceoryx2 may have failed for want of one.
 const FEW_FILES: u64 = 16;
 
+/// A limit on sizes from this on is none that sessions meet [byte].
+const LARGE: u64 = 16 << 30;
+
 /// A limit that keeps a process from taking part.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LimitReached {
@@ -24,6 +27,24 @@ pub enum LimitReached {
         limit: u64,
         /// Files that are needed.
         needed: u64,
+    },
+    /// The process may make no files as large as a session needs.
+    #[error(
+        "this process may make files of {limit} bytes at most, and shared memory is made of files: raise the limit with `ulimit -f unlimited`"
+    )]
+    FileSize {
+        /// Largest file [byte].
+        limit: u64,
+    },
+    /// The process may map no more memory.
+    #[error(
+        "this process may have {limit} bytes of address space and has {used}: raise the limit with `ulimit -v unlimited`"
+    )]
+    AddressSpace {
+        /// Largest size [byte].
+        limit: u64,
+        /// Size at present [byte].
+        used: u64,
     },
     /// The session takes no more of them.
     #[error("all {max} places for {what} are taken: end one of these programs, then try again")]
@@ -49,6 +70,11 @@ impl LimitReached {
 
     /// The limit that made a step of iceoryx2 fail, going by what it says and by what is left.
     pub(crate) fn behind(reason: &str) -> Option<Self> {
+        let attached = ["hello: ", "status: ", "scene/"];
+        let readers = match attached.iter().any(|stream| reason.starts_with(stream)) {
+            true => MAX_ATTACHED,
+            false => MAX_SUBSCRIBERS,
+        };
         [
             ("ExceedsMaxSupportedSubscribers", "readers", readers),
             ("ExceedsMaxSupportedClients", "command senders", MAX_SENDERS),
@@ -60,13 +86,30 @@ impl LimitReached {
         .find(|(word, ..)| reason.contains(word))
         .map(|(_, what, max)| Self::Places { what, max })
         .or_else(|| Self::files(FEW_FILES))
+        .or_else(Self::size)
+    }
+
+    /// The limit on sizes that may be behind a failure of iceoryx2, which says of none why it failed.
+    fn size() -> Option<Self> {
+        let limit = |resource| getrlimit(resource).current.filter(|limit| *limit < LARGE);
+        if let Some(limit) = limit(Resource::Fsize) {
+            return Some(Self::FileSize { limit });
+        }
+        let limit = limit(Resource::As)?;
+        let used = address_space().unwrap_or(0);
+        Some(Self::AddressSpace { limit, used })
     }
 }
-        let attached = ["hello: ", "status: ", "scene/"];
-        let readers = match attached.iter().any(|stream| reason.starts_with(stream)) {
-            true => MAX_ATTACHED,
-            false => MAX_SUBSCRIBERS,
-        };
+
+/// Address space of this process [byte].
+fn address_space() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let size = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmSize:"))?;
+    let kib: u64 = size.split_whitespace().next()?.parse().ok()?;
+    kib.checked_mul(1024)
+}
 
 /// Descriptors that are open and count against `limit`, which is one on their numbers; `None` when there is none
 /// left to look with.

@@ -173,6 +173,69 @@ fn a_limit_of_file_sizes_ends_a_recording_in_a_sentence() {
 }
 
 #[test]
+fn a_full_disk_is_said_with_the_name_of_the_file() {
+    let stage = Stage::new();
+    let scene = stage.path("scene.toml");
+    std::fs::write(&scene, crate::stage::SMALL_SCENE).expect("the stage's folder is writable");
+    let words = ["simulate", "scene.toml", "--duration", "0.1"];
+    let output = stage
+        .cosplat(&[&words[..], &["--report", "/dev/full"]].concat())
+        .current_dir(stage.path("."))
+        .output()
+        .expect("cosplat can be run");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("cannot write /dev/full: No space left"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_session_that_a_limit_of_file_sizes_keeps_from_being_made_says_so() {
+    let stage = Stage::new();
+    let scene = stage.path("scene.toml");
+    std::fs::write(&scene, crate::stage::SMALL_SCENE).expect("the stage's folder is writable");
+    for limit in [0, 2, 100] {
+        let output = Command::new("sh")
+            .arg("-c")
+            .arg(format!(
+                "ulimit -f {limit} && exec \"$0\" serve scene.toml --duration 0.1"
+            ))
+            .arg(env!("CARGO_BIN_EXE_cosplat"))
+            .envs(
+                stage
+                    .cosplat(&[])
+                    .get_envs()
+                    .filter_map(|(k, v)| Some((k, v?))),
+            )
+            .current_dir(stage.path("."))
+            .output()
+            .expect("a shell");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{limit}: {said}");
+        assert!(said.contains("`ulimit -f unlimited`"), "{limit}: {said}");
+    }
+}
+
+#[test]
+fn what_a_file_says_cannot_command_the_terminal() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let name = "\\u001b]0;owned\\u0007ball";
+    let scene = crate::stage::SMALL_SCENE.replacen("left", name, 1);
+    let _server = stage.serve_scene(&scene, &["--paused"]);
+    // The answer names the objects that there are.
+    let output = stage.ctl(&["push", "nobody", "1", "0", "0"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let is_plain = |c: char| c == '\n' || !c.is_control();
+    assert!(
+        said.contains("\\u001b]0;owned\\u0007ball") && said.chars().all(is_plain),
+        "{said:?}"
+    );
+}
+
+#[test]
 fn recover_takes_no_memory_for_what_a_damaged_length_claims() {
     let stage = Stage::new();
     let record = |opcode: u8, body: &[u8]| {

@@ -74,6 +74,20 @@ pub enum CreateError {
 }
 
 impl CreateError {
+    /// The limit of this process behind a failure of iceoryx2, where there is one.
+    pub(super) fn explained(self, session: &str) -> Self {
+        match self {
+            Self::Transport { what, reason } => match LimitReached::behind(&reason) {
+                Some(limit) => Self::Limit {
+                    session: session.into(),
+                    limit,
+                },
+                None => Self::Transport { what, reason },
+            },
+            other => other,
+        }
+    }
+
     pub(super) fn open(session: &str, what: &'static str, error: OpenError) -> Self {
         match error {
             OpenError::Corrupted => Self::OtherBuild {
@@ -128,15 +142,6 @@ pub enum PublishError {
         /// Elements planned.
         max: usize,
     },
-    /// iceoryx2 failed.
-    #[error("cannot publish on {stream:?}: {reason}")]
-    Transport {
-        /// The stream.
-        stream: &'static str,
-        /// What iceoryx2 says.
-        reason: String,
-    },
-}
     /// Nobody finds the session any more.
     #[error(
         "session {session:?} ends: its files in {} were removed, so nobody could find or stop it; keep what cleans folders away from there, or set COSPLAT_DOMAIN to a folder elsewhere",
@@ -148,3 +153,12 @@ pub enum PublishError {
         /// Root folder of its domain.
         root: PathBuf,
     },
+    /// iceoryx2 failed.
+    #[error("cannot publish on {stream:?}: {reason}")]
+    Transport {
+        /// The stream.
+        stream: &'static str,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+}

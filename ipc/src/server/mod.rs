@@ -92,6 +92,16 @@ impl ServerPorts {
         recorded: [u64; 2],
     ) -> Result<Self, CreateError> {
         let session = SessionName::new(session)?;
+        let name = session.as_str().to_owned();
+        Self::make(domain, session, plan, recorded).map_err(|error| error.explained(&name))
+    }
+
+    fn make(
+        domain: &Domain,
+        session: SessionName,
+        plan: &PoolPlan,
+        recorded: [u64; 2],
+    ) -> Result<Self, CreateError> {
         // Now: later, a reader that cannot be connected to would look like one that is not there.
         if let Some(limit) = LimitReached::files(SERVER_FILES) {
             return Err(CreateError::Limit {
@@ -166,6 +176,7 @@ impl ServerPorts {
             ],
             status.clone(),
             fallen,
+            lock.entry().clone(),
         )?;
         Ok(Self {
             monitor,
@@ -176,12 +187,12 @@ impl ServerPorts {
             contacts,
             contacts_service,
             journal,
-            lock.entry().clone(),
             status,
             wake,
             steps,
             commands,
             session,
+            root: domain.root().into(),
             node,
             plan: *plan,
             slots,
@@ -192,7 +203,6 @@ impl ServerPorts {
         })
     }
 
-            root: domain.root().into(),
     /// Name of the session.
     pub fn session(&self) -> &str {
         self.session.as_str()
@@ -463,16 +473,6 @@ impl ServerPorts {
         self.steps.ports()
     }
 
-    /// Serves late joiners now; without, they wait for the monitor's next look, 20 ms at most.
-    pub fn maintain(&self) {
-        self.monitor.update_connections();
-    }
-}
-
-/// Says who serves the session.
-fn greet(
-    node: &Node<Service>,
-    session: &SessionName,
     /// Why the session has to end, if somebody removed the files by which others find it: a second server could take its name,
     /// and nobody could end it but by a signal. It is noticed within 100 ms.
     ///
@@ -488,6 +488,16 @@ fn greet(
         }
     }
 
+    /// Serves late joiners now; without, they wait for the monitor's next look, 20 ms at most.
+    pub fn maintain(&self) {
+        self.monitor.update_connections();
+    }
+}
+
+/// Says who serves the session.
+fn greet(
+    node: &Node<Service>,
+    session: &SessionName,
     greeting: Hello,
 ) -> Result<Arc<iceoryx2::port::publisher::Publisher<Service, Hello, ()>>, CreateError> {
     const WHAT: &str = "make the hello service";
