@@ -7,7 +7,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use anyhow::{bail, ensure};
+use anyhow::{Context, bail, ensure};
 use cosplat_ipc::{
     Client,
     client::StatusReader,
@@ -228,7 +228,7 @@ impl<'r> Act<'r> {
     }
 
     /// Waits until recorder, viewer and watch are attached to the server of now, and steps are seen.
-    fn attached(&mut self) -> anyhow::Result<()> {
+    pub fn attached(&mut self) -> anyhow::Result<()> {
         let deadline = Instant::now() + PATIENCE;
         let readers = self.readers();
         loop {
@@ -263,6 +263,12 @@ impl<'r> Act<'r> {
                 return Ok(());
             }
         }
+    }
+
+    /// The last step that the server told of.
+    pub fn newest_step(&mut self) -> anyhow::Result<u64> {
+        let status = self.status.next(PATIENCE)?;
+        Ok(status.context("the server says how it goes")?.step)
     }
 
     /// Kills the server and starts another of its name.

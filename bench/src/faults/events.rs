@@ -38,10 +38,14 @@ pub enum Event {
     DamagedRecording,
     DamagedCheckpoint,
     ClockJump,
+    FullQueue,
+    ForeignLink,
+    HangUp,
+    AbsurdThreads,
 }
 
-/// All faults, with their names and how many of a hundred are of their kind.
-const ALL: [(Event, &str, u32); 19] = [
+/// All faults, with their names and how many of some hundred are of their kind.
+const ALL: [(Event, &str, u32); 23] = [
     (Event::StopClient, "client stopped", 14),
     (Event::StopServer, "server stopped", 8),
     (Event::KillRecorder, "recorder killed", 3),
@@ -61,6 +65,10 @@ const ALL: [(Event, &str, u32); 19] = [
     (Event::DamagedRecording, "damaged recording", 8),
     (Event::DamagedCheckpoint, "damaged checkpoint", 1),
     (Event::ClockJump, "clock jump", 1),
+    (Event::FullQueue, "full queue of orders", 2),
+    (Event::ForeignLink, "foreign links", 2),
+    (Event::HangUp, "recorder hung up on", 2),
+    (Event::AbsurdThreads, "absurd numbers of threads", 1),
 ];
 
 impl Event {
@@ -171,6 +179,10 @@ impl Act<'_> {
             }
             Event::DamagedCheckpoint => self.damage_checkpoint(rng)?,
             Event::ClockJump => self.jump(rng)?,
+            Event::FullQueue => self.fill_queue()?,
+            Event::ForeignLink => self.lay_links()?,
+            Event::HangUp => self.hang_up()?,
+            Event::AbsurdThreads => self.ask_for_threads(rng)?,
         }
         Ok(())
     }

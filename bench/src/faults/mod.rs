@@ -4,6 +4,7 @@
 //! watch; faults come one after the other. `docs/faults.md` explains faults, counters and their limits.
 
 mod act;
+mod attacks;
 mod damage;
 mod events;
 mod orders;
