@@ -11,7 +11,7 @@ import struct
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 from . import wire
-from .errors import BadName, CosplatError, Refused, StepRefused
+from .errors import BadName, CosplatError, Malformed, Refused, StepRefused
 from .orders import Ack, Order
 from .packing import packer, text
 from .requests import RequestPort, Sent
@@ -42,6 +42,7 @@ class Cause(enum.IntEnum):
 
 _REQUEST = packer(StepRequest)
 _DONE = packer(StepDone)
+_CAUSES = frozenset(map(int, Cause))
 _NO_CONDITION = (0, 0, 0, 0)
 
 
@@ -173,7 +174,7 @@ class Submitted:
         self._session, self._port, self._sent, self._timeout = session, port, sent, timeout
 
     def done(self) -> Done:
-        """Waits until the steps are made and published. Raises Refused, StepRefused, ServerLost."""
+        """Waits until the steps are made and published. Raises Refused, StepRefused, ServerLost, Malformed."""
         header, acks = self._port.answer(self._sent, self._timeout)
         answer = _DONE.unpack(header)
         step, sim_time, _, state_hash, step_ns, made, cause, _, contact_kind, first, second, reason = answer
@@ -183,7 +184,11 @@ class Submitted:
         if cause == wire.RETURN_CONTACT:
             scene = self._session.scene()
             others = scene.names if contact_kind == wire.CONTACT_OBJECT else scene.colliders
+            if first >= len(scene.names) or second >= len(others):
+                raise Malformed(f"the answer tells of a contact of {first} and {second}, which the scene does not have")
             pair = (scene.names[first], others[second])
+        if cause not in _CAUSES:
+            raise Malformed(f"the answer has the cause {cause}, expected one of {sorted(_CAUSES)}")
         done = Done(step, sim_time, state_hash, made, Cause(cause), pair, text(reason), step_ns * 1e-9, acks)
         if not all(ack.accepted for ack in acks):
             raise Refused(acks, done)

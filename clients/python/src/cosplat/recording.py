@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import stat
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +30,9 @@ _POINT_FIELDS = (
 _OBJECT = "/gaussians/"
 _PACKED = "cosplat.packed"
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+_LONGEST_VARINT = 10
+
+T = TypeVar("T")
 
 
 class Recording:
@@ -43,21 +48,23 @@ class Recording:
         BadName when it has no such run.
         """
         try:
-            import mcap.exceptions
             import mcap.reader
         except ImportError:
             raise CosplatError("recordings need the package mcap: pip install 'cosplat[recording]'") from None
         self.path = Path(path)
         """The file."""
-        self._damage: type[Exception] = mcap.exceptions.McapError
+        # Of a pipe, opening waits for a writer.
+        if not stat.S_ISREG(self.path.stat().st_mode):
+            raise RecordingDamaged(f"{self.path} is no recording: it is no regular file")
         self._file = self.path.open("rb")
         try:
             self._reader: Any = self._guarded(lambda: mcap.reader.SeekingReader(self._file, validate_crcs=True))
             summary = self._guarded(self._reader.get_summary)
             if summary is None or not summary.chunk_indexes and summary.statistics is None:
                 raise RecordingDamaged(f"{self.path} has no index: `cosplat recover {self.path}` makes one")
+            self._guarded(self._check_sizes)
             records = [r.metadata for r in self._guarded(lambda: list(self._reader.iter_metadata())) if r.name == "cosplat.run"]
-            epochs = [int(record["epoch"], 16) for record in records]
+            epochs = self._guarded(lambda: [int(record["epoch"], 16) for record in records])
             self.run_count = len(records)
             """Runs in the file."""
             if not -self.run_count <= run < self.run_count:
@@ -67,7 +74,7 @@ class Recording:
             self.epoch = epochs[run]
             """Identifies the run."""
             self._records = records[: run % self.run_count + 1]
-            self._read_status()
+            self._guarded(self._read_status)
         except BaseException:
             self._file.close()
             raise
@@ -110,39 +117,48 @@ class Recording:
     def objects(self, step: int) -> Objects:
         """The objects after a step. Raises BadName when the step is not in the recording."""
         known: dict[int, Any] = {}
-        for _, sequence, data in self._messages(["/objects"], None, self._whole_before(step), self._time_of(step)):
-            record = self._json("/objects", sequence, data)
+
+        def read(record: dict[str, Any]) -> Objects | None:
             if int(record["epoch"], 16) != self.epoch:
-                continue
+                return None
             # Those that are as they were are not told again.
             known.update((entry["id"], entry) for entry in record["objects"])
             count = record.get("count") or len(record["objects"])
-            if record["step"] == step and len(known) == count:
-                states = np.array([_values(ObjectState, known[id]) for id in sorted(known)], ObjectState.dtype)
-                # Older recordings have no hash here.
-                state_hash = int(record.get("state_hash") or "0", 16)
-                header = ObjectsHeader(record["step"], _number(record["sim_time"]), self.epoch, len(states), state_hash)
-                return Objects(header, states, 0, False, (self.names, []))
+            if record["step"] != step or len(known) != count:
+                return None
+            states = np.array([_values(ObjectState, known[id]) for id in sorted(known)], ObjectState.dtype)
+            # Older recordings have no hash here.
+            values = {**record, "state_hash": record.get("state_hash") or "0", "count": len(states)}
+            return Objects(ObjectsHeader(*_values(ObjectsHeader, values)), states, 0, False, (self.names, []))
+
+        for objects in self._records_of("/objects", read, self._whole_before(step), self._time_of(step)):
+            if objects is not None:
+                return objects
         raise RecordingDamaged(f"{self.path}: the objects of step {step} are missing")
 
     def journal(self) -> list[AppliedCommand]:
         """The commands of the run, in the order in which they took effect."""
-        commands = []
-        first, last = self._span
-        for _, sequence, data in self._messages(["/journal"], None, first, last):
-            record = self._json("/journal", sequence, data)
+
+        def read(record: dict[str, Any]) -> AppliedCommand:
             material = MaterialSpec(*_values(MaterialSpec, record["material"]))
-            values = _values(Command, {**record, "material": material})
-            commands.append(AppliedCommand(record["step"], int(record["client"], 16), Command(*values)))
-        return commands
+            command = Command(*_values(Command, {**record, "material": material}))
+            return AppliedCommand(*_values(AppliedCommand, {**record, "command": command}))
+
+        return list(self._records_of("/journal", read, *self._span))
 
     def gaps(self) -> list[dict[str, Any]]:
         """Steps of the run that are not in the recording: `from_step`, `to_step`, `reason`."""
-        records = (self._json("/gaps", sequence, data) for _, sequence, data in self._messages(["/gaps"]))
-        return [record for record in records if int(record["epoch"], 16) == self.epoch]
+
+        def read(record: dict[str, Any]) -> tuple[int, dict[str, Any]]:
+            return int(record["epoch"], 16), record
+
+        return [record for epoch, record in self._records_of("/gaps", read) if epoch == self.epoch]
 
     def scene(self) -> Scene:
         """The scene of the run. Raises RecordingDamaged when the file does not hold it."""
+        return self._guarded(self._read_scene, "the scene")
+
+    def _read_scene(self) -> Scene:
         # Attachments follow the record of the first run that has their scene.
         count = sum(record.get("scene_attached") == "true" for record in self._records)
 
@@ -158,10 +174,7 @@ class Recording:
             features = block("scene/features.bin", np.dtype("<f4"))
         objects = block("scene/objects.bin", ObjectInfo.dtype)
         source = self.attachment("scene.toml", count - 1).decode(errors="replace")
-        try:
-            return Scene(header, gaussians, sh, objects, features, source)
-        except Malformed as error:
-            raise RecordingDamaged(f"{self.path}: {error}") from None
+        return Scene(header, gaussians, sh, objects, features, source)
 
     def attachment(self, name: str, number: int = -1) -> bytes:
         """A file inside the file; of several with that name the one of this number. Raises BadName."""
@@ -173,8 +186,10 @@ class Recording:
 
     @property
     def names(self) -> list[str]:
-        """Names of the objects, by id."""
-        return [self.metadata[f"object.{number}.name"] for number in range(int(self.metadata["object_count"]))]
+        """Names of the objects, by id. Raises RecordingDamaged."""
+        return self._guarded(
+            lambda: [self.metadata[f"object.{number}.name"] for number in range(int(self.metadata["object_count"]))], "names"
+        )
 
     def _read_status(self) -> None:
         """Reads the headers of all frames."""
@@ -185,14 +200,13 @@ class Recording:
         self._wholes: dict[int, int] = {}
         """Times of the newest whole frame at such a step."""
         whole = int(self.metadata.get("log_time_ns", 0))
-        messages = self._guarded(lambda: list(self._reader.iter_messages(["/status"], log_time_order=False)))
-        for _, _, message in messages:
-            record = self._json("/status", message.sequence, message.data)
+        for _, _, message in self._reader.iter_messages(["/status"], log_time_order=False):
+            record = json.loads(message.data)
             if int(record["epoch"], 16) == self.epoch:
                 header = FrameHeader(*_values(FrameHeader, record))
                 self._headers[header.step] = header
                 self._times[header.step] = message.log_time
-                since = record.get("since")
+                since = _since(record)
                 if since is None:
                     whole = message.log_time
                 else:
@@ -224,35 +238,43 @@ class Recording:
         """The frames between two times that are told by what changed; the first has to be whole."""
         topics = {channel.topic for channel in self._guarded(self._reader.get_summary).channels.values()}
         wanted = ["/status", "/places", *(topic for topic in topics if topic.startswith(_OBJECT))]
-        assembly, header, last = Assembly(), None, -1
-        for topic, sequence, data in self._messages(wanted, None, start, end):
-            try:
-                if topic == "/status":
-                    record = self._json(topic, sequence, data)
-                    header, since = FrameHeader(*_values(FrameHeader, record)), record.get("since")
-                    is_ours = int(record["epoch"], 16) == self.epoch
-                    if since == header.step:
-                        assembly.begin(header.count)
-                    elif not is_ours or since != last:
-                        header = None
-                    header = header if is_ours else None
-                    last = -1
-                elif header is None or header.step % 2**32 != sequence:
-                    continue
-                elif topic == "/places":
-                    for object, position, rotation in _places(data):
-                        assembly.place(object, position, rotation)
-                    last = header.step
-                    yield Frame(header, assembly.gaussians.copy(), 0, False, ([], []))
+        assembly, last = Assembly(), -1
+        header: FrameHeader | None = None
+
+        def take(topic: str, sequence: int, data: bytes) -> Frame | None:
+            nonlocal header, last
+            if topic == "/status":
+                record = json.loads(data)
+                header, since = FrameHeader(*_values(FrameHeader, record)), _since(record)
+                is_ours = int(record["epoch"], 16) == self.epoch
+                if since == header.step:
+                    if header.count * GaussianState.dtype.itemsize > self._limit:
+                        raise Malformed(f"{header.count} Gaussians are more than a file of this size can tell")
+                    assembly.begin(header.count)
+                elif not is_ours or since != last:
+                    header = None
+                header = header if is_ours else None
+                last = -1
+            elif header is None or header.step % 2**32 != sequence:
+                pass
+            elif topic == "/places":
+                for object, position, rotation in _places(data):
+                    assembly.place(object, position, rotation)
+                last = header.step
+                return Frame(header, assembly.gaussians.copy(), 0, False, ([], []))
+            else:
+                gaussians, frame = _point_cloud(data)
+                first = int(gaussians["index"][0])
+                if frame == "world":
+                    assembly.put(first, gaussians)
                 else:
-                    gaussians, frame = _point_cloud(data)
-                    first = int(gaussians["index"][0])
-                    if frame == "world":
-                        assembly.put(first, gaussians)
-                    else:
-                        assembly.keep(int(topic.removeprefix(_OBJECT)), first, gaussians)
-            except (IndexError, ValueError, Malformed) as error:
-                raise RecordingDamaged(f"{self.path}: {topic} {sequence}: {error}") from None
+                    assembly.keep(int(topic.removeprefix(_OBJECT)), first, gaussians)
+            return None
+
+        for topic, sequence, data in self._messages(wanted, None, start, end):
+            found = self._guarded(lambda: take(topic, sequence, data), f"{topic} {sequence}")
+            if found is not None:
+                yield found
 
     def _messages(
         self, topics: list[str], step: int | None = None, start: int | None = None, end: int | None = None
@@ -269,10 +291,8 @@ class Recording:
             _, channel, message = found
             data = message.data
             if channel.message_encoding == _PACKED:
-                try:
-                    data = _unpacked(data, channel.id, clouds)
-                except (IndexError, ValueError, struct.error) as error:
-                    raise RecordingDamaged(f"{self.path}: {channel.topic} {message.sequence}: {error}") from None
+                what = f"{channel.topic} {message.sequence}"
+                data = self._guarded(lambda: _unpacked(message.data, channel.id, clouds), what)
             if step is None or message.sequence == step % 2**32:
                 yield channel.topic, message.sequence, data
 
@@ -284,11 +304,15 @@ class Recording:
         chunks = (c for c in summary.chunk_indexes if c.message_start_time <= time <= c.message_end_time)
         return min((chunk.message_start_time for chunk in chunks), default=time)
 
+    def _records_of(
+        self, topic: str, read: Callable[[dict[str, Any]], T], start: int | None = None, end: int | None = None
+    ) -> Iterator[T]:
+        """What `read` makes of the JSON of each message of a topic."""
+        for _, sequence, data in self._messages([topic], None, start, end):
+            yield self._guarded(lambda: read(json.loads(data)), f"{topic} {sequence}")
+
     def _frame(self, step: int, data: bytes) -> Frame:
-        try:
-            gaussians, _ = _point_cloud(data)
-        except (IndexError, ValueError) as error:
-            raise RecordingDamaged(f"{self.path}: /gaussians of step {step}: {error}") from None
+        gaussians, _ = self._guarded(lambda: _point_cloud(data), f"/gaussians of step {step}")
         header = self._headers[step]
         if len(gaussians) != header.count:
             raise RecordingDamaged(
@@ -296,48 +320,86 @@ class Recording:
             )
         return Frame(header, gaussians, 0, False, ([], []))
 
-    def _json(self, topic: str, sequence: int, data: bytes) -> Any:
-        try:
-            return json.loads(data)
-        except ValueError as error:
-            raise RecordingDamaged(f"{self.path}: {topic} {sequence}: {error}") from None
-
     def _meta(self, name: str) -> Any:
         """A field of the scene's header in the words of the metadata."""
         text = self.metadata[name]
-        kind = SceneHeader.dtype[name]
-        if kind.shape:
-            return np.array(json.loads(text), kind.base)
-        if name in ("epoch", "scene_hash"):
-            return int(text, 16)
-        return float(text) if kind.kind == "f" else int(text)
+        # Hashes are hexadecimal, as in the messages.
+        return _value(SceneHeader.dtype[name], text if name in ("epoch", "scene_hash") else json.loads(text))
 
-    def _guarded(self, read: Any) -> Any:
-        """Runs a reader of mcap; its errors become ours."""
+    def _check_sizes(self) -> None:
+        """Looks at what every chunk unpacks to. Raises Malformed for more than a file of this size may hold."""
+        size = os.fstat(self._file.fileno()).st_size
+        self._limit = _ALWAYS + _PER_BYTE * size
+        summary = self._reader.get_summary()
+        for chunk in summary.chunk_indexes:
+            self._file.seek(chunk.chunk_start_offset)
+            told, held = _unpacked_size(self._file.read(_CHUNK_HEAD))
+            if max(told, held) > self._limit:
+                raise Malformed(f"a chunk unpacks to {max(told, held)} bytes, expected at most {self._limit}")
+
+    def _guarded(self, read: Callable[[], T], what: str = "") -> T:
+        """Runs what reads the file. Whatever it raises is damage, but for errors of the system that reads the file for it."""
+        if self._file.closed:
+            raise ValueError(f"the recording {self.path} is closed")
         try:
             return read()
-        except (self._damage, ValueError, EOFError) as error:
-            raise RecordingDamaged(f"{self.path} is damaged or no recording: {error!r}") from None
+        except RecordingDamaged:
+            raise
+        except Exception as error:
+            # Places that no file has are not valid arguments.
+            if isinstance(error, OSError) and error.errno != errno.EINVAL:
+                raise
+            where = f"{self.path}: {what}" if what else f"{self.path} is damaged or no recording"
+            raise RecordingDamaged(f"{where}: {error!r:.300}") from error
 
 
-def _number(value: float | None) -> float:
-    # JSON has no NaN and no infinity.
-    return float("nan") if value is None else value
+# What an input may make its reader hold, as in docs/faults.md [byte].
+_ALWAYS = 64 << 20
+_PER_BYTE = 1024
+# A chunk's record up to the header of its first compressed frame.
+_CHUNK_HEAD = 64
+
+
+def _unpacked_size(chunk: bytes) -> tuple[int, int]:
+    """How many bytes a chunk says that it unpacks to, and how many its compressed data says."""
+    [told] = struct.unpack_from("<Q", chunk, 25)
+    [length] = struct.unpack_from("<I", chunk, 37)
+    if chunk[41 : 41 + length] != b"zstd":
+        return told, 0
+    import zstandard
+
+    # -1 where it does not say, and then no more is unpacked than the chunk says.
+    return told, zstandard.frame_content_size(chunk[41 + length + 8 :])
+
+
+def _since(record: dict[str, Any]) -> int | None:
+    """The step that a frame builds on; None for one that is told as a whole."""
+    since = record.get("since")
+    return None if since is None else int(_value(FrameHeader.dtype["step"], since))
 
 
 def _values(kind: type[wire.Record], record: dict[str, Any]) -> tuple[Any, ...]:
-    """The fields of a wire type from a JSON object of the same names."""
-    values = []
-    for name in kind.dtype.names or ():
-        value, field = record[name], kind.dtype[name]
-        if isinstance(value, str):
-            value = int(value, 16)
-        elif isinstance(value, list):
-            value = np.array([_number(number) for number in value], field.base)
-        elif field.kind == "f":
-            value = _number(value)
-        values.append(value)
-    return tuple(values)
+    """The fields of a wire type from a JSON object of the same names. Raises KeyError, TypeError, ValueError."""
+    return tuple(_value(kind.dtype[name], record[name]) for name in kind.dtype.names or ())
+
+
+def _value(kind: np.dtype[Any], value: Any) -> Any:
+    """A field of a wire type from JSON: hashes are hexadecimal, and null is what is no finite number."""
+    if kind.names is not None:
+        if not isinstance(value, wire.Record):
+            raise TypeError(f"{value!r} is no record")
+        return value
+    if kind.shape:
+        numbers = np.array([_value(kind.base, number) for number in value], kind.base)
+        if numbers.shape != kind.shape:
+            raise ValueError(f"{len(numbers)} numbers, expected {kind.shape[0]}")
+        return numbers
+    if kind.kind == "f":
+        return float("nan") if value is None else float(value + 0.0)
+    number = int(value, 16) if isinstance(value, str) else value
+    if not isinstance(number, int) or not 0 <= number < 1 << (8 * kind.itemsize):
+        raise ValueError(f"{value!r} is no whole number of {8 * kind.itemsize} bits")
+    return number
 
 
 def _point_cloud(data: bytes) -> tuple[NDArray[np.void], str]:
@@ -405,6 +467,8 @@ def _protobuf(data: bytes) -> Iterator[tuple[int, bytes | int]]:
         while True:
             byte = data[at]
             at += 1
+            if shift >= 7 * _LONGEST_VARINT:
+                raise ValueError(f"a number of more than {_LONGEST_VARINT} bytes")
             value |= (byte & 0x7F) << shift
             shift += 7
             if byte < 0x80:

@@ -9,7 +9,7 @@ import math
 import socket
 import threading
 from collections.abc import Iterator
-from typing import Any, BinaryIO, NoReturn, Self
+from typing import Any, BinaryIO, NoReturn, Self, TypeVar
 
 import numpy as np
 
@@ -33,7 +33,9 @@ from .scene import Scene
 from .session import Session, check_version
 from .timeouts import seconds
 from .transport import Belonging
-from .wire import GaussianRest, Hello, ObjectInfo, SceneHeader
+from .wire import GaussianRest, Hello, ObjectInfo, Record, SceneHeader
+
+R = TypeVar("R", bound=Record)
 
 MAX_ANSWER = 1 << 20
 """Longest line of an answer [byte]; 32 acknowledgements take some ten thousand."""
@@ -50,8 +52,8 @@ def connect(
     """Attaches to the session of a gateway, whose streams a tunnel brings to this machine's `domain`.
 
     `token` is what the gateway printed as it began; without it, that of the environment variable COSPLAT_TOKEN. Waits up to
-    `timeout` [s] for the gateway, for the tunnel, and for every answer. Raises NoServer, WrongToken, OtherVersion, and
-    TimedOut when the streams do not come.
+    `timeout` [s] for the gateway, for the tunnel, and for every answer. Raises NoServer, WrongToken, OtherVersion, Malformed for
+    answers that are none, and TimedOut when the streams do not come.
     """
     remote = Remote(address, port, token=token, timeout=timeout)
     try:
@@ -95,7 +97,7 @@ class Remote:
             return []
         entries = [{"order": type(order).__name__, **_fields(order)} for order in orders]
         with self._understood():
-            acks = [Ack(*ack) for ack in self._ask({"orders": entries})["acks"]]
+            acks = [_ack(*ack) for ack in self._ask({"orders": entries})["acks"]]
             if len(acks) != len(orders):
                 raise ValueError(f"{len(acks)} acknowledgements of {len(orders)} orders")
         if not all(ack.accepted for ack in acks):
@@ -106,22 +108,20 @@ class Remote:
         """The name of the session, and the greeting of its server."""
         with self._understood():
             answer = self._ask({"ask": "hello"})
-            fields = {**answer["hello"], "server_version": answer["hello"]["server_version"].encode()}
-            return str(answer["session"]), Hello(**fields)
+            return str(answer["session"]), _record(Hello, answer["hello"])
 
     def scene(self) -> Scene:
         """The scene of the server's present run."""
         with self._turn.native, self._understood():
             answer = self._ask({"ask": "scene"})
-            [header] = np.zeros(1, SceneHeader.dtype)
-            for name, value in answer["scene"].items():
-                header[name] = value
-            sizes = [int(size) for size in answer["sizes"]]
+            sizes = answer["sizes"]
+            if not all(isinstance(size, int) and size >= 0 for size in sizes):
+                raise Malformed(f"blocks of {sizes} bytes, expected sizes")
             gaussians, sh, objects, features, source = [self._read(size) for size in sizes]
             # The gateway hangs up behind a scene.
             self._drop()
             return Scene(
-                SceneHeader.read(header),
+                _record(SceneHeader, answer["scene"]),
                 np.frombuffer(gaussians, GaussianRest.dtype),
                 np.frombuffer(sh, "<f4"),
                 np.frombuffer(objects, ObjectInfo.dtype),
@@ -130,8 +130,6 @@ class Remote:
             )
 
     def _read(self, size: int) -> bytes:
-        if size < 0:
-            raise ValueError(f"a block of {size} bytes")
         try:
             block = self._connection[1].read(size) if self._connection else b""
         except OSError as error:
@@ -203,11 +201,11 @@ class Remote:
     def _understood(self) -> Iterator[None]:
         try:
             yield
-        except (LookupError, TypeError, ValueError, AttributeError, OverflowError, RecursionError, MemoryError) as error:
-            if isinstance(error, CosplatError):
-                raise
+        except CosplatError:
+            raise
+        except Exception as error:
             self._drop()
-            raise Malformed(f"the gateway's answer is none: {error!r}") from None
+            raise Malformed(f"the gateway's answer is none: {error!r:.300}") from error
 
     def another(self) -> Remote:
         """One more connection to the same gateway. Raises NoServer."""
@@ -276,6 +274,22 @@ class _RemoteGreeting:
         is_new = found.epoch != self.hello.epoch
         self.hello = found
         return is_new
+
+
+def _ack(sequence: Any, step: Any, accepted: Any, reason: Any) -> Ack:
+    kinds = (sequence, int), (step, int), (accepted, bool), (reason, str)
+    if not all(isinstance(value, kind) for value, kind in kinds):
+        raise TypeError(f"{[sequence, step, accepted, reason]} acknowledges nothing")
+    return Ack(sequence, step, accepted, reason)
+
+
+def _record(kind: type[R], fields: dict[str, Any]) -> R:
+    """A wire type from JSON, of values that it can have."""
+    [element] = np.zeros(1, kind.dtype)
+    for name in kind.dtype.names or ():
+        value = fields[name]
+        element[name] = value.encode() if isinstance(value, str) else value
+    return kind.read(element)
 
 
 def _fields(order: Order) -> dict[str, Any]:

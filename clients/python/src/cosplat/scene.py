@@ -77,7 +77,7 @@ class Scene:
 def _collider_names(source: str) -> list[str]:
     try:
         return [str(collider["name"]) for collider in tomllib.loads(source).get("colliders", [])]
-    except (tomllib.TOMLDecodeError, KeyError, TypeError):
+    except (tomllib.TOMLDecodeError, KeyError, TypeError, AttributeError, RecursionError):
         return []
 
 

@@ -18,6 +18,7 @@ from . import scene, transport, wire
 from .domain import ICEORYX2_VERSION, Domain
 from .errors import (
     BadName,
+    Malformed,
     NoServer,
     OtherTransport,
     OtherVersion,
@@ -366,8 +367,10 @@ class _StatusReader:
     def newest(self) -> Status | None:
         while (sample := transport.receive(self._port, "status", 2)) is not None:
             if self._session.serves(sample.header.node_id.value):
-                [element] = transport.array(sample, self._port, Status.dtype)
-                before, self._newest = self._newest, Status.read(element)
+                elements = transport.array(sample, self._port, Status.dtype)
+                if len(elements) != 1:
+                    raise Malformed(f"a message on 'status' holds {len(elements)} elements, expected 1")
+                before, self._newest = self._newest, Status.read(elements[0])
                 if before is None or before.heartbeat_ns != self._newest.heartbeat_ns:
                     self.heard = time.monotonic()
         return self._newest

@@ -307,8 +307,11 @@ class _Table:
             whole += len(line)
             try:
                 row = Row(**json.loads(line))
-            except (ValueError, TypeError) as error:
-                raise SweepFailed(f"line {number} of {self._path} is no row of a sweep: {error}") from None
+                kinds = (row.id, str), (row.point, dict), (row.metrics, dict), (row.error, str | None)
+                if not all(isinstance(value, kind) for value, kind in kinds):
+                    raise TypeError(f"{row} has fields of other kinds")
+            except (ValueError, TypeError, RecursionError) as error:
+                raise SweepFailed(f"line {number} of {self._path} is no row of a sweep: {error!s:.300}") from None
             self.found[row.id] = row
         self._file.truncate(whole)
 
