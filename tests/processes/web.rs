@@ -381,26 +381,6 @@ fn who_is_not_the_page_is_refused_and_changes_nothing() {
     wait_for_status(&client, |s| s.server_state == SERVER_PAUSED);
 }
 
-#[test]
-fn one_connection_too_many_is_told_so() {
-    let _watchdog = watchdog();
-    let page = Page::open(&[]);
-    let open: Vec<TcpStream> = (0..32)
-        .map(|_| {
-            let mut stream = page.connect();
-            let host = &page.host;
-            write!(stream, "GET / HTTP/1.1\r\nhost: {host}\r\n\r\n").expect("a request");
-            assert_eq!(read_answer(&mut stream).0, 200);
-            stream
-        })
-        .collect();
-    let Answer(status, head, _) = page.ask("GET /", &[], "");
-    assert_eq!(status, 429);
-    assert!(head.contains("connection: close"), "{head}");
-    drop(open);
-    while page.ask("GET /", &[], "").0 != 200 {}
-}
-
 /// How many files a page has; all say its policy, and together they are small.
 pub fn small_files(page: &Page) -> usize {
     let mut paths = vec!["/".to_owned()];

@@ -41,21 +41,18 @@ impl Guard {
     /// A status of 4xx, with a sentence.
     pub fn admit(&self, method: &Method, head: &HeaderMap) -> Result<(), (StatusCode, &str)> {
         let forbidden = |why| Err((StatusCode::FORBIDDEN, why));
-        let mut hosts = head.get_all(HOST).iter();
-        let host = match (hosts.next().map(|h| h.to_str()), hosts.next()) {
-            (Some(Ok(host)), None) if self.is_ours(host) => host,
+        let host = match only(head, &HOST) {
+            Ok(Some(host)) if self.is_ours(host) => host,
             _ => return forbidden("the host is not this server"),
         };
-        if let Some(origin) = head.get(ORIGIN) {
-            let own = origin.to_str().ok().and_then(|o| o.strip_prefix("http://"));
-            if own != Some(host) {
-                return forbidden("the origin is another site");
-            }
+        match only(head, &ORIGIN) {
+            Ok(None) => {}
+            Ok(Some(origin)) if origin.strip_prefix("http://") == Some(host) => {}
+            _ => return forbidden("the origin is another site"),
         }
-        if let Some(site) = head.get(FETCH_SITE)
-            && !["same-origin", "none"].contains(&site.to_str().unwrap_or_default())
-        {
-            return forbidden("the request comes from another site");
+        match only(head, &FETCH_SITE) {
+            Ok(None | Some("same-origin" | "none")) => {}
+            _ => return forbidden("the request comes from another site"),
         }
         match *method {
             Method::GET | Method::POST => Ok(()),
@@ -71,7 +68,8 @@ impl Guard {
 
     /// Whether a request shows the token.
     pub fn knows_token(&self, head: &HeaderMap) -> bool {
-        let shown = head.get(TOKEN).map_or(&[][..], |value| value.as_bytes());
+        let shown = only(head, &TOKEN).ok().flatten().unwrap_or_default();
+        let shown = shown.as_bytes();
         let own = self.token.as_bytes();
         // All bytes, so that time says nothing of how many are right.
         let differs = shown.iter().zip(own).fold(0, |all, (a, b)| all | (a ^ b));
@@ -90,6 +88,19 @@ impl Guard {
         // An address is no name that could be made to point elsewhere.
         let is_known = address.ip().is_loopback() || address.ip() == ip || ip.is_unspecified();
         address.port() == port && is_known
+    }
+}
+
+/// Several headers, or no text, where one value is needed: another reader of the request may take another of them.
+struct Unclear;
+
+/// The value of a header that a request has once or not at all.
+fn only<'h>(head: &'h HeaderMap, name: &HeaderName) -> Result<Option<&'h str>, Unclear> {
+    let mut values = head.get_all(name).iter();
+    match (values.next(), values.next()) {
+        (None, _) => Ok(None),
+        (Some(value), None) => value.to_str().map(Some).map_err(|_| Unclear),
+        (Some(_), Some(_)) => Err(Unclear),
     }
 }
 

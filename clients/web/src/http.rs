@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 use std::pin::Pin;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
 use std::time::Duration;
 
@@ -18,12 +18,14 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::time::timeout;
+use tokio_io_timeout::TimeoutStream;
 
 use crate::commands::{Ordered, Orders, Unsent};
 use crate::feed::Shared;
 use crate::files;
 use crate::guard::Guard;
 use crate::latest::{Known, Parts};
+use crate::places::{KNOWN, Place, Places};
 use crate::strokes::{Asked, Board};
 
 /// Longest head of a request [byte], the least that the library can limit it to.
@@ -32,9 +34,7 @@ const HEAD: usize = 8192;
 const ORDER: usize = 4096;
 /// Longest body with strokes [byte].
 const STROKES: usize = 1 << 20;
-/// Connections at a time.
-const CONNECTIONS: usize = 32;
-/// How long a head, and then a body, may take.
+/// How long a head, and then a body, may take, and how long the other end may take nothing of an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// How long a request for what is newer waits.
 const POLL: Duration = Duration::from_millis(250);
@@ -82,11 +82,14 @@ pub struct Site {
 
 /// Answers requests until `stop`.
 pub async fn serve(listener: TcpListener, site: Arc<Site>, stop: &AtomicBool) {
-    let open = Arc::new(AtomicUsize::new(0));
+    let places = Arc::new(Places::default());
     while !stop.load(Ordering::Relaxed) {
         match timeout(GLANCE, listener.accept()).await {
             Ok(Ok((stream, _))) => {
-                tokio::spawn(connection(stream, site.clone(), open.clone()));
+                let place = places.enter();
+                let id = place.id();
+                let task = tokio::spawn(connection(stream, site.clone(), Arc::new(place)));
+                places.keep(id, task.abort_handle());
             }
             Ok(Err(error)) => {
                 // Out of descriptors, mostly: those of other connections come back.
@@ -98,23 +101,19 @@ pub async fn serve(listener: TcpListener, site: Arc<Site>, stop: &AtomicBool) {
     }
 }
 
-async fn connection(stream: TcpStream, site: Arc<Site>, open: Arc<AtomicUsize>) {
-    let is_one_too_many = open.fetch_add(1, Ordering::Relaxed) >= CONNECTIONS;
+async fn connection(stream: TcpStream, site: Arc<Site>, place: Arc<Place>) {
     // Frames are whole: nothing is gained by waiting for more to send.
     let _ = stream.set_nodelay(true);
-    let service = service_fn(|request| {
-        let site = site.clone();
+    let mut stream = TimeoutStream::new(stream);
+    stream.set_write_timeout(Some(PATIENCE));
+    let service = service_fn(|request: Request<Incoming>| {
+        let (site, place) = (site.clone(), place.clone());
         async move {
-            let answer = match is_one_too_many {
-                true => {
-                    let why = format!("{CONNECTIONS} connections are open already");
-                    let mut answer = refusal(StatusCode::TOO_MANY_REQUESTS, &why);
-                    let close = HeaderValue::from_static("close");
-                    answer.headers_mut().insert(header::CONNECTION, close);
-                    answer
-                }
-                false => site.answer(request).await,
-            };
+            let has_no_body = *request.method() == Method::HEAD;
+            let mut answer = site.answer(&place, request).await;
+            if has_no_body {
+                *answer.body_mut() = Parts::default();
+            }
             Ok::<_, Infallible>(answer)
         }
     });
@@ -122,16 +121,16 @@ async fn connection(stream: TcpStream, site: Arc<Site>, open: Arc<AtomicUsize>) 
         .timer(TokioTimer::new())
         .header_read_timeout(PATIENCE)
         .max_buf_size(HEAD)
-        .serve_connection(TokioIo::new(stream), service)
+        .serve_connection(TokioIo::new(Box::pin(stream)), service)
         .await;
     if let Err(error) = served {
         tracing::debug!(%error, "a connection ended");
     }
-    open.fetch_sub(1, Ordering::Relaxed);
 }
 
 impl Site {
-    async fn answer(&self, request: Request<Incoming>) -> Answer {
+    async fn answer(&self, place: &Place, request: Request<Incoming>) -> Answer {
+        place.heard();
         let (method, path) = (request.method(), request.uri().path());
         if let Err((status, why)) = self.guard.admit(method, request.headers()) {
             return refusal(status, why);
@@ -145,6 +144,13 @@ impl Site {
         if !self.guard.knows_token(request.headers()) {
             let why = "the token is missing or wrong: open the link that the server printed";
             return refusal(StatusCode::UNAUTHORIZED, why);
+        }
+        if !place.shows_token() {
+            let why = format!("{KNOWN} connections are open already");
+            let mut answer = refusal(StatusCode::TOO_MANY_REQUESTS, &why);
+            let close = HeaderValue::from_static("close");
+            answer.headers_mut().insert(header::CONNECTION, close);
+            return answer;
         }
         match (method, path) {
             (&Method::GET, "/scene") => self.scene(),
@@ -311,3 +317,6 @@ fn json(status: StatusCode, value: &Value) -> Answer {
 fn refusal(status: StatusCode, why: &str) -> Answer {
     json(status, &serde_json::json!({ "refused": why }))
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,8 +2,8 @@
 //! strokes.
 //!
 //! In reading order: `feed` reads the session, `latest` keeps what pages need of it, `packing` makes a Gaussian small.
-//! `guard` says who may ask, `http` answers, `commands` passes orders on; `strokes` is the other page. The pages themselves
-//! are in `src/page`, as `files` has them served: plain HTML, CSS and JavaScript with WebGL2.
+//! `guard` says who may ask, `places` how many, `http` answers, `commands` passes orders on; `strokes` is the other page. The
+//! pages themselves are in `src/page`, as `files` has them served: plain HTML, CSS and JavaScript with WebGL2.
 
 mod commands;
 mod feed;
@@ -12,6 +12,7 @@ mod guard;
 mod http;
 mod latest;
 pub mod packing;
+mod places;
 pub mod strokes;
 
 use std::net::SocketAddr;
