@@ -37,6 +37,16 @@ fn few_particles_are_stable_up_to_the_closed_form_limit() {
 }
 
 #[test]
+fn a_beam_that_is_clamped_at_either_end_keeps_its_energy() {
+    holds("held");
+}
+
+#[test]
+fn light_matter_bends_under_heavy_matter() {
+    holds("uneven");
+}
+
+#[test]
 fn a_thrown_cube_flies_a_parabola() {
     holds("free_fall");
 }

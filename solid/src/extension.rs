@@ -10,7 +10,7 @@ use std::{collections::BTreeMap, ops::Range};
 use super::nodes::{NODES, NodeBlock, NodeRow, Planes, read, write};
 use crate::{mat3::dot, simd::F32x16};
 
-/// Share of the mass of a node amid matter below which a node is outer.
+/// Share of the volume about a node amid matter below which a node is outer: densities say nothing of how much of a cell there is.
 const LIGHT: f64 = 0.05;
 /// Share below which a node goes with others even where no affine field through those is known.
 const TINY: f64 = 0.01;
@@ -46,14 +46,14 @@ pub struct Extension {
 type Row = Vec<(u32, f64)>;
 
 impl Extension {
-    /// Of nodes with these masses [kg], which become those of inner nodes; `full` is that of a node amid matter. Blocks are at
-    /// `places`, in lexicographic order.
-    pub fn new(places: &[[i32; 3]], mass: &mut [f64], full: f64) -> Self {
-        let is_light = |mass: f64| mass > 0.0 && mass < LIGHT * full;
+    /// Of nodes with these masses [kg], which become those of inner nodes; `filled` is how much matter there is about each, over that
+    /// about a node amid matter. Blocks are at `places`, in lexicographic order.
+    pub fn new(places: &[[i32; 3]], mass: &mut [f64], filled: &[f64]) -> Self {
+        let is_light = |slot: &usize| filled[*slot] > 0.0 && filled[*slot] < LIGHT;
         let mut rows: BTreeMap<u32, Row> = (0..mass.len())
-            .filter(|&slot| is_light(mass[slot]))
+            .filter(is_light)
             .filter_map(|slot| {
-                let row = row(places, mass, full, slot)?;
+                let row = row(places, filled, slot)?;
                 Some((slot as u32, row))
             })
             .collect();
@@ -79,11 +79,11 @@ impl Extension {
         // What no affine field tells of, and has next to no mass, goes with those nearest to it.
         let left: Vec<usize> = (0..mass.len())
             .filter(|&slot| {
-                mass[slot] > 0.0 && mass[slot] < TINY * full && !rows.contains_key(&(slot as u32))
+                filled[slot] > 0.0 && filled[slot] < TINY && !rows.contains_key(&(slot as u32))
             })
             .collect();
         for slot in left {
-            let row = nearest(places, mass, full, slot);
+            let row = nearest(places, filled, slot);
             for &(inner, e) in &row {
                 lumped[inner as usize] += e * mass[slot];
             }
@@ -224,9 +224,9 @@ impl Extension {
 type Plane = [F32x16; 4];
 
 /// The inner nodes nearest to an outer one, all with the same weight; none where there are none.
-fn nearest(places: &[[i32; 3]], mass: &[f64], full: f64, slot: usize) -> Row {
+fn nearest(places: &[[i32; 3]], filled: &[f64], slot: usize) -> Row {
     let [_, reach] = REACHES;
-    let near = inner_near(places, mass, full, (slot, reach));
+    let near = inner_near(places, filled, (slot, reach));
     let least = near.first().map_or(0, |one| one.0);
     let count = near.iter().take_while(|one| one.0 == least).count();
     let weight = 1.0 / count as f64;
@@ -234,9 +234,9 @@ fn nearest(places: &[[i32; 3]], mass: &[f64], full: f64, slot: usize) -> Row {
 }
 
 /// The inner nodes that an outer one follows: as few as determine an affine field well. None where there are none.
-fn row(places: &[[i32; 3]], mass: &[f64], full: f64, slot: usize) -> Option<Row> {
+fn row(places: &[[i32; 3]], filled: &[f64], slot: usize) -> Option<Row> {
     let rows = REACHES.iter().filter_map(|&reach| {
-        let near = inner_near(places, mass, full, (slot, reach));
+        let near = inner_near(places, filled, (slot, reach));
         fewest(&near)
     });
     let mut best: Option<(f64, Row)> = None;
@@ -252,7 +252,7 @@ fn row(places: &[[i32; 3]], mass: &[f64], full: f64, slot: usize) -> Option<Row>
         .map(|(_, row)| row)
 }
 
-/// A node near another: squared distance [cells^2], number, mass over that of a full node, and place from there [cells].
+/// A node near another: squared distance [cells^2], number, how filled it is, and place from there [cells].
 type InnerNode = (i32, u32, f64, [f64; 3]);
 
 /// Weights of as few of some nodes as determine an affine field well, nearest first, with the sum of their magnitudes.
@@ -278,12 +278,7 @@ fn fewest(near: &[InnerNode]) -> Option<(f64, Row)> {
 }
 
 /// Inner nodes about a node, so far along each axis, nearest first.
-fn inner_near(
-    places: &[[i32; 3]],
-    mass: &[f64],
-    full: f64,
-    (slot, reach): (usize, i32),
-) -> Vec<InnerNode> {
+fn inner_near(places: &[[i32; 3]], filled: &[f64], (slot, reach): (usize, i32)) -> Vec<InnerNode> {
     let block = places[slot / NODES];
     let local = [slot / 16 % 4, slot % 4, slot / 4 % 4];
     let at: [i32; 3] = std::array::from_fn(|a| 4 * block[a] + local[a] as i32);
@@ -297,35 +292,35 @@ fn inner_near(
         };
         let [x, y, z] = there.map(|x| x.rem_euclid(4) as usize);
         let other = NODES * found + 16 * x + 4 * z + y;
-        if mass[other] >= LIGHT * full {
+        if filled[other] >= LIGHT {
             let squared: i32 = o.iter().map(|o| o * o).sum();
-            near.push((squared, other as u32, mass[other] / full, o.map(f64::from)));
+            near.push((squared, other as u32, filled[other], o.map(f64::from)));
         }
     }
     near.sort_by_key(|one| (one.0, one.1));
     near
 }
 
-/// Weights of nodes that reproduce affine fields at the origin, smallest in sum of squares over masses; none where they do not
+/// Weights of nodes that reproduce affine fields at the origin, smallest in sum of squares over how filled they are; none where they do not
 /// determine one.
 fn affine(nodes: &[InnerNode]) -> Option<Row> {
     if nodes.len() < 4 {
         return None;
     }
-    let weigh = |mass: f64, squared: i32| mass / f64::from(squared * squared);
+    let weigh = |filled: f64, squared: i32| filled / f64::from(squared * squared);
     let mut m = [[0.0; 4]; 4];
-    for &(squared, _, mass, r) in nodes {
+    for &(squared, _, filled, r) in nodes {
         let p = [1.0, r[0], r[1], r[2]];
         for i in 0..4 {
             for j in 0..4 {
-                m[i][j] += weigh(mass, squared) * p[i] * p[j];
+                m[i][j] += weigh(filled, squared) * p[i] * p[j];
             }
         }
     }
     let c = solve(m, [1.0, 0.0, 0.0, 0.0])?;
-    let weights = nodes.iter().map(|&(squared, slot, mass, r)| {
+    let weights = nodes.iter().map(|&(squared, slot, filled, r)| {
         let factor = c[0] + dot([c[1], c[2], c[3]], r);
-        (slot, weigh(mass, squared) * factor)
+        (slot, weigh(filled, squared) * factor)
     });
     Some(weights.filter(|(_, e)| e.abs() > 1e-6).collect())
 }
@@ -396,7 +391,7 @@ mod tests {
             // None is so light any more that it may fly.
             let inner = model.mass.iter().filter(|&&mass| mass > 0.0);
             let least = inner.fold(f64::INFINITY, |least, &mass| least.min(mass));
-            assert!(least > KEPT * LIGHT * model.full_node_mass);
+            assert!(least > KEPT * LIGHT * DENSITY * model.dx.powi(3));
             // Mass and its moment are those of the quadrature points.
             let mut points = [0.0; 4];
             for block in &model.point_blocks {
@@ -422,6 +417,23 @@ mod tests {
                     .sum();
                 assert!((of_nodes - points[a]).abs() < 1e-6 * mass);
             }
+        }
+    }
+
+    #[test]
+    fn who_follows_is_told_by_volume_and_not_by_density() {
+        let alike = lattice(0.1, [0.0; 3], [10, 2, 2], |_| true);
+        let mut heavy = alike.clone();
+        for seed in heavy.iter_mut().filter(|seed| seed.position[0] > 0.9) {
+            seed.density *= 300.0;
+        }
+        let [alike, heavy] = [&alike, &heavy].map(|seeds| SolidModel::new(0.1, seeds));
+        assert_eq!(heavy.extension.outer, alike.extension.outer);
+        // Nodes without heavy matter about them, or about what follows them, have the mass that they have without it.
+        let far = |&slot: &usize| heavy.node_position(slot)[0] < 5.5;
+        for slot in alike.nodes().filter(far) {
+            let [with, without] = [&heavy, &alike].map(|model| model.mass[slot]);
+            assert!((with - without).abs() <= 1e-9 * without, "{with} {without}");
         }
     }
 }

@@ -331,7 +331,7 @@ fn meet_bodies(
                 springs: &solid.state.springs,
                 modulus: solid.modulus(),
                 dx: solid.model.dx,
-                density: solid.model.full_node_mass / solid.model.dx.powi(3),
+                fastest: solid.sound_at_rest().powi(2),
             };
             let met = pressed.pressed_by(actor, friction, moved, number, &mut list);
             solid.keep(list);

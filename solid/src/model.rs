@@ -70,8 +70,6 @@ pub struct SolidModel {
     pub extension: Extension,
     /// Mass of the solid [kg].
     pub total_mass: f64,
-    /// Mass of a node amid matter [kg].
-    pub full_node_mass: f64,
     /// Where there are cells with matter.
     filled: FilledCells,
     /// Volumes of the points as the kernel reads them.
@@ -158,17 +156,17 @@ impl SolidModel {
             point_blocks: vec![],
             cells: vec![],
             total_mass: 0.0,
-            full_node_mass: 0.0,
             filled: filled_cells(&blocks),
             parts: Parts::default(),
             node_blocks,
         };
+        let mut filled = vec![0.0; model.mass.len()];
         for (block, mut cells) in blocks {
             let nodes = around(&block, 1).map(|b| find(&model.node_blocks, &b));
             let start = model.cells.len();
             cells.sort_by_key(|(cell, _)| (cell.number, cell.part));
             for (cell, density) in cells {
-                model.add_mass(&nodes, &cell, density);
+                model.add_matter(&nodes, &cell, density, &mut filled);
                 model.cells.push(cell);
             }
             model.point_blocks.push(PointBlock {
@@ -177,13 +175,11 @@ impl SolidModel {
             });
         }
         model.total_mass = model.mass.iter().sum();
-        model.full_node_mass = model.total_mass / model.volume() * dx.powi(3);
         for (slot, &mass) in model.mass.iter().enumerate() {
             let w = if mass > 0.0 { dx / mass } else { 0.0 };
             model.spread[slot / NODES][slot / 16 % 4].0[slot % 16] = w as f32;
         }
-        let full = model.full_node_mass;
-        model.extension = Extension::new(&model.node_blocks, &mut model.mass, full);
+        model.extension = Extension::new(&model.node_blocks, &mut model.mass, &filled);
         model.parts = Parts::new(&model.parts_of_blocks());
         model
     }
@@ -203,12 +199,14 @@ impl SolidModel {
         parts.collect()
     }
 
-    /// Spreads the mass of a cell over the nodes.
-    fn add_mass(&mut self, nodes: &[u32; 8], cell: &Cell, density: f64) {
+    /// Spreads the mass of a cell, and its volume [cells], over the nodes.
+    fn add_matter(&mut self, nodes: &[u32; 8], cell: &Cell, density: f64, filled: &mut [f64]) {
         for (n, volume) in cell.volumes.into_iter().enumerate() {
-            let mass = f64::from(volume) * density * self.dx.powi(3);
+            let volume = f64::from(volume);
+            let mass = volume * density * self.dx.powi(3);
             for (slot, weight) in stencil(nodes, cell.number, gauss_point(n)) {
                 self.mass[slot] += weight * mass;
+                filled[slot] += weight * volume;
             }
         }
     }

@@ -115,8 +115,8 @@ pub(crate) struct Pressed<'a> {
     pub modulus: f64,
     /// Cell size [m].
     pub dx: f64,
-    /// Mass per volume [kg/m^3].
-    pub density: f64,
+    /// Largest tangent at rest over density, which its substeps are for [m^2/s^2].
+    pub fastest: f64,
 }
 
 impl Pressed<'_> {
@@ -133,8 +133,8 @@ impl Pressed<'_> {
         let (shape, body) = (actor.shape, &actor.body);
         let spin = body.spin(&shape.inertia);
         let area = std::f64::consts::PI * shape.radius * shape.radius;
-        let bearable = SHARE * shape.inertia.mass / (self.density * self.dx * area);
-        let scale = self.modulus * bearable.min(1.0);
+        let bearable = SHARE * shape.inertia.mass / (self.dx * area) * self.fastest;
+        let scale = self.modulus.min(bearable);
         list.meet(&self.solid.scratch.search.own, |watched, met| {
             let n = watched.point as usize;
             let [x, v] = self.solid.motion(self.surface, n);

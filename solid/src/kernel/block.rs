@@ -23,6 +23,11 @@ pub(super) type Tile = [[[F32x16; 4]; 6]; 3];
 /// Tangents of points on 6x6x6 nodes, times volumes and weights [Pa cells^3], as a component of a [`Tile`].
 pub(super) type TangentTile = [[F32x16; 4]; 6];
 
+/// Of a block without stress.
+pub(super) const NO_FORCES: Tile = [[[F32x16::ZERO; 4]; 6]; 3];
+/// The same.
+pub(super) const NO_TANGENTS: TangentTile = [[F32x16::ZERO; 4]; 6];
+
 /// Memory between the stages.
 pub(super) struct Scratch {
     /// Of displacements, per component; on the way back of forces.
@@ -210,13 +215,22 @@ pub(super) fn forces<'a, V: Flowing>(
         stress,
         tangents,
     } = scratch;
-    gather(rule, fields(nodes, |node| &node.u), summed);
     let looks = step.wants_extremes;
+    let mut matter = matter.enumerate().peekable();
+    // All of it is held and has no stress; what is between the stages is that of another block.
+    if matter.peek().is_none() {
+        *tile = NO_FORCES;
+        if looks {
+            *tangent_tile = NO_TANGENTS;
+        }
+        return 0.0;
+    }
+    gather(rule, fields(nodes, |node| &node.u), summed);
     if looks {
         *tangents = Scratch::EMPTY.tangents;
     }
     let mut rate = 0.0_f32;
-    for (n, here) in matter.enumerate() {
+    for (n, here) in matter {
         // Blocks of several materials are few.
         let mut more = None;
         let into = match n {

@@ -17,7 +17,7 @@ mod tests;
 use rayon::prelude::*;
 
 use self::{
-    block::{Answers, Scratch, TangentTile, Tile},
+    block::{Answers, NO_FORCES, NO_TANGENTS, Scratch, TangentTile, Tile},
     flow::Flowing,
     gradients::Matter,
     rule::Rule,
@@ -126,8 +126,8 @@ impl Tiles {
     pub fn new(model: &SolidModel) -> Self {
         let count = model.point_blocks.len();
         Self {
-            forces: vec![[[[F32x16::ZERO; 4]; 6]; 3]; count],
-            tangents: vec![[[F32x16::ZERO; 4]; 6]; count],
+            forces: vec![NO_FORCES; count],
+            tangents: vec![NO_TANGENTS; count],
             sums: vec![[F32x16::ZERO; 4]; model.node_blocks.len()],
             outer: vec![[0.0; 4]; model.extension.outer.len()],
             total: vec![[[F32x16::ZERO; 4]; 3]; model.node_blocks.len()],

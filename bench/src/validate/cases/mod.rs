@@ -1,5 +1,6 @@
 //! The table of cases, in the order of their numbers.
 
+mod clamped;
 mod contact;
 mod elastic;
 mod flow;
@@ -21,7 +22,7 @@ macro_rules! group {
 
 /// All of them.
 #[rustfmt::skip]
-pub const ALL: [Group; 25] = [
+pub const ALL: [Group; 27] = [
     group!(1, elastic::cluster, "particles alone and in clusters are stable just below the closed-form limit, and not above"),
     group!(2, rigid::free_fall, "a cube thrown up and forwards flies a parabola"),
     group!(3, elastic::spinning_cube, "a cube that turns once keeps its angular momentum and its energy"),
@@ -47,4 +48,6 @@ pub const ALL: [Group; 25] = [
     group!(23, flow::floating, "a block floats as deep as its weight in water"),
     group!(24, contact::oblique, "friction turns balls that meet obliquely as Coulomb says, wherever the grid lies"),
     group!(25, elastic::multirate, "soft matter with substeps of its own keeps what those of a stiff object would take"),
+    group!(26, clamped::held, "a beam that is clamped at any of its ends keeps its energy, and is its mirror image"),
+    group!(27, clamped::uneven, "light matter bends under heavy matter of the same object as it should"),
 ];

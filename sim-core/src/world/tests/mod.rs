@@ -9,6 +9,7 @@ mod edits;
 mod fields;
 mod flowing;
 mod grab;
+mod held;
 mod holding;
 mod interrupted;
 mod laws;

@@ -8,6 +8,7 @@ use crate::{
     basis::weights_f64,
     extension::Extension,
     frequency::{Lanczos, Measured, Steps, Vibrating},
+    held::HELD_PART,
     lattice::Seed,
     mat3::Mat3,
     materials::{hencky_piola, piola::piola_energy, polar::rotation, testing::Random},
@@ -149,8 +150,8 @@ impl Solid {
             model.mass[n] = f64::from(model.spread[n / NODES][n / LANES % 4].0[n % LANES]).recip();
             self.conditions.w[n / NODES][n / LANES % 4].0[n % LANES] = (1.0 / model.mass[n]) as f32;
         }
-        let mut mass = model.mass.clone();
-        model.extension = Extension::new(&model.node_blocks, &mut mass, 0.0);
+        let (mut mass, none) = (model.mass.clone(), vec![0.0; model.mass.len()]);
+        model.extension = Extension::new(&model.node_blocks, &mut mass, &none);
         self.conditions.follows.clear();
         self.tiles = Tiles::new(&self.model);
         self
@@ -332,6 +333,32 @@ fn random_volumes(seed: u64) -> impl FnMut() -> f64 {
         let exponent = random.uniform(-4.0, 0.0);
         if random.uniform(0.0, 1.0) < 0.25 {
             0.0
+/// A block all of whose cells are held had the forces of the block before it, at some ends of a solid and not at others.
+#[test]
+fn what_is_held_has_no_stress_at_any_end() {
+    for end in 0..6 {
+        let (axis, high) = (end / 2, end % 2 == 1);
+        let is_held = |cell: [usize; 3]| (cell[axis] >= 4) == high;
+        let part = |cell| if is_held(cell) { HELD_PART } else { 0 };
+        let mut solid = Solid::new(&[Law::NeoHookean], [8; 3], || 0.125, part);
+        solid.displace(bent);
+        for isa in Isa::ALL.into_iter().filter(|isa| isa.is_available()) {
+            let (forces, [tangent, _]) = solid.forces(isa, 0.0);
+            let of_held = solid.model.nodes().filter(|&n| {
+                // A cell has the nodes from its own number on, three along each axis.
+                let at = solid.model.node_position(n)[axis];
+                if high { at > 5.5 } else { at < 3.5 }
+            });
+            let held: Vec<usize> = of_held.collect();
+            for &n in &held {
+                assert_eq!(forces[n], [0.0; 3], "end {end}, {isa:?}");
+            }
+            assert!(held.len() >= 100 && tangent > 0.0);
+            assert!(forces.iter().any(|f| *f != [0.0; 3]));
+        }
+    }
+}
+
         } else {
             0.125 * 10.0_f64.powf(exponent)
         }
