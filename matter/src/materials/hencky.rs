@@ -23,7 +23,7 @@ use crate::{
     num::Real,
 };
 
-/// The law's rule; laws without one stay elastic.
+/// The law's rule; laws without one, or with one of another kind, stay elastic.
 #[inline(always)]
 pub(super) fn flow<R: Real>(law: Law, strain: &Strain<R>, k: &Coefficients<R>) -> Flow<R> {
     match law {
@@ -31,7 +31,12 @@ pub(super) fn flow<R: Real>(law: Law, strain: &Strain<R>, k: &Coefficients<R>) -
         Law::Foam { exponent, .. } => foam::flow(strain, k, exponent),
         Law::Plasticine { .. } => plasticine::flow(strain, k),
         Law::VonMises { .. } => von_mises::flow(strain, k),
-        _ => Flow {
+        Law::Hencky
+        | Law::FixedCorotated
+        | Law::NeoHookean
+        | Law::Snow { .. }
+        | Law::Fluid { .. }
+        | Law::Rigid => Flow {
             trace: strain.trace,
             deviator: strain.deviator,
             memory: strain.memory,
@@ -208,7 +213,15 @@ pub(super) fn energy_of_strain<R: Real>(
 ) -> R {
     let mean = match law {
         Law::Plasticine { .. } => plasticine::mean_stress(trace, memory, k),
-        _ => bulk_modulus(k) * trace,
+        Law::Hencky
+        | Law::VonMises { .. }
+        | Law::DruckerPrager { .. }
+        | Law::Foam { .. }
+        | Law::FixedCorotated
+        | Law::NeoHookean
+        | Law::Snow { .. }
+        | Law::Fluid { .. }
+        | Law::Rigid => bulk_modulus(k) * trace,
     };
     k.mu.mul_add(squared, R::splat(0.5) * mean * trace)
 }

@@ -10,10 +10,10 @@
 //! remember nothing of it. So `det F_p` never changes its sign.
 
 use super::{
-    Coefficients, Law, Trial,
+    Coefficients, Family, Law, Trial,
     hencky::{Mapped, deviator_squared, energy_of_strain, flow, logarithm, return_mapping, share},
     limits::max_stretch_squared_of,
-    piola::{Piola, energy_of_gradient, first_piola},
+    piola::{Piola, PiolaLaw, energy_of_gradient, first_piola},
     strain::Strain,
     svd::{Svd, svd},
 };
@@ -144,7 +144,7 @@ pub fn respond<R: Real>(
     k: &Coefficients<R>,
 ) -> Answer<R> {
     let at = Elastic::new(deformation, point);
-    if matches!(law, Law::FixedCorotated | Law::NeoHookean) {
+    if let Family::Piola(law) = law.family() {
         return elastic(law, &at, point, k);
     }
     let one = R::splat(1.0);
@@ -216,7 +216,12 @@ fn near_tangent<R: Real>(
 
 /// An elastic law of matter that has flowed under another.
 #[inline(always)]
-fn elastic<R: Real>(law: Law, at: &Elastic<R>, point: &Point<R>, k: &Coefficients<R>) -> Answer<R> {
+fn elastic<R: Real>(
+    law: PiolaLaw,
+    at: &Elastic<R>,
+    point: &Point<R>,
+    k: &Coefficients<R>,
+) -> Answer<R> {
     let one = R::splat(1.0);
     let piola = first_piola(law, &at.elastic, k.lambda, k.mu);
     let by_flow = piola.stress.mul_transposed(&point.plastic);
@@ -312,7 +317,7 @@ pub fn energy<R: Real>(
     k: &Coefficients<R>,
 ) -> R {
     let at = Elastic::new(deformation, point);
-    if matches!(law, Law::FixedCorotated | Law::NeoHookean) {
+    if let Family::Piola(law) = law.family() {
         return energy_of_gradient(law, &at.h, k.lambda, k.mu);
     }
     let (eps, near) = logarithm(&at.x, &at.elastic);
@@ -331,7 +336,7 @@ pub fn energy<R: Real>(
 
 /// Elastic stress and tangent of any law that solids may have, at `f`, of what has never flowed.
 pub fn elastic_piola(law: Law, f: &Mat3<f64>, lambda: f64, mu: f64) -> Piola<f64> {
-    let law = if law.has_piola() { law } else { Law::Hencky };
+    let law = law.without_flow();
     let at = Deformation {
         axes: None,
         h: f.sub(&Mat3::identity()),
@@ -340,15 +345,15 @@ pub fn elastic_piola(law: Law, f: &Mat3<f64>, lambda: f64, mu: f64) -> Piola<f64
     respond(law, &at, &Point::rest(), (0.0, true), &k).piola
 }
 
-/// Elastic energy per rest volume of Hencky strain at `F = I + h` of what has never flowed [J/m^3].
-pub fn elastic_energy<R: Real>(h: &Mat3<R>, lambda: R, mu: R) -> R {
+/// Elastic energy per rest volume of any law that solids may have, at `F = I + h`, of what has never flowed [J/m^3].
+pub fn elastic_energy<R: Real>(law: Law, h: &Mat3<R>, lambda: R, mu: R) -> R {
     let k = Coefficients {
         lambda,
         mu,
         parameters: [R::splat(0.0); 4],
     };
     energy(
-        Law::Hencky,
+        law.without_flow(),
         &Deformation { axes: None, h: *h },
         &Point::rest(),
         &k,

@@ -18,7 +18,7 @@ pub struct Parameter {
 }
 
 /// One law.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub struct Entry {
     /// Name in scene files and commands.
     pub name: &'static str,
@@ -29,6 +29,14 @@ pub struct Entry {
     /// What the law needs besides density and, if elastic, Young's modulus and Poisson's ratio; at most 4, in the
     /// order of the wire.
     pub parameters: &'static [Parameter],
+    /// The law with its parameters, in that order.
+    law: fn([f64; 4]) -> Law,
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.id == other.id
+    }
 }
 
 /// A number of a material is outside its valid range, NaN included.
@@ -63,18 +71,24 @@ pub const LAWS: &[Entry] = &[
         id: 1,
         elastic: true,
         parameters: &[],
+        law: |_| Law::FixedCorotated,
     },
     Entry {
         name: "neo_hookean",
         id: 2,
         elastic: true,
         parameters: &[],
+        law: |_| Law::NeoHookean,
     },
     Entry {
         name: "von_mises",
         id: 3,
         elastic: true,
         parameters: &[YIELD_STRESS, parameter("hardening_pa", "Pa", 0.0, 1e13)],
+        law: |[yield_stress, hardening, ..]| Law::VonMises {
+            yield_stress,
+            hardening,
+        },
     },
     Entry {
         name: "drucker_prager",
@@ -84,6 +98,10 @@ pub const LAWS: &[Entry] = &[
             parameter("friction_angle_deg", "degrees", 1.0, 60.0),
             parameter("cohesion", "Pa", 0.0, 1e9),
         ],
+        law: |[friction_angle, cohesion, ..]| Law::DruckerPrager {
+            friction_angle,
+            cohesion,
+        },
     },
     Entry {
         name: "snow",
@@ -95,6 +113,11 @@ pub const LAWS: &[Entry] = &[
             parameter("critical_stretch", "", 1e-4, 0.1),
             parameter("hardening", "", 0.0, 100.0),
         ],
+        law: |[critical_compression, critical_stretch, hardening, _]| Law::Snow {
+            critical_compression,
+            critical_stretch,
+            hardening,
+        },
     },
     Entry {
         name: "foam",
@@ -105,12 +128,21 @@ pub const LAWS: &[Entry] = &[
             parameter("viscosity_pa_s", "Pa s^exponent", 0.0, 1e9),
             parameter("exponent", "", super::foam::EXPONENT_MIN, 1.0),
         ],
+        law: |[yield_stress, viscosity, exponent, _]| Law::Foam {
+            yield_stress,
+            viscosity,
+            exponent,
+        },
     },
     Entry {
         name: "plasticine",
         id: 7,
         elastic: true,
         parameters: &[YIELD_STRESS, parameter("softening", "Pa", 0.0, 1e13)],
+        law: |[yield_stress, softening, ..]| Law::Plasticine {
+            yield_stress,
+            softening,
+        },
     },
     Entry {
         name: "fluid",
@@ -120,18 +152,24 @@ pub const LAWS: &[Entry] = &[
             parameter("bulk_modulus_pa", "Pa", 1e-3, 1e13),
             parameter("viscosity_pa_s", "Pa s", 0.0, 1e9),
         ],
+        law: |[bulk_modulus, viscosity, ..]| Law::Fluid {
+            bulk_modulus,
+            viscosity,
+        },
     },
     Entry {
         name: "rigid",
         id: 9,
         elastic: false,
         parameters: &[],
+        law: |_| Law::Rigid,
     },
     Entry {
         name: "hencky",
         id: 10,
         elastic: true,
         parameters: &[],
+        law: |_| Law::Hencky,
     },
 ];
 
@@ -143,6 +181,21 @@ pub fn by_id(id: u32) -> Option<&'static Entry> {
 /// The entry of that name.
 pub fn by_name(name: &str) -> Option<&'static Entry> {
     LAWS.iter().find(|entry| entry.name == name)
+}
+
+/// Laws without parameters that spring back from any deformation, in the order of their numbers.
+pub fn elastic_laws() -> impl Iterator<Item = Law> {
+    let plain = LAWS.iter().filter(|entry| entry.parameters.is_empty());
+    let laws = plain.map(|entry| (entry.law)([0.0; 4]));
+    laws.filter(|law| law.keeps_elastic())
+}
+
+/// Names of the laws that solids on grids of their own may have, in the order of their numbers.
+pub fn names_of_solids() -> impl Iterator<Item = &'static str> {
+    let solid = LAWS
+        .iter()
+        .filter(|entry| (entry.law)([0.0; 4]).may_be_solid());
+    solid.map(|entry| entry.name)
 }
 
 impl Material {
@@ -243,40 +296,8 @@ impl Law {
 
     /// The law of that number with these parameters, in the order of the table; `None` where there is no such law.
     /// Ranges are not checked, see [`Material::check`].
-    pub fn from_parameters(id: u32, [a, b, c, _]: [f64; 4]) -> Option<Self> {
-        Some(match id {
-            1 => Self::FixedCorotated,
-            2 => Self::NeoHookean,
-            3 => Self::VonMises {
-                yield_stress: a,
-                hardening: b,
-            },
-            4 => Self::DruckerPrager {
-                friction_angle: a,
-                cohesion: b,
-            },
-            5 => Self::Snow {
-                critical_compression: a,
-                critical_stretch: b,
-                hardening: c,
-            },
-            6 => Self::Foam {
-                yield_stress: a,
-                viscosity: b,
-                exponent: c,
-            },
-            7 => Self::Plasticine {
-                yield_stress: a,
-                softening: b,
-            },
-            8 => Self::Fluid {
-                bulk_modulus: a,
-                viscosity: b,
-            },
-            9 => Self::Rigid,
-            10 => Self::Hencky,
-            _ => return None,
-        })
+    pub fn from_parameters(id: u32, parameters: [f64; 4]) -> Option<Self> {
+        by_id(id).map(|entry| (entry.law)(parameters))
     }
 }
 
@@ -338,5 +359,27 @@ mod tests {
         assert_eq!(material(Law::Rigid, 0.0).check(), Ok(()));
         let soft = material(Law::NeoHookean, 0.0).check();
         assert_eq!(soft.expect_err("no stiffness").key, "youngs_modulus");
+    }
+
+    #[test]
+    fn lists_of_laws_come_from_the_table() {
+        let elastic: Vec<&str> = elastic_laws().map(Law::name).collect();
+        assert_eq!(elastic, ["fixed_corotated", "neo_hookean", "hencky"]);
+        // What may be a solid without parameters springs back, and tells its stress.
+        for law in elastic_laws() {
+            assert!(law.may_be_solid() && law.without_flow() == law);
+        }
+        let solid: Vec<&str> = names_of_solids().collect();
+        assert_eq!(
+            solid,
+            [
+                "fixed_corotated",
+                "neo_hookean",
+                "von_mises",
+                "foam",
+                "plasticine",
+                "hencky"
+            ]
+        );
     }
 }

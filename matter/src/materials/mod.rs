@@ -1,6 +1,7 @@
 //! Constitutive laws, one file each.
 
 pub mod drucker_prager;
+mod family;
 pub mod fixed_corotated;
 pub mod fluid;
 pub mod foam;
@@ -19,6 +20,7 @@ pub mod svd;
 pub mod testing;
 pub mod von_mises;
 
+pub use family::Family;
 use serde::{Deserialize, Serialize};
 
 use crate::{

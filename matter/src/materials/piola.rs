@@ -3,7 +3,7 @@
 //!
 //! `P = d psi / d F` and `P F^T` is the Kirchhoff stress of the law's own file wherever that file's law is defined.
 
-use super::{Law, polar::rotation};
+use super::polar::rotation;
 use crate::{mat3::Mat3, num::Real};
 
 /// Volume ratio below which the volumetric energy of neo-Hookean matter goes on with its slope there and the curvature that it
@@ -21,42 +21,25 @@ pub struct Piola<R> {
     pub j: R,
 }
 
-impl Law {
-    /// Whether [`first_piola`] knows it.
-    pub fn has_piola(self) -> bool {
-        matches!(self, Self::FixedCorotated | Self::NeoHookean)
-    }
-
-    /// Whether matter of it may have a grid of its own: it keeps its shape, or flows from there.
-    pub fn may_be_solid(self) -> bool {
-        self.has_piola() || self.is_on_hencky()
-    }
-
-    /// Whether [`hencky_piola`] knows it beside those that have a Piola stress.
-    pub fn is_on_hencky(self) -> bool {
-        matches!(
-            self,
-            Self::Hencky | Self::VonMises { .. } | Self::Foam { .. } | Self::Plasticine { .. }
-        )
-    }
+/// A law whose first Piola-Kirchhoff stress is a function of `F` alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PiolaLaw {
+    /// [`Law::FixedCorotated`](super::Law::FixedCorotated).
+    FixedCorotated,
+    /// [`Law::NeoHookean`](super::Law::NeoHookean).
+    NeoHookean,
 }
 
-/// Stress and tangent of a law at `f`, with Lamé's parameters [Pa]; no stress for laws that
-/// [have none](Law::has_piola).
+/// Stress and tangent of a law at `f`, with Lamé's parameters [Pa].
 #[inline(always)]
-pub fn first_piola<R: Real>(law: Law, f: &Mat3<R>, lambda: R, mu: R) -> Piola<R> {
+pub fn first_piola<R: Real>(law: PiolaLaw, f: &Mat3<R>, lambda: R, mu: R) -> Piola<R> {
     let cofactor = f.cofactor();
     let j = crate::mat3::dot(f.0[0], cofactor.0[0]);
     let area = cofactor.norm_squared();
     let length = f.norm_squared();
     match law {
-        Law::NeoHookean => neo_hookean(f, &cofactor, [j, area, length], lambda, mu),
-        Law::FixedCorotated => fixed_corotated(f, &cofactor, [j, area, length], lambda, mu),
-        _ => Piola {
-            stress: Mat3([[R::splat(0.0); 3]; 3]),
-            tangent: R::splat(0.0),
-            j,
-        },
+        PiolaLaw::NeoHookean => neo_hookean(f, &cofactor, [j, area, length], lambda, mu),
+        PiolaLaw::FixedCorotated => fixed_corotated(f, &cofactor, [j, area, length], lambda, mu),
     }
 }
 
@@ -150,7 +133,7 @@ fn fixed_corotated<R: Real>(
 /// Energy per rest volume at `F = I + h` [J/m^3]: that of [`piola_energy`], without its differences of large numbers, so that single
 /// precision is enough.
 #[inline(always)]
-pub fn energy_of_gradient<R: Real>(law: Law, h: &Mat3<R>, lambda: R, mu: R) -> R {
+pub fn energy_of_gradient<R: Real>(law: PiolaLaw, h: &Mat3<R>, lambda: R, mu: R) -> R {
     let (zero, one, half) = (R::splat(0.0), R::splat(1.0), R::splat(0.5));
     let cofactor = h.cofactor();
     let trace = h.0[0][0] + (h.0[1][1] + h.0[2][2]);
@@ -158,7 +141,7 @@ pub fn energy_of_gradient<R: Real>(law: Law, h: &Mat3<R>, lambda: R, mu: R) -> R
     // J - 1
     let swelling = trace + (second + crate::mat3::dot(h.0[0], cofactor.0[0]));
     match law {
-        Law::NeoHookean => {
+        PiolaLaw::NeoHookean => {
             let least = R::splat(PARABOLIC_J - 1.0);
             let at = swelling.max(least);
             let j = one + at;
@@ -171,48 +154,47 @@ pub fn energy_of_gradient<R: Real>(law: Law, h: &Mat3<R>, lambda: R, mu: R) -> R
             let shear = half.mul_add(h.norm_squared(), trace - log);
             mu.mul_add(shear, (half * lambda * log).mul_add(log, parabola))
         }
-        Law::FixedCorotated => {
+        PiolaLaw::FixedCorotated => {
             let f = h.blend(one, &Mat3::identity(), one);
             let stretch = f.sub(&rotation(&f));
             mu.mul_add(stretch.norm_squared(), half * lambda * swelling * swelling)
         }
-        _ => zero,
     }
 }
 
 /// Energy per rest volume whose derivative [`first_piola`] is [J/m^3].
-pub fn piola_energy(law: Law, f: &Mat3<f64>, lambda: f64, mu: f64) -> f64 {
+pub fn piola_energy(law: PiolaLaw, f: &Mat3<f64>, lambda: f64, mu: f64) -> f64 {
     match law {
-        Law::NeoHookean => {
+        PiolaLaw::NeoHookean => {
             let [energy, ..] = volumetric(f.det(), lambda, mu);
             0.5 * mu * (f.norm_squared() - 3.0) + energy
         }
-        Law::FixedCorotated => super::fixed_corotated::energy_density(f, lambda, mu),
-        _ => 0.0,
+        PiolaLaw::FixedCorotated => super::fixed_corotated::energy_density(f, lambda, mu),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::materials::{Coefficients, Material, Trial, hencky_piola, testing::Random};
+    use crate::materials::{
+        Coefficients, Family, Law, Material, Trial, hencky_piola, laws::elastic_laws,
+        testing::Random,
+    };
 
-    const LAWS: [Law; 3] = [Law::NeoHookean, Law::FixedCorotated, Law::Hencky];
     const LAMBDA: f64 = 2.0;
     const MU: f64 = 1.0;
 
     fn energy_of(law: Law, f: &Mat3<f64>) -> f64 {
-        match law {
-            Law::Hencky => energy_at(law, &f.sub(&Mat3::identity()), LAMBDA, MU),
-            _ => piola_energy(law, f, LAMBDA, MU),
+        match law.family() {
+            Family::Piola(law) => piola_energy(law, f, LAMBDA, MU),
+            Family::Hencky | Family::Spatial | Family::Rigid => {
+                energy_at(law, &f.sub(&Mat3::identity()), LAMBDA, MU)
+            }
         }
     }
 
     fn energy_at<R: Real>(law: Law, h: &Mat3<R>, lambda: R, mu: R) -> R {
-        match law {
-            Law::Hencky => hencky_piola::elastic_energy(h, lambda, mu),
-            _ => energy_of_gradient(law, h, lambda, mu),
-        }
+        hencky_piola::elastic_energy(law, h, lambda, mu)
     }
 
     fn stress_of(law: Law, f: &Mat3<f64>) -> Piola<f64> {
@@ -228,7 +210,7 @@ mod tests {
     #[test]
     fn stress_is_the_slope_of_energy_inside_out_too() {
         let mut random = Random::new(3);
-        for law in LAWS {
+        for law in elastic_laws() {
             for n in 0..40 {
                 let size = if n % 2 == 0 { 0.3 } else { 1.5 };
                 let f = Mat3::identity().blend(1.0, &random_matrix(&mut random, size), 1.0);
@@ -250,7 +232,7 @@ mod tests {
     #[test]
     fn energy_of_a_small_gradient_keeps_its_digits_in_f32() {
         let mut random = Random::new(11);
-        for law in LAWS {
+        for law in elastic_laws() {
             for n in 0..60 {
                 let size = [1e-4, 1e-2, 0.3][n % 3];
                 let h = random_matrix(&mut random, size);
@@ -277,7 +259,7 @@ mod tests {
     #[test]
     fn stress_is_that_of_the_law_where_the_law_has_one() {
         let mut random = Random::new(5);
-        for law in LAWS {
+        for law in elastic_laws() {
             let material = Material {
                 name: "tested".into(),
                 law,
@@ -308,7 +290,7 @@ mod tests {
     #[test]
     fn tangent_bound_holds_in_every_direction() {
         let mut random = Random::new(7);
-        for law in LAWS {
+        for law in elastic_laws() {
             let rest = stress_of(law, &Mat3::identity()).tangent;
             assert!((rest - (3.0 * LAMBDA + 2.0 * MU)).abs() < 1e-12);
             for _ in 0..200 {

@@ -1,8 +1,11 @@
 //! What solids on grids of their own cannot be asked for: refused when a scene is loaded, never passed over.
 
+use std::sync::LazyLock;
+
 use super::error::WorldError;
 use crate::{
     distance::SignedDistance,
+    materials::laws::names_of_solids,
     scene::{ColliderShape, ContactMethod, Fidelity, Object, Scene, Surface},
     solid::object::is_solid,
 };
@@ -11,8 +14,14 @@ use crate::{
 const LARGEST: f64 = 65_536.0;
 
 /// Laws that solids may have.
-pub(super) const SOLID_LAWS: &str =
-    "fixed_corotated, neo_hookean, hencky, von_mises, foam or plasticine";
+static SOLID_LAWS: LazyLock<String> = LazyLock::new(|| {
+    let names: Vec<&str> = names_of_solids().collect();
+    match names.split_last() {
+        Some((last, [])) => (*last).into(),
+        Some((last, others)) => format!("{} or {last}", others.join(", ")),
+        None => "none".into(),
+    }
+});
 
 /// What is asked for in vain, and what could be.
 type Refused = (String, &'static str);
@@ -64,7 +73,7 @@ pub(super) fn check_all(scene: &Scene) -> Vec<Result<(), WorldError>> {
 fn of_object(scene: &Scene, object: &Object) -> Option<Refused> {
     if let Some(material) = object.materials().find(|m| !m.law.may_be_solid()) {
         let law = material.law.name();
-        return Some((format!("the law {law}"), SOLID_LAWS));
+        return Some((format!("the law {law}"), SOLID_LAWS.as_str()));
     }
     let positions = &scene.particles.position[object.particles.clone()];
     for a in 0..3 {

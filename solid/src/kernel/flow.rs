@@ -137,7 +137,7 @@ fn axes<V: Lanes>(rule: &Rule<V>) -> Option<Mat3<Pair<V>>> {
 fn law_of(matter: &Matter<'_>, remembers: bool) -> Law {
     match remembers {
         true => matter.law.law,
-        false => Law::Hencky,
+        false => matter.law.law.without_flow(),
     }
 }
 

@@ -9,8 +9,8 @@ use super::{
 use crate::{
     mat3::Mat3,
     materials::{
-        Law,
-        piola::{energy_of_gradient, first_piola},
+        Family,
+        piola::{PiolaLaw, energy_of_gradient, first_piola},
     },
     memory::PartMemory,
     simd::Lanes,
@@ -25,7 +25,7 @@ fn moduli<V: Lanes>(law: &SolidLaw) -> [V; 2] {
 
 /// A law that a loop over points is compiled for.
 trait Stress {
-    const LAW: Law;
+    const LAW: PiolaLaw;
     /// Whether a lane may take all others through an iteration of its own.
     const ITERATES: bool;
 }
@@ -33,14 +33,14 @@ trait Stress {
 struct NeoHookean;
 
 impl Stress for NeoHookean {
-    const LAW: Law = Law::NeoHookean;
+    const LAW: PiolaLaw = PiolaLaw::NeoHookean;
     const ITERATES: bool = false;
 }
 
 struct FixedCorotated;
 
 impl Stress for FixedCorotated {
-    const LAW: Law = Law::FixedCorotated;
+    const LAW: PiolaLaw = PiolaLaw::FixedCorotated;
     const ITERATES: bool = true;
 }
 
@@ -128,10 +128,12 @@ pub(super) fn add_viscous<V: Lanes>(
                 let trace = e.0[0][0] + (e.0[1][1] + e.0[2][2]);
                 // Its own tangent grows with the fourth power of the stretch: never beyond that of the law.
                 let stretch = (f.norm_squared() - V::splat(2.0)).max(one);
-                let tangent = match of_flow {
+                let tangent = match (of_flow, law.law.family()) {
                     // Those have their volume with them.
-                    Some(tangents) => V::load(&tangents[q][x][n]) / volume.max(least) * half,
-                    None => first_piola(law.law, &f, lambda, mu).tangent,
+                    (Some(tangents), _) => V::load(&tangents[q][x][n]) / volume.max(least) * half,
+                    (None, Family::Piola(law)) => first_piola(law, &f, lambda, mu).tangent,
+                    // Hencky strain tells its tangents where there is viscosity; the others are no laws of solids.
+                    (None, Family::Hencky | Family::Spatial | Family::Rigid) => zero,
                 };
                 let share = (tangent / (at_rest * stretch * stretch)).min(one);
                 let time = V::broadcast(time) * share * volume;
@@ -193,20 +195,24 @@ pub(super) fn respond_to<V: Flowing>(
     tangents: &mut Tangents,
 ) -> Option<Tangents> {
     let looks = step.wants_extremes;
-    match (&memory, matter.law.law, looks) {
-        (None, Law::NeoHookean, false) => {
-            respond::<V, NeoHookean, false>(rule, summed, matter, stress, tangents);
-        }
-        (None, Law::NeoHookean, true) => {
-            respond::<V, NeoHookean, true>(rule, summed, matter, stress, tangents);
-        }
-        (None, Law::FixedCorotated, false) => {
-            respond::<V, FixedCorotated, false>(rule, summed, matter, stress, tangents);
-        }
-        (None, Law::FixedCorotated, true) => {
-            respond::<V, FixedCorotated, true>(rule, summed, matter, stress, tangents);
-        }
-        _ => {
+    match (&memory, matter.law.law.family()) {
+        (None, Family::Piola(law)) => match (law, looks) {
+            (PiolaLaw::NeoHookean, false) => {
+                respond::<V, NeoHookean, false>(rule, summed, matter, stress, tangents);
+            }
+            (PiolaLaw::NeoHookean, true) => {
+                respond::<V, NeoHookean, true>(rule, summed, matter, stress, tangents);
+            }
+            (PiolaLaw::FixedCorotated, false) => {
+                respond::<V, FixedCorotated, false>(rule, summed, matter, stress, tangents);
+            }
+            (PiolaLaw::FixedCorotated, true) => {
+                respond::<V, FixedCorotated, true>(rule, summed, matter, stress, tangents);
+            }
+        },
+        // No law of solids.
+        (_, Family::Spatial | Family::Rigid) => *stress = [[[[[O; 2]; 3]; 3]; 4]; 4],
+        (Some(_), Family::Piola(_)) | (_, Family::Hencky) => {
             let wants_tangents = looks || step.viscosity > 0.0;
             let part = FlowingPart {
                 summed,
@@ -242,10 +248,16 @@ pub(super) fn energy_of<V: Lanes>(
     memory: Option<&PartMemory>,
 ) -> f64 {
     let Matter { law, volumes, .. } = matter;
-    match (memory, law.law) {
-        (None, Law::NeoHookean) => stored::<V, NeoHookean>(rule, summed, volumes, law),
-        (None, Law::FixedCorotated) => stored::<V, FixedCorotated>(rule, summed, volumes, law),
-        _ => stored_beside_flow(rule, summed, matter, memory),
+    match (memory, law.law.family()) {
+        (None, Family::Piola(piola)) => match piola {
+            PiolaLaw::NeoHookean => stored::<V, NeoHookean>(rule, summed, volumes, law),
+            PiolaLaw::FixedCorotated => stored::<V, FixedCorotated>(rule, summed, volumes, law),
+        },
+        // No law of solids.
+        (_, Family::Spatial | Family::Rigid) => 0.0,
+        (Some(_), Family::Piola(_)) | (_, Family::Hencky) => {
+            stored_beside_flow(rule, summed, matter, memory)
+        }
     }
 }
 

@@ -7,9 +7,11 @@ use super::{
     },
     DENSITY, Owned, lattice, law,
 };
-use crate::{mat3::length, materials::Law, simd::Isa};
-
-const LAWS: [Law; 3] = [Law::NeoHookean, Law::FixedCorotated, Law::Hencky];
+use crate::{
+    mat3::length,
+    materials::{Law, laws::elastic_laws},
+    simd::Isa,
+};
 
 fn cube(which: Law, cells: usize) -> Owned {
     let seeds = lattice(0.1, [0.0; 3], [cells; 3], |_| true);
@@ -30,7 +32,7 @@ fn grid_of_a_box_has_its_mass_and_centre() {
 
 #[test]
 fn free_spinning_cube_keeps_angular_momentum() {
-    for which in LAWS {
+    for which in elastic_laws() {
         let mut cube = cube(which, 4);
         cube.state.change_velocities(&cube.model, |slot, _| {
             let x = cube.model.node_in_world(slot);
@@ -92,7 +94,7 @@ fn settle(cube: &mut Owned, seconds: f64) -> f64 {
 /// Let go from a stretch of three, which blows a fixed substep up.
 #[test]
 fn cube_stretched_to_three_returns_to_its_shape() {
-    for which in LAWS {
+    for which in elastic_laws() {
         let mut cube = cube(which, 4);
         displace(&mut cube, |_, x| {
             let across = (1.0 / 3.0_f64).sqrt() - 1.0;
@@ -115,7 +117,7 @@ fn cube_stretched_to_three_returns_to_its_shape() {
 /// Mirrored, with noise so that it may leave the plane of symmetry.
 #[test]
 fn cube_inside_out_at_the_start_comes_back() {
-    for which in LAWS {
+    for which in elastic_laws() {
         let mut cube = cube(which, 4);
         displace(&mut cube, |slot, x| {
             let noise = 0.03 * (0.7 * slot as f64).sin();
@@ -155,7 +157,7 @@ fn same_bits_on_any_threads_and_instruction_set() {
 
 #[test]
 fn forces_on_what_stands_need_not_be_found_again() {
-    for which in LAWS {
+    for which in elastic_laws() {
         let mut cube = cube(which, 5);
         cube.state.change_velocities(&cube.model, |slot, _| {
             let x = cube.model.node_in_world(slot);

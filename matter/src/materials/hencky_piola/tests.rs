@@ -1,7 +1,10 @@
 //! Matter over rest positions flows as the law does over the present ones.
 
 use super::*;
-use crate::materials::testing::{Random, equivalent_stress, extension, prepared};
+use crate::materials::{
+    laws::elastic_laws,
+    testing::{Random, equivalent_stress, extension, prepared},
+};
 
 const METAL: Law = Law::VonMises {
     yield_stress: 2e4,
@@ -203,7 +206,7 @@ fn crushed_and_inverted_points_answer_and_do_not_forget() {
 #[test]
 fn laws_without_flow_keep_the_shape_that_matter_has() {
     let mut random = Random::new(46);
-    for law in [Law::NeoHookean, Law::FixedCorotated, Law::Hencky] {
+    for law in elastic_laws() {
         let k = prepared(law, E, NU);
         let (f, _) = random.deformation(0.6, 1.7, false);
         let point = Point {
