@@ -1,10 +1,13 @@
 //! What happens to objects in a run that people should hear of, and hear of once.
 
 use crate::{
-    materials::limits::bridged_stretch,
+    materials::limits::{DeformationBounds, bridged_stretch, critical_dt},
     report::{Level, OverReason, StepReport},
-    scene::Scene,
+    scene::{Scene, Solver},
 };
+
+/// How many times as short as at rest substeps of a solid are from which on that is said.
+const SHORT: f64 = 16.0;
 
 /// Remembers what was said.
 #[derive(Clone, Debug)]
@@ -12,6 +15,8 @@ pub struct Notices {
     objects: Vec<Said>,
     /// Whether the search for impacts was said to end early.
     says_late: bool,
+    /// Whether substeps were said to be short.
+    says_short: bool,
     /// Simulated time of the latest report [s].
     time: f64,
 }
@@ -28,18 +33,19 @@ impl Notices {
         Self {
             objects: vec![Said::default(); scene.objects.len()],
             says_late: false,
+            says_short: false,
             time: 0.0,
         }
     }
 
-    /// Sentences about what a report of the scene's run says first: an object of which nothing is left, one that fell apart,
+    /// Sentences about what a report of the scene's run says first: an object of which nothing is left, one that fell apart or is crushed,
     /// impacts that were not searched for. After a reset they may be said again.
     pub fn of(&mut self, scene: &Scene, report: &StepReport) -> Vec<String> {
         let mut sentences = Vec::new();
         let time = report.sim_time;
         if time < self.time {
             self.objects.fill(Said::default());
-            self.says_late = false;
+            (self.says_late, self.says_short) = (false, false);
         }
         self.time = time;
         let objects = self.objects.iter_mut().zip(&report.objects);
@@ -97,6 +103,29 @@ impl Notices {
                 report.work.body_turns
             ));
         }
+        if !self.says_short
+            && let Some(sentence) = short_substeps(scene, report)
+        {
+            sentences.push(sentence);
+            self.says_short = true;
+        }
         sentences
     }
+}
+
+/// A sentence about a solid whose substeps are far shorter than at rest, if one is so.
+fn short_substeps(scene: &Scene, report: &StepReport) -> Option<String> {
+    let object = scene.objects.get(report.dt_object?)?;
+    let materials = object.materials();
+    let rest = DeformationBounds::REST;
+    let at_rest = materials.map(|m| critical_dt(m, m.density, scene.dx, &rest));
+    let times = scene.cfl * at_rest.fold(f64::INFINITY, f64::min) / report.dt_min;
+    if object.solver != Solver::Lagrangian || times.is_nan() || times < SHORT {
+        return None;
+    }
+    Some(format!(
+        "frames take long from {:.3} s on: object `{}` is crushed or torn so much that substeps are {times:.0} times as short as at \
+         rest. Start it beside what it is in, press it more slowly, or give it a softer material or larger cells",
+        report.sim_time, object.name
+    ))
 }

@@ -8,12 +8,13 @@ use rayon::prelude::*;
 
 use super::{
     advance::{Scratch, Solid},
-    bonds::{Bond, Bound, Hold, TOUCH, binds},
+    bonds::{Hold, TOUCH},
     clusters::{Cluster, bounds_of, curve, farther_of, parts_of},
-    grip::{ContactWith, Grip, NOTHING, OBJECTS},
+    grip::{ContactWith, Grip, OBJECTS},
+    meeting::{At, Pressed},
     model::SolidModel,
     nodes::NodeRow,
-    penalty::{CONTACT, Spring},
+    penalty::CONTACT,
     search::{
         Bounds, CLUSTER, CandidateList, ClusterBox, FoundInCluster, LOOSE, MARGIN, NOWHERE, PARTS,
         Search, TASK, Ways, find_near, joined,
@@ -23,10 +24,9 @@ use super::{
     surface::SurfacePoint,
 };
 use crate::{
-    colliders::{Placed, farthest, primitives::Distance, shape::Shape},
-    ledger::{ContactPartner, Ledger, Received},
-    mat3::{dot, length},
-    scene::Surface,
+    colliders::{Placed, farthest},
+    ledger::{ContactPartner, Ledger},
+    mat3::length,
     simd::LANES,
 };
 
@@ -136,18 +136,6 @@ fn place(model: &SolidModel, rows: &[NodeRow], point: &SurfacePoint) -> [f64; 3]
     x
 }
 
-/// A point in contact: its spring, force [N], and what the ledger is told.
-#[derive(Clone, Debug)]
-struct Pressed {
-    point: usize,
-    grip: Grip,
-    force: [f64; 3],
-    /// By the first collider that presses on it, and by others.
-    received: Option<(usize, Received)>,
-    more: Vec<(usize, Received)>,
-    hold: Option<Hold>,
-}
-
 impl Solid<'_> {
     /// Adds the forces of colliders, which have moved for `moved` [s] since they were last looked at and act for `kick` [s].
     pub fn meet_colliders(
@@ -187,6 +175,7 @@ impl Solid<'_> {
                 v,
                 stiffness,
                 touch: TOUCH * solid.model.dx,
+                overlaps: &state.overlaps,
                 moved,
             };
             at.meet(n, colliders, (state.springs[n], met), kick)
@@ -426,177 +415,5 @@ impl Solid<'_> {
             v[a] += self.model.dx * f64::from(row[3 + a]);
         }
         [x, v]
-    }
-}
-
-/// A point on its way.
-struct At {
-    x: [f64; 3],
-    v: [f64; 3],
-    /// Force per depth [N/m].
-    stiffness: f64,
-    /// Distance below which it is on a wall that holds it [m].
-    touch: f64,
-    /// Since the springs were last stretched [s].
-    moved: f64,
-}
-
-impl At {
-    /// How a collider holds it, if it does or begins to.
-    fn hold(
-        &self,
-        point: usize,
-        placed: &Placed<'_>,
-        found: &Distance,
-        stretch: Option<[f64; 3]>,
-    ) -> Option<Hold> {
-        if stretch.is_none() && found.value >= self.touch {
-            return None;
-        }
-        // It stays as far from the wall as it met it: what pushed it out would do work on all that moves behind it.
-        let slips = placed.contact().surface == Surface::Slip;
-        let met = stretch.unwrap_or(found.normal.map(|n| found.value * n));
-        let (with, in_front) = (placed.id as u32, dot(met, found.normal));
-        if slips && matches!(placed.shape(), Shape::HalfSpace { .. }) {
-            return Some(Hold::Flat(Bound {
-                point,
-                with,
-                in_front,
-            }));
-        }
-        Some(Hold::Point(Bond {
-            point,
-            with,
-            x: self.x,
-            v: self.v,
-            normal: found.normal,
-            gap: found.value,
-            wall: placed.velocity(self.x),
-            spin: placed.spin(),
-            slips,
-            stretch: match slips {
-                true => found.normal.map(|n| in_front * n),
-                false => met,
-            },
-        }))
-    }
-
-    /// The spring of a collider that presses on it, or that it slips on with friction.
-    fn spring(&self, placed: &Placed<'_>, found: &Distance, known: bool) -> Option<Spring> {
-        let contact = placed.contact();
-        let leaves = contact.surface == Surface::Separate;
-        if found.value >= 0.0 && (leaves || !known) {
-            return None;
-        }
-        let pressure = -self.stiffness * found.value;
-        Some(Spring {
-            stiffness: self.stiffness,
-            depth: -found.value,
-            pressure,
-            normal: found.normal,
-            most: contact.friction * pressure.max(0.0) / self.stiffness,
-        })
-    }
-
-    /// Adds what a collider presses on it with to what others do; returns its spring.
-    fn press(
-        &self,
-        placed: &Placed<'_>,
-        (found, stretch): (&Distance, Option<[f64; 3]>),
-        kick: f64,
-        out: &mut Pressed,
-    ) -> Option<Grip> {
-        let mut spring = self.spring(placed, found, stretch.is_some())?;
-        let u = placed.past_velocity(self.x);
-        let relative = std::array::from_fn(|a| self.v[a] - u[a]);
-        let stretch = stretch.map(|stretch| placed.carried(stretch, self.moved));
-        let (force, stretch) = spring.pull(stretch, relative, self.moved);
-        for a in 0..3 {
-            out.force[a] += force[a];
-        }
-        let impulse = force.map(|f| kick * f);
-        let received = Received::at(self.x, found.normal, kick * spring.pressure, impulse);
-        match &out.received {
-            None => out.received = Some((placed.id, received)),
-            Some(_) => out.more.push((placed.id, received)),
-        }
-        Some(Grip {
-            with: placed.id as u32,
-            stretch,
-            energy: spring.energy(stretch),
-            pressure: spring.pressure,
-        })
-    }
-
-    /// How far it is from all colliders [m]; adds what they do to it, but where it neither touches nor touched any.
-    fn meet(
-        &self,
-        point: usize,
-        colliders: &[Placed<'_>],
-        (before, met): (Grip, &mut Vec<Pressed>),
-        kick: f64,
-    ) -> f64 {
-        let mut clear = f64::INFINITY;
-        let mut out = Pressed {
-            point,
-            grip: Grip::NONE,
-            force: [0.0; 3],
-            received: None,
-            more: vec![],
-            hold: None,
-        };
-        // One holds it at a time: two would share its memory.
-        let holder = |placed: &Placed<'_>| before.with == placed.id as u32 && binds(placed);
-        let is_held = before.is_on_region() || colliders.iter().any(holder);
-        let (mut pressed, mut deepest, mut energy) = (Grip::NONE, 0.0, 0.0);
-        for placed in colliders {
-            let known = before.with == placed.id as u32;
-            let binds = binds(placed);
-            if binds && !known && (is_held || out.hold.is_some()) {
-                continue;
-            }
-            let found = placed.distance(self.x);
-            let stretch = known.then_some(before.stretch);
-            if binds {
-                out.hold = self.hold(point, placed, &found, stretch);
-                if let Some(hold) = &out.hold {
-                    out.grip = hold.grip(found.normal);
-                }
-            }
-            // What a flat wall holds need not be looked at for that.
-            if !(binds && matches!(out.hold, Some(Hold::Flat(_)))) {
-                clear = clear.min(found.value);
-            }
-            if binds {
-                continue;
-            }
-            let Some(grip) = self.press(placed, (&found, stretch), kick, &mut out) else {
-                continue;
-            };
-            energy += grip.energy;
-            if pressed.with == NOTHING || -found.value > deepest {
-                (pressed, deepest) = (grip, -found.value);
-            }
-        }
-        let presses = pressed.with != NOTHING;
-        let touches = presses || out.hold.is_some();
-        if presses || matches!(out.hold, Some(Hold::Point(_))) {
-            clear = 0.0;
-        }
-        // What holds is remembered, whatever presses besides.
-        if out.hold.is_none() {
-            out.grip = if before.is_on_region() {
-                before
-            } else {
-                pressed
-            };
-        }
-        if touches {
-            out.grip.energy = energy;
-        }
-        if touches || before.with < OBJECTS {
-            met.push(out);
-        }
-        clear
     }
 }

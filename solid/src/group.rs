@@ -9,6 +9,7 @@ use super::{
     grip::{ContactWith, Grip},
     inverse::Start,
     mover::{Around, Mover},
+    overlap::Others,
     pairs::{PointContact, Presence},
     rigid::{
         Exchange, Pressed as PressedByBodies, RigidPeers, Wrench, near_body, opposite, stand_of,
@@ -208,7 +209,12 @@ fn find_forces(
         now,
     } = members;
     let (times, mut ledger) = ([moved, now.kick], Ledger::default());
-    for given in each(group, |mover| meet_outside(mover, placed, times, now)) {
+    let outside = Others {
+        colliders: placed,
+        bodies: peers.as_ref().map_or(&[], |peers| peers.actors()),
+        objects: peers.as_ref().map_or(&[], |peers| peers.objects()),
+    };
+    for given in each(group, |mover| meet_outside(mover, &outside, times, now)) {
         ledger.merge(&given);
     }
     if group.len() > 1 {
@@ -278,7 +284,7 @@ fn known_forces(group: &mut [Mover<'_>], meets_bodies: bool, kick: f64) -> Optio
 /// External forces on a solid, by springs that hold it and colliders; returns what these gave.
 fn meet_outside(
     mover: &mut Mover<'_>,
-    placed: &[Placed<'_>],
+    outside: &Others<'_>,
     times: [f64; 2],
     now: &Substep,
 ) -> Ledger {
@@ -296,7 +302,8 @@ fn meet_outside(
     for spring in &mut mover.springs {
         spring.push(&mut mover.solid, now);
     }
-    let near = placed.iter().filter(|p| mover.colliders.contains(&p.id));
+    let near = outside.colliders.iter();
+    let near = near.filter(|p| mover.colliders.contains(&p.id));
     let near: Vec<Placed<'_>> = near.map(|p| p.against(mover.friction)).collect();
     let surface = &mover.object.surface;
     mover.solid.hold_faces(surface, &mover.faces);
@@ -314,6 +321,11 @@ fn meet_bodies(
     [moved, kick]: [f64; 2],
     ledger: &mut Ledger,
 ) -> Vec<Wrench> {
+    let others = Others {
+        colliders: &near,
+        ..*outside
+    };
+    mover.solid.relax_overlaps(surface, &others, times[0]);
     let mut on_bodies = vec![Wrench::default(); peers.actors().len()];
     for mover in group {
         for (n, (actor, &body)) in peers.actors().iter().zip(peers.objects()).enumerate() {

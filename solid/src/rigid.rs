@@ -147,11 +147,13 @@ impl Pressed<'_> {
                 return 0.0;
             }
             let local = body.inverse_point(x);
-            let depth = -shape.distance(local);
-            let touches = depth > 0.0 && (known || depth <= ENTRY * self.dx);
+            let found = -shape.distance(local);
+            let put_in = self.solid.state.overlaps.depth(n, number);
+            let depth = found - put_in;
+            let touches = depth > 0.0 && (known || put_in > 0.0 || depth <= ENTRY * self.dx);
             if !touches {
                 met.extend(none);
-                return -depth;
+                return -found;
             }
             let normal = rotate(body.rotation, shape.normal(local));
             let stiffness = scale * self.surface.stiffness[n];

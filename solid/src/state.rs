@@ -9,6 +9,7 @@ use super::{
     memory::BlockMemory,
     model::{CellPoint, SolidModel, cell_of_number},
     nodes::{NODES, NodeBlock, Planes, place, read, write},
+    overlap::Overlaps,
 };
 use crate::{
     mat3::{Mat3, cross, dot},
@@ -30,6 +31,8 @@ pub struct SolidState {
     pub tangent: f32,
     /// Springs of the points of its surface.
     pub springs: Vec<Grip>,
+    /// What points of it were put into.
+    pub overlaps: Overlaps,
     /// What matter on the spatial grid did to nodes in the latest span, by their numbers.
     pub of_matter: Vec<NodeLoad>,
     /// Length of that [s].
@@ -85,6 +88,7 @@ impl SolidState {
             velocity: [0.0; 3],
             tangent: 0.0,
             springs: vec![Grip::NONE; points],
+            overlaps: Overlaps::DUE,
             of_matter: vec![],
             span: 0.0,
             rate: 0.0,
@@ -159,6 +163,7 @@ impl SolidState {
                 mean[a] += travel[a] * model.mass[node.0] / model.total_mass;
             }
         }
+        self.overlaps = Overlaps::DUE;
         self.shift = mean;
         for node in to {
             let travel = travel(node);

@@ -6,9 +6,9 @@ use super::{
     body::Body,
     impact_time::SearchEffort,
     shape::Shape,
-    vector::{Vec3, add},
+    vector::{Vec3, add, sub},
 };
-use crate::{colliders::Placed, interruption::Interruption};
+use crate::{colliders::Placed, interruption::Interruption, mat3::length};
 
 /// Gap up to which bodies touch, and depth that is left alone [cells].
 pub(super) const TOUCH: f64 = 1e-3;
@@ -62,6 +62,15 @@ impl Actor<'_> {
     /// Steps that its turn of `dt` [s] under a torque [N m] takes.
     pub fn turn_steps(&self, torque: Vec3, dt: f64) -> f64 {
         self.body.turn_steps(&self.shape.inertia, torque, dt)
+    }
+
+    /// How deep a place is in it [m], < 0 outside.
+    pub fn depth(&self, x: Vec3) -> f64 {
+        let beyond = length(sub(x, self.body.com)) - self.shape.radius;
+        match beyond < 0.0 {
+            true => -self.shape.distance(self.body.inverse_point(x)),
+            false => -beyond,
+        }
     }
 }
 

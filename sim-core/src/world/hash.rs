@@ -149,5 +149,9 @@ fn hash_solids(hash: &mut Xxh3, state: &State) {
             hash.update(bytes_of(&grip.with));
             hash.update(bytes_of(&grip.stretch));
         }
+        for overlap in &solid.overlaps.all {
+            hash.update(bytes_of(&[overlap.point, overlap.with]));
+            hash.update(bytes_of(&[overlap.depth, overlap.speed]));
+        }
     }
 }

@@ -354,6 +354,11 @@ impl World {
         let (nodes, springs) = (state.nodes.len(), state.springs.len());
         count("blocks of nodes", nodes, model.grid.node_blocks.len())?;
         count("springs", springs, model.surface.points.len())?;
+        if !state.overlaps.are_sound(springs) {
+            let reason =
+                format!("object {object} was put into something by points that it has not");
+            return Err(inconsistent(reason));
+        }
         count(
             "blocks of points",
             state.memory.len(),

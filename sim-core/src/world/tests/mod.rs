@@ -11,6 +11,7 @@ mod flowing;
 mod grab;
 mod held;
 mod holding;
+mod inside;
 mod interrupted;
 mod laws;
 mod materials;

@@ -1,0 +1,154 @@
+//! Solids that are put where something is already: depth that no motion came to holds no energy.
+//!
+//! What a point is in when its solid is put there presses on it from that depth on, as if its surface lay there. That depth gets less as
+//! the point comes out, and at a limited speed besides, so that what overlaps is led apart.
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    advance::Solid,
+    bonds::{TOUCH, binds},
+    contact::ContactSurface,
+    grip::Grip,
+};
+use crate::{bodies::actor::Actor, colliders::Placed};
+
+/// Rate of the way back, which is that of a pendulum with critical damping let go [1/s]: what follows is not hit, and does not jump where
+/// things weigh, as it slows down by less than gravity would up to two decimetres.
+const RATE: f64 = 8.0;
+/// Largest speed of it, over that of sound: what follows is strained by as much.
+const FASTEST: f64 = 0.01;
+/// Depth from which on it goes on at one speed, so that it ends [cells].
+const LAST: f64 = 0.1;
+/// Depth beyond it from which on it stays as it is: what cannot get out is not pressed harder and harder [cells].
+const HARD: f64 = 0.25;
+
+/// A point of a solid that was put into something.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Overlap {
+    /// Its number.
+    pub point: u32,
+    /// What it is in, as a [`Grip`] names it.
+    pub with: u32,
+    /// Depth up to which that does not press on it [m].
+    pub depth: f64,
+    /// How fast that gets less [m/s].
+    pub speed: f64,
+}
+
+/// All such points of a solid.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Overlaps {
+    /// Whether they have yet to be looked for: the solid was put where it is.
+    pub are_due: bool,
+    /// By point, then by what it is in.
+    pub all: Vec<Overlap>,
+}
+
+/// What points of a solid may be in.
+pub(crate) struct Others<'a> {
+    pub colliders: &'a [Placed<'a>],
+    pub bodies: &'a [Actor<'a>],
+    /// Numbers of the bodies in the scene.
+    pub objects: &'a [usize],
+}
+
+impl Others<'_> {
+    /// All that presses on points, as grips name it, ascending; what binds holds them where they are.
+    fn pressing(&self) -> Vec<u32> {
+        let walls = self.colliders.iter().filter(|placed| !binds(placed));
+        let walls = walls.map(|placed| placed.id as u32);
+        let objects = self.objects.iter().map(|&object| Grip::on_object(object));
+        let mut all: Vec<u32> = walls.chain(objects).collect();
+        all.sort_unstable();
+        all
+    }
+
+    /// How deep a place is in one of them [m], < 0 outside.
+    fn depth(&self, x: [f64; 3], with: u32) -> f64 {
+        let mut walls = self.colliders.iter();
+        if let Some(wall) = walls.find(|placed| placed.id as u32 == with) {
+            return -wall.distance(x).value;
+        }
+        let mut bodies = self.bodies.iter().zip(self.objects);
+        let body = bodies.find(|(_, object)| Grip::on_object(**object) == with);
+        body.map_or(f64::NEG_INFINITY, |(actor, _)| actor.depth(x))
+    }
+}
+
+impl Overlaps {
+    /// Of a solid that was put where it is.
+    pub const DUE: Self = Self {
+        are_due: true,
+        all: vec![],
+    };
+
+    /// Depth up to which something does not press on a point [m].
+    #[inline(always)]
+    pub fn depth(&self, point: usize, with: u32) -> f64 {
+        if self.all.is_empty() {
+            return 0.0;
+        }
+        let place = |one: &Overlap| (one.point, one.with);
+        let found = self.all.binary_search_by_key(&(point as u32, with), place);
+        found.map_or(0.0, |n| self.all[n].depth)
+    }
+
+    /// Whether they are of so many points, in order, and depths are lengths.
+    pub fn are_sound(&self, points: usize) -> bool {
+        let place = |one: &Overlap| (one.point, one.with);
+        let is_sound = |one: &Overlap| {
+            let numbers = [one.depth, one.speed];
+            let are_sound = numbers.iter().all(|x| x.is_finite() && *x >= 0.0);
+            (one.point as usize) < points && are_sound
+        };
+        self.all.iter().all(is_sound) && self.all.is_sorted_by(|a, b| place(a) < place(b))
+    }
+}
+
+impl Solid<'_> {
+    /// Looks for overlaps where the solid was put; lets those that are known go back as they do in `moved` [s].
+    pub(crate) fn relax_overlaps(
+        &mut self,
+        surface: &ContactSurface,
+        others: &Others<'_>,
+        moved: f64,
+    ) {
+        let mut overlaps = std::mem::take(&mut self.state.overlaps);
+        if std::mem::take(&mut overlaps.are_due) {
+            overlaps.all = self.find_overlaps(surface, others);
+        }
+        let (dx, fastest) = (self.model.dx, FASTEST * self.sound_at_rest());
+        overlaps.all.retain_mut(|one| {
+            let now = others.depth(self.place(surface, one.point as usize), one.with);
+            let pull = RATE * (RATE * one.depth.max(LAST * dx) - 2.0 * one.speed);
+            one.speed = match now - one.depth > HARD * dx {
+                true => 0.0,
+                false => (one.speed + moved * pull).clamp(0.0, fastest),
+            };
+            // What comes out faster is not pushed besides.
+            one.depth = match now < one.depth {
+                true => now,
+                false => one.depth - moved * one.speed,
+            };
+            one.depth > 0.0
+        });
+        self.state.overlaps = overlaps;
+    }
+
+    fn find_overlaps(&self, surface: &ContactSurface, others: &Others<'_>) -> Vec<Overlap> {
+        let (pressing, mut found) = (others.pressing(), vec![]);
+        let clusters = surface.clusters.iter();
+        for point in clusters.flat_map(|cluster| cluster.points.clone()) {
+            let x = self.place(surface, point);
+            let overlaps = pressing.iter().map(|&with| Overlap {
+                point: point as u32,
+                with,
+                depth: others.depth(x, with),
+                speed: 0.0,
+            });
+            found.extend(overlaps.filter(|one| one.depth > TOUCH * self.model.dx));
+        }
+        found
+    }
+}
