@@ -77,8 +77,9 @@ struct Episode {
     lost: f64,
     /// Age until when what is missing of the restitution may be raised.
     deadline: f64,
-    /// Substeps since the last impulse.
+    /// Substeps since the last impulse, and how long they were.
     quiet: u32,
+    since: f64,
     /// Whether it was reported as lasting.
     lasting: bool,
 }
@@ -165,6 +166,7 @@ impl Episodes {
                 e.natural.unwrap_or(f64::NAN),
                 e.lost,
                 e.deadline,
+                e.since,
             ]);
             let numbers = numbers.map(f64::to_bits);
             fields
@@ -187,6 +189,7 @@ impl Episodes {
     ) {
         for episode in &mut self.open {
             episode.age += dt;
+            episode.since += dt;
             episode.quiet += 1;
             for a in 0..3 {
                 episode.point[a] += dt * episode.drift[a];
@@ -215,6 +218,7 @@ impl Episodes {
                         lost: 0.0,
                         deadline: f64::INFINITY,
                         quiet: 0,
+                        since: 0.0,
                         lasting: false,
                     };
                     self.open.insert(at, begun);
@@ -222,7 +226,7 @@ impl Episodes {
                 }
             };
             let episode = &mut self.open[at];
-            episode.quiet = 0;
+            (episode.quiet, episode.since) = (0, 0.0);
             (episode.natural, episode.deadline) = (None, f64::INFINITY);
             episode.point = point;
             for i in 0..3 {
@@ -240,13 +244,19 @@ impl Episodes {
         }
     }
 
+    /// Whether a pair may be corrected after the substep at hand that asks for it.
+    pub fn is_due(&self, asks: impl Fn([u32; 2]) -> bool) -> bool {
+        let mut open = self.open.iter();
+        open.any(|e| e.has_come_apart() && !e.lasting && asks(e.fields))
+    }
+
     /// Ends the episodes of pairs that parted, with the restitution that is asked. `resting` is the speed below which
-    /// no restitution is given. Adds what it gives to `exchanged`.
+    /// no restitution is given; what is free falls by `gravity`. Adds what it gives to `exchanged`.
     pub fn part(
         &mut self,
         movers: &mut dyn Movers,
         wish: &dyn Fn([u32; 2]) -> RequestedRestitution,
-        resting: f64,
+        (resting, gravity): (f64, [f64; 3]),
         time: f64,
         exchanged: &mut Vec<PairExchange>,
     ) {
@@ -259,7 +269,7 @@ impl Episodes {
                 self.closed
                     .push(episode.close(before, wish(episode.fields).restitution, time));
             }
-            if episode.quiet == 0 || episode.quiet % QUIET != 0 {
+            if !episode.has_come_apart() {
                 return true;
             }
             if episode.lasting {
@@ -279,9 +289,12 @@ impl Episodes {
                 // About to touch again.
                 return true;
             }
-            let natural = *episode.natural.get_or_insert(parting);
+            // What of it they have lost, or gained, since they touched last.
+            let falls = |motion: &RigidMotion| f64::from(u8::from(motion.mass.is_finite()));
+            let fallen = episode.since * (falls(&a) - falls(&b)) * dot(gravity, n);
+            let natural = *episode.natural.get_or_insert(parting + fallen);
             episode.deadline = episode.deadline.min(PATIENCE * episode.age);
-            let mut after = parting;
+            let mut after = parting + fallen;
             let wanted = wish
                 .restitution
                 .filter(|_| wish.solid && parting > 0.0 && before > resting);
@@ -292,7 +305,7 @@ impl Episodes {
                     true => a.vibration + b.vibration,
                     false => 0.0,
                 };
-                let change = correction(e * before, parting, k, available);
+                let change = correction((e * before - fallen).max(0.0), parting, k, available);
                 for (side, motion) in [&a, &b].into_iter().enumerate() {
                     let sign = if side == 0 { -1.0 } else { 1.0 };
                     let impulse = n.map(|n| sign * change.impulse * n);
@@ -324,6 +337,11 @@ impl Episodes {
 }
 
 impl Episode {
+    /// Whether they have touched for so long no more that they may have parted.
+    fn has_come_apart(&self) -> bool {
+        self.quiet > 0 && self.quiet.is_multiple_of(QUIET)
+    }
+
     fn close(&self, before: f64, requested: Option<f64>, time: f64) -> Closed {
         Closed {
             fields: self.fields,

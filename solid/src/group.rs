@@ -144,24 +144,42 @@ impl Members<'_, '_> {
             note_forces(self, &given);
         }
         wholes.take_in(self, &given);
-        self.move_nodes(&placed, (shares, stands), &mut given)?;
+        let (kick, dt, is_due) = (now.kick, now.dt, wholes.are_due());
+        if is_due {
+            // With velocities that are level with positions: what less vibration leaves is then less energy by as much.
+            let level = kick.min(0.5 * moved);
+            self.move_nodes(&placed, [level, 0.0], (shares, stands), &mut given)?;
+            wholes.part(self, &mut given);
+            self.move_nodes(&placed, [kick - level, dt], (shares, true), &mut given)?;
+        } else {
+            self.move_nodes(&placed, [kick, dt], (shares, stands), &mut given)?;
+        }
+        for mover in &mut *self.group {
+            for spring in &mut mover.springs {
+                spring.settle(&mover.solid);
+            }
+        }
         if let Some(peers) = &mut self.peers {
             match now.dt > 0.0 {
                 true => peers.advance(now, &exchange.through(on_bodies, now.dt)),
                 false => peers.push(&exchange.rest(&on_bodies)),
             }
         }
-        wholes.part(self, &mut given);
+        if !is_due {
+            wholes.part(self, &mut given);
+        }
         Ok(given)
     }
 
+    /// Lets forces act for `kick` [s] and nodes move for `drift` [s] after that.
     fn move_nodes(
         &mut self,
         placed: &[Placed<'_>],
+        [kick, drift]: [f64; 2],
         (shares, stands): (&Shares, bool),
         ledger: &mut Ledger,
     ) -> Result<(), usize> {
-        let (outside, [kick, drift]) = (&self.around.outside, [self.now.kick, self.now.dt]);
+        let outside = &self.around.outside;
         let walls = WallsAt {
             placed,
             isa: outside.isa,
@@ -176,9 +194,6 @@ impl Members<'_, '_> {
             }
             let surface = &mover.object.surface;
             mover.solid.bind(surface, &walls, (mover.id, &mut given));
-            for spring in &mut mover.springs {
-                spring.settle(&mover.solid);
-            }
             Ok(given)
         });
         for given in moved {
@@ -306,6 +321,11 @@ fn meet_outside(
     let near = near.filter(|p| mover.colliders.contains(&p.id));
     let near: Vec<Placed<'_>> = near.map(|p| p.against(mover.friction)).collect();
     let surface = &mover.object.surface;
+    let others = Others {
+        colliders: &near,
+        ..*outside
+    };
+    mover.solid.relax_overlaps(surface, &others, times[0]);
     mover.solid.hold_faces(surface, &mover.faces);
     mover
         .solid
@@ -321,11 +341,6 @@ fn meet_bodies(
     [moved, kick]: [f64; 2],
     ledger: &mut Ledger,
 ) -> Vec<Wrench> {
-    let others = Others {
-        colliders: &near,
-        ..*outside
-    };
-    mover.solid.relax_overlaps(surface, &others, times[0]);
     let mut on_bodies = vec![Wrench::default(); peers.actors().len()];
     for mover in group {
         for (n, (actor, &body)) in peers.actors().iter().zip(peers.objects()).enumerate() {

@@ -70,18 +70,26 @@ impl Wholes<'_> {
         self.episodes.take_in(members, &exchanged, [0.0; 3], kick);
     }
 
-    /// Lets pairs part that have come apart, after a substep.
+    /// Whether a pair may part with a restitution that is asked.
+    pub(super) fn are_due(&self) -> bool {
+        let asks = |pair| (self.wish)(pair).restitution.is_some();
+        self.episodes.is_due(asks)
+    }
+
+    /// Lets pairs part that have come apart.
     pub(super) fn part(&mut self, members: &mut Members<'_, '_>, given: &mut Ledger) {
         if self.episodes.pairs().next().is_none() {
             return;
         }
         let now = members.now;
         // Twice what gravity adds in a substep: what rests does not bounce.
-        let resting = 2.0 * length(members.around.outside.gravity) * now.kick;
+        let gravity = members.around.outside.gravity;
+        let resting = 2.0 * length(gravity) * now.kick;
         let mut parted = vec![];
         let end = now.time + now.dt;
+        let falling = (resting, gravity);
         self.episodes
-            .part(members, self.wish, resting, end, &mut parted);
+            .part(members, self.wish, falling, end, &mut parted);
         for ([object, other], received) in parted {
             let other = match other.checked_sub(COLLIDERS) {
                 None => ContactPartner::Object(other as usize),

@@ -117,7 +117,8 @@ pub(crate) fn meet(
     episodes.part(
         &mut fields,
         meeting.wish,
-        resting,
+        // Both fall.
+        (resting, [0.0; 3]),
         meeting.time,
         &mut exchanged,
     );
