@@ -158,8 +158,8 @@ impl Movers for Members<'_, '_> {
     }
 }
 
-/// Motion of a solid as a whole [kg, m, s].
-fn motion_of(state: &SolidState, model: &SolidModel) -> Option<RigidMotion> {
+/// Motion of a solid as a whole [kg, m, s], none where it has no extent: spin is that with which its nodes have their angular momentum.
+pub fn motion_of(state: &SolidState, model: &SolidModel) -> Option<RigidMotion> {
     // Sums of squares are exact enough about a place amid it.
     let origin = state.position(model, model.nodes().next()?);
     let mut sums = [0.0; SUMS];

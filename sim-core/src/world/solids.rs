@@ -5,7 +5,7 @@ use crate::{
     mat3::cross,
     moments::object_shape,
     report::ObjectState,
-    solid::{nodes::NODES, state::SolidState},
+    solid::{nodes::NODES, state::SolidState, wholes::motion_of},
     substep::laws_of,
 };
 
@@ -220,9 +220,12 @@ impl World {
         let orbit = cross(com, sums.momentum);
         let angular_momentum = std::array::from_fn(|a| sums.angular[a] - orbit[a]);
         let shape = object_shape(&arrays, &bodies, self.model.scene.dx, angular_momentum);
+        // Nodes have more inertia than the matter between them: with that of particles it would be said to spin too fast.
+        let spin = motion_of(state, &solid.grid).map(|motion| motion.spin);
         Some(ObjectState {
             mass,
             com,
+            angular_velocity: spin.unwrap_or(shape.angular_velocity),
             linear_velocity: sums.momentum.map(|p| p / mass),
             angular_momentum,
             kinetic_energy: sums.kinetic,
