@@ -40,11 +40,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     match args.json {
         true => say!("{}", serde_json::to_string(&report)?)?,
         false => say!(
-            "{}: {:.1} MB of {:.1} MB, a {:.2}th; {} frames, {} messages compared",
+            "{}: {:.1} MB of {:.1} MB, {:.0} % of it; {} frames, {} messages compared",
             report.output.display(),
             report.bytes_after as f64 / 1e6,
             report.bytes_before as f64 / 1e6,
-            report.ratio,
+            100.0 / report.ratio,
             report.frames,
             report.messages
         )?,

@@ -170,9 +170,10 @@ fn participant(text: &str, terms: Terms) -> anyhow::Result<(String, Option<Terms
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let stop = signals::stop_flag()?;
     args.how.check()?;
+    // Nothing has begun while a scene is loaded: until then a signal ends the process at once, however long that takes.
     let scene = load_scene(&args.scene)?;
+    let stop = signals::stop_flag()?;
     serve_scene(scene, args.restore.clone(), &args.how, &stop)
 }
 

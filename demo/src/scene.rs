@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use cosplat_scene::{
-    assets,
+    assets, files,
     load::load_text,
     scene_file::{Axis, DropOptions, SceneFile, View, drop_scene},
 };
@@ -55,7 +55,8 @@ fn dropped(splat: &Path, up: Option<&str>, scene: &Path) -> anyhow::Result<(Stri
     let name = splat
         .to_str()
         .with_context(|| format!("{} is not UTF-8, rename it", splat.display()))?;
-    let bytes = std::fs::read(&splat).with_context(|| format!("cannot read {name}"))?;
+    let content = files::read(&splat, files::LARGEST_DATA);
+    let bytes = content.with_context(|| format!("cannot read {name}"))?;
     let (gaussians, _) = assets::read(name, &bytes)?;
     let options = DropOptions {
         up: up.map(axis).transpose()?,

@@ -2,11 +2,12 @@
 //!
 //! Reading order is execution order: an asset is read, a scene file is parsed, objects are filled with particles and
 //! Gaussians bound to them; a summary and a diagram tell what came of it.
-//! [`load`] alone opens files; nothing here prints, and nothing knows how a scene is stepped.
+//! [`load`] alone opens files, with [`files`]; nothing here prints, and nothing knows how a scene is stepped.
 
 pub mod assets;
 pub mod binding;
 pub mod diagram;
+pub mod files;
 pub mod fill;
 pub mod load;
 pub mod materials;

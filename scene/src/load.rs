@@ -4,7 +4,7 @@ use std::{
     cell::RefCell,
     collections::BTreeMap,
     error::Error,
-    fs, io,
+    io,
     path::{Path, PathBuf},
 };
 
@@ -18,7 +18,8 @@ use crate::{
         self, Gaussians, ReadReport,
         objects::{Objects, ObjectsError},
     },
-    scene_file::{BuildReport, SceneErrors, SceneFile, build_with_files},
+    files,
+    scene_file::{BuildReport, SceneErrors, SceneFile, build_with_files, count_of_errors},
     settings::{self, SettingError},
     sources::{HeldFile, SourceFile, SourceKind},
 };
@@ -51,7 +52,7 @@ pub enum LoadError {
         cause: io::Error,
     },
     /// The file is read and wrong.
-    #[error("{} has {} error(s):\n{errors}", path.display(), errors.0.len())]
+    #[error("{} has {}:\n{errors}", path.display(), count_of_errors(errors.0.len()))]
     Scene {
         /// The scene file.
         path: PathBuf,
@@ -92,7 +93,7 @@ pub fn load_scene(path: &Path) -> Result<LoadedScene, LoadError> {
 /// # Errors
 /// As [`load_scene`], or when a setting cannot be made.
 pub fn load_scene_with(path: &Path, settings: &[String]) -> Result<LoadedScene, LoadError> {
-    let text = fs::read_to_string(path).map_err(|cause| LoadError::Read {
+    let text = files::read_text(path).map_err(|cause| LoadError::Read {
         path: path.into(),
         cause,
     })?;
@@ -111,7 +112,7 @@ pub fn load_text(text: String, path: &Path) -> Result<LoadedScene, LoadError> {
     let file = parse(&text, path)?;
     build(text, file, path, &|name| {
         let path = folder.join(name);
-        let content = fs::read(&path);
+        let content = files::read(&path, files::LARGEST_DATA);
         (path, content)
     })
 }
@@ -230,6 +231,8 @@ fn read_objects(
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use cosplat_sim_core::scene::ColliderShape;
 
     use super::*;
@@ -372,6 +375,23 @@ scale = 2
         fs::write(folder.path().join("ramp.obj"), "nonsense").expect("written");
         let error = load_scene(&path).expect_err("no OBJ").to_string();
         assert!(error.contains("ramp.obj: 0 triangles"), "{error}");
+    }
+
+    #[test]
+    fn what_is_no_plain_file_is_refused_by_name() {
+        let folder = folder();
+        let path = folder.path().join("scene.toml");
+        let mesh = "[[colliders]]\nname = \"ramp\"\nshape = \"mesh\"\npath = \"/dev/zero\"\n";
+        for text in [
+            TEXT.replace("assets/vase.ply", "/dev/zero"),
+            TEXT.replace("path = \"assets/vase.ply\"", "builtin = \"vase\"") + mesh,
+        ] {
+            fs::write(&path, &text).expect("written");
+            let error = load_scene(&path).expect_err("a device").to_string();
+            assert!(error.contains("/dev/zero: a device"), "{error}");
+        }
+        let error = load_scene(Path::new("/dev/zero")).expect_err("a device");
+        assert!(error.to_string().contains("a plain file"), "{error}");
     }
 
     #[test]

@@ -113,9 +113,27 @@ impl Place<'_> {
             let table = table.ok_or_else(|| self.plain(depth + 2))?;
             return self.put(table, depth + 2, value);
         }
+        self.write_out(depth, item);
         let table = item.as_table_like_mut();
         let table = table.ok_or_else(|| self.plain(depth + 1))?;
         self.put(table, depth + 1, value)
+    }
+
+    /// Makes the table of a text that stands for one with a single key: a name of a material for its preset.
+    fn write_out(&self, depth: usize, item: &mut Item) {
+        let key = match self.path[depth] {
+            "material" => "preset",
+            "split" => "by",
+            _ if depth == 1 && self.path[0] == "materials" => "preset",
+            _ => return,
+        };
+        let Some(Value::String(text)) = item.as_value() else {
+            return;
+        };
+        let mut table = InlineTable::new();
+        table.insert(key, text.value().as_str().into());
+        *table.decor_mut() = text.decor().clone();
+        *item = Item::Value(table.into());
     }
 
     fn index(&self, depth: usize) -> Option<usize> {
@@ -194,6 +212,36 @@ preset = \"jelly\"
         // Lines do not move, so that messages still name those of the file.
         let text = set(&["dx=0.05"]).expect("a setting");
         assert_eq!(text.lines().count(), TEXT.lines().count());
+    }
+
+    #[test]
+    fn a_text_that_stands_for_a_table_takes_more_keys() {
+        let text = "[[objects]]\nmaterial = \"jelly\" # soft\nsplit = \"components\"\n\
+                    [[objects.regions]]\nmaterial = \"rubber\"\n[materials]\nsoft = \"jelly\"\n";
+        for (setting, line) in [
+            (
+                "objects.0.material.poisson_ratio=0.45",
+                "material = { preset = \"jelly\", poisson_ratio = 0.45 } # soft",
+            ),
+            (
+                "objects.0.regions.0.material.density_kg_m3=900",
+                "material = { preset = \"rubber\", density_kg_m3 = 900 }",
+            ),
+            (
+                "objects.0.split.min_gaussians=5",
+                "split = { by = \"components\", min_gaussians = 5 }",
+            ),
+            (
+                "materials.soft.density_kg_m3=900",
+                "soft = { preset = \"jelly\", density_kg_m3 = 900 }",
+            ),
+        ] {
+            let set = apply(text, &[setting.into()]).unwrap_or_else(|e| panic!("{e}"));
+            assert!(set.lines().any(|found| found == line), "{set}");
+            assert_eq!(set.lines().count(), text.lines().count());
+        }
+        let error = apply(text, &["objects.0.material.poisson_ratio.x=1".into()]);
+        assert!(error.is_ok(), "its reader refuses it: {error:?}");
     }
 
     #[test]

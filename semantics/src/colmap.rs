@@ -73,8 +73,14 @@ pub fn read(folder: &Path) -> Result<Vec<View>, SemanticsError> {
     let is_binary = folder.join("cameras.bin").is_file();
     let form = if is_binary { Form::Binary } else { Form::Text };
     let [cameras, images] = form.files(folder);
-    let load = |path: &Path| std::fs::read(path).map_err(SemanticsError::read(path));
-    parse(folder, form, [&load(&cameras)?, &load(&images)?])
+    parse(
+        folder,
+        form,
+        [
+            &SemanticsError::content(&cameras)?,
+            &SemanticsError::content(&images)?,
+        ],
+    )
 }
 
 /// As [`read`], from the bytes of the files of cameras and of pictures in `folder`.

@@ -52,7 +52,7 @@ pub fn read(path: &Path) -> Result<DenseMap, SemanticsError> {
              PICTURE.pt PICTURE.npy",
         ));
     }
-    let bytes = std::fs::read(path).map_err(SemanticsError::read(path))?;
+    let bytes = SemanticsError::content(path)?;
     parse(path, &bytes)
 }
 

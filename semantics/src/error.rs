@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use cosplat_scene::files;
+
 /// Why views, masks or a file of objects are refused.
 #[derive(Debug, thiserror::Error)]
 pub enum SemanticsError {
@@ -67,6 +69,11 @@ impl SemanticsError {
             path: path.to_owned(),
             why: why.into(),
         }
+    }
+
+    /// The content of a file of data.
+    pub(crate) fn content(path: &Path) -> Result<Vec<u8>, Self> {
+        files::read(path, files::LARGEST_DATA).map_err(Self::read(path))
     }
 
     pub(crate) fn read(path: &Path) -> impl FnOnce(std::io::Error) -> Self + use<> {

@@ -10,6 +10,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use cosplat_scene::files;
+
 use crate::{Evidence, MaskMap, SemanticsError, lift::Labels, npy, objects::Vectors};
 
 /// End of the names of LangSplat's masks.
@@ -46,9 +48,15 @@ pub fn is_proposals(path: &Path) -> bool {
 /// # Errors
 /// When a file cannot be read or is no such array.
 pub fn read_proposals(path: &Path, level: usize) -> Result<(MaskMap, Vectors), SemanticsError> {
-    let read = |path: &Path| std::fs::read(path).map_err(SemanticsError::read(path));
     let file = vectors_of(path);
-    parse_proposals(path, [&read(path)?, &read(&file)?], level)
+    parse_proposals(
+        path,
+        [
+            &SemanticsError::content(path)?,
+            &SemanticsError::content(&file)?,
+        ],
+        level,
+    )
 }
 
 /// The file of the vectors of LangSplat's masks.
@@ -235,7 +243,7 @@ pub fn read(path: &Path) -> Result<MaskMap, SemanticsError> {
                 .into(),
         ));
     }
-    let bytes = std::fs::read(path).map_err(SemanticsError::read(path))?;
+    let bytes = SemanticsError::content(path)?;
     match path.extension().is_some_and(|e| e == "npy") {
         true => parse_array(path, &bytes),
         false => parse_picture(path, &bytes),
@@ -313,7 +321,7 @@ pub fn parse_picture(path: &Path, bytes: &[u8]) -> Result<MaskMap, SemanticsErro
 /// When that file cannot be read or says something else.
 pub fn names(folder: &Path, count: usize) -> Result<Vec<String>, SemanticsError> {
     let path = folder.join("names.json");
-    let given: BTreeMap<String, String> = match std::fs::read_to_string(&path) {
+    let given: BTreeMap<String, String> = match files::read_text(&path) {
         Ok(text) => serde_json::from_str(&text).map_err(|error| {
             SemanticsError::format(&path, format!("expected {{\"1\": \"name\"}}: {error}"))
         })?,
@@ -351,6 +359,24 @@ mod tests {
         encoder.set_depth(depth);
         let mut writer = encoder.write_header().expect("a header");
         writer.write_image_data(data).expect("written");
+    }
+
+    #[test]
+    fn what_is_no_plain_file_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let link = |name: &str| {
+            let path = folder.path().join(name);
+            std::os::unix::fs::symlink("/dev/zero", &path).expect("linked");
+            path
+        };
+        let said = |error: SemanticsError| {
+            let words = error.to_string();
+            assert!(words.contains("expected a plain file"), "{words}");
+        };
+        said(read(&link("a.png")).expect_err("a device"));
+        said(read(&link("a.npy")).expect_err("a device"));
+        link("names.json");
+        said(names(folder.path(), 1).expect_err("a device"));
     }
 
     #[test]

@@ -58,7 +58,7 @@ impl Words {
     /// # Errors
     /// When it cannot be read or has something else in it.
     pub fn read(path: &Path) -> Result<Self, SemanticsError> {
-        let bytes = std::fs::read(path).map_err(SemanticsError::read(path))?;
+        let bytes = SemanticsError::content(path)?;
         Self::parse(&bytes).map_err(|why| SemanticsError::format(path, why))
     }
 

@@ -78,7 +78,7 @@ impl Tree {
     /// # Errors
     /// When it cannot be read, is damaged, or belongs to another asset.
     pub fn read(path: &Path, asset_hash: u64, rows: usize) -> Result<Self, SemanticsError> {
-        let bytes = std::fs::read(path).map_err(SemanticsError::read(path))?;
+        let bytes = SemanticsError::content(path)?;
         Self::parse(&bytes, asset_hash, rows).map_err(|why| SemanticsError::format(path, why))
     }
 

@@ -27,6 +27,7 @@ use cosplat_pacing::{
     steering::Permission,
 };
 use cosplat_scene::{
+    files,
     load::LoadedScene,
     sources::{SourceFile, SourceKind},
 };
@@ -230,7 +231,8 @@ pub fn serve(
 
 /// Has `world` begin with the checkpoint at `path`.
 fn restore(world: &mut World, path: &Path) -> Result<SourceFile, ServeError> {
-    let bytes = fs::read(path).map_err(|cause| ServeError::ReadCheckpoint {
+    let content = files::read(path, files::LARGEST_DATA);
+    let bytes = content.map_err(|cause| ServeError::ReadCheckpoint {
         path: path.into(),
         cause,
     })?;

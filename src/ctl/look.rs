@@ -81,7 +81,7 @@ pub fn status(domain: &Domain, args: &Args, timeout: Duration) -> anyhow::Result
         say!("{}", status_json(&status))?;
     } else {
         say!(
-            "{} at step {}, {:.3} s simulated: {:.1} steps/s, {:.2} x real time, dt {:.3e} s\n\
+            "{} at step {}, {:.3} s simulated: {:.1} steps/s, {:.2} x real time, {}\n\
              energy {:.4} J kinetic, {:.4} J elastic, {:.4} J potential\n\
              {} frames published, {} skipped; {} commands accepted, {} refused; {} particles left, {} quarantined",
             state_name(&status),
@@ -89,7 +89,7 @@ pub fn status(domain: &Domain, args: &Args, timeout: Duration) -> anyhow::Result
             status.sim_time,
             status.steps_per_second,
             status.real_time_factor,
-            status.dt,
+            substep(&status),
             status.kinetic_energy,
             status.elastic_energy,
             status.potential_energy,
@@ -102,6 +102,14 @@ pub fn status(domain: &Domain, args: &Args, timeout: Duration) -> anyhow::Result
         )?;
     }
     Ok(())
+}
+
+/// The substep of the latest frame; where everything rests there is none.
+fn substep(status: &Status) -> String {
+    match status.dt > 0.0 {
+        true => format!("dt {:.3e} s", status.dt),
+        false => "no substeps".into(),
+    }
 }
 
 fn state_name(status: &Status) -> &'static str {

@@ -66,7 +66,7 @@ fn a_bad_scene_file_ends_with_status_2_and_every_error() {
         assert!(output.stdout.is_empty(), "{command}");
         let errors = String::from_utf8_lossy(&output.stderr);
         for words in [
-            "scene.toml has 2 error(s)",
+            "scene.toml has 2 errors",
             "line 2, column 6: dx:",
             "line 6, column 12: objects[0].material:",
             "did you mean `jelly`?",

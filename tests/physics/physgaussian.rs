@@ -122,7 +122,7 @@ fn a_bad_configuration_ends_with_status_2_and_every_error() {
     assert_eq!(output.status.code(), Some(2));
     let errors = String::from_utf8_lossy(&output.stderr);
     for words in [
-        "has 2 error(s)",
+        "has 2 errors",
         "nu: is 0.7, expected 0 to 0.5",
         "E: is a list of 1, expected a number",
     ] {

@@ -127,7 +127,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .flat_map(|(group, rows, _)| rows.iter().filter_map(|row| row.surprise(group.name)))
         .collect();
     if !surprises.is_empty() {
-        bail!("{} surprise(s):\n{}", surprises.len(), surprises.join("\n"));
+        bail!(
+            "surprises, {} of them:\n{}",
+            surprises.len(),
+            surprises.join("\n")
+        );
     }
     Ok(())
 }

@@ -5,7 +5,11 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use cosplat_scene::assets::{self, AssetError};
+use cosplat_scene::{
+    assets::{self, AssetError},
+    files,
+    scene_file::count_of_errors,
+};
 
 use crate::{ImportErrors, Imported, Options, import};
 
@@ -38,7 +42,7 @@ pub enum ImportError {
         path: PathBuf,
     },
     /// The configuration is read and wrong.
-    #[error("{} has {} error(s):\n{errors}", path.display(), errors.0.len())]
+    #[error("{} has {}:\n{errors}", path.display(), count_of_errors(errors.0.len()))]
     Config {
         /// The configuration.
         path: PathBuf,
@@ -74,9 +78,9 @@ pub fn import_files(
         let path = path.to_owned();
         move |cause| ImportError::File { what, path, cause }
     };
-    let text = fs::read_to_string(config).map_err(failed("read", config))?;
+    let text = files::read_text(config).map_err(failed("read", config))?;
     let ply = find_model(model)?;
-    let bytes = fs::read(&ply).map_err(failed("read", &ply))?;
+    let bytes = files::read(&ply, files::LARGEST_DATA).map_err(failed("read", &ply))?;
     let (gaussians, _) = assets::read(&ply.display().to_string(), &bytes)?;
     fs::create_dir_all(out).map_err(failed("make", out))?;
     let stem = config.file_stem().unwrap_or_default();

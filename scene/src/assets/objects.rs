@@ -14,6 +14,7 @@ use half::f16;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use super::tensors;
+use crate::files;
 
 /// Version of the format.
 const VERSION: &str = "1";
@@ -255,7 +256,7 @@ impl Objects {
     /// # Errors
     /// When it cannot be read, is damaged, or belongs to another asset.
     pub fn read(path: &Path, asset_hash: u64, rows: usize) -> Result<Self, ObjectsError> {
-        let bytes = std::fs::read(path).map_err(|cause| ObjectsError::Read {
+        let bytes = files::read(path, files::LARGEST_DATA).map_err(|cause| ObjectsError::Read {
             path: path.to_owned(),
             cause,
         })?;

@@ -64,6 +64,14 @@ impl SceneErrors {
     }
 }
 
+/// A number of errors in words: `1 error`, `4 errors`.
+pub fn count_of_errors(count: usize) -> String {
+    match count {
+        1 => "1 error".into(),
+        _ => format!("{count} errors"),
+    }
+}
+
 impl fmt::Display for SceneErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, finding) in self.0.iter().enumerate() {

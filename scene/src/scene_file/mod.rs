@@ -39,7 +39,7 @@ pub(crate) use edit::{append, bounds_of};
 pub use build::{Load, LoadMesh, LoadObjects, build, build_with_files};
 pub use contact::ContactSpec;
 pub use drop::{DropOptions, drop_scene, guess_up};
-pub use error::{At, Finding, SceneErrors};
+pub use error::{At, Finding, SceneErrors, count_of_errors};
 pub use quality::{Quality, QualityNumbers};
 pub use report::{AssetReport, BuildReport};
 pub use spec::*;

@@ -1,8 +1,13 @@
 //! From files to what a view shows: the picture that was taken, and what its pixels belong to.
 
-use std::{fs::File, io::BufReader, path::Path};
+use std::{io::BufReader, path::Path};
+
+use cosplat_scene::files;
 
 use crate::{MaskMap, SemanticsError, View, refine::Observation};
+
+/// Most bytes of a picture's pixels.
+const LARGEST: usize = 1 << 30;
 
 impl View {
     /// The view in a picture whose longer side has at most `longest` pixels.
@@ -43,8 +48,8 @@ impl View {
 /// When the file cannot be read, is no PNG picture, or is of another shape than the view.
 pub fn picture(path: &Path, view: &View, background: [f32; 3]) -> Result<Vec<f32>, SemanticsError> {
     let wrong = |why: String| SemanticsError::format(path, why);
-    let file = File::open(path).map_err(SemanticsError::read(path))?;
-    let limits = png::Limits { bytes: 1 << 30 };
+    let file = files::open(path, files::LARGEST_DATA).map_err(SemanticsError::read(path))?;
+    let limits = png::Limits { bytes: LARGEST };
     let mut decoder = png::Decoder::new_with_limits(BufReader::new(file), limits);
     decoder.set_transformations(png::Transformations::normalize_to_color8());
     let mut reader = decoder.read_info().map_err(|error| {
@@ -52,7 +57,14 @@ pub fn picture(path: &Path, view: &View, background: [f32; 3]) -> Result<Vec<f32
             "no PNG picture ({error}); other formats are converted by `mogrify -format png`"
         ))
     })?;
-    let mut data = vec![0; reader.output_buffer_size().unwrap_or_default()];
+    let length = reader.output_buffer_size().unwrap_or(usize::MAX);
+    if length > LARGEST {
+        let (width, height) = (reader.info().width, reader.info().height);
+        return Err(wrong(format!(
+            "has {width} x {height} pixels, expected at most {LARGEST} bytes of them"
+        )));
+    }
+    let mut data = vec![0; length];
     let info = reader
         .next_frame(&mut data)
         .map_err(|error| wrong(format!("a damaged PNG picture: {error}")))?;
