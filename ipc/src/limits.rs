@@ -7,7 +7,7 @@ use crate::session::{MAX_ATTACHED, MAX_ENDS, MAX_NODES, MAX_SENDERS, MAX_SUBSCRI
 /// Descriptors that a server holds, with a listener for each reader, and some to spare.
 pub(crate) const SERVER_FILES: u64 = 240;
 /// With fewer free descriptors, a step of iceoryx2 may have failed for want of one.
-const FEW_FILES: u64 = 16;
+pub(crate) const FEW_FILES: u64 = 16;
 
 /// A limit on sizes from this on is none that sessions meet [byte].
 const LARGE: u64 = 16 << 30;

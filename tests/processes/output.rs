@@ -176,7 +176,7 @@ fn a_limit_of_file_sizes_ends_a_recording_in_a_sentence() {
 fn a_full_disk_is_said_with_the_name_of_the_file() {
     let stage = Stage::new();
     let scene = stage.path("scene.toml");
-    std::fs::write(&scene, crate::stage::SMALL_SCENE).expect("the stage's folder is writable");
+    std::fs::write(&scene, SMALL_SCENE).expect("the stage's folder is writable");
     let words = ["simulate", "scene.toml", "--duration", "0.1"];
     let output = stage
         .cosplat(&[&words[..], &["--report", "/dev/full"]].concat())
@@ -195,7 +195,7 @@ fn a_full_disk_is_said_with_the_name_of_the_file() {
 fn a_session_that_a_limit_of_file_sizes_keeps_from_being_made_says_so() {
     let stage = Stage::new();
     let scene = stage.path("scene.toml");
-    std::fs::write(&scene, crate::stage::SMALL_SCENE).expect("the stage's folder is writable");
+    std::fs::write(&scene, SMALL_SCENE).expect("the stage's folder is writable");
     for limit in [0, 2, 100] {
         let output = Command::new("sh")
             .arg("-c")
@@ -223,7 +223,7 @@ fn what_a_file_says_cannot_command_the_terminal() {
     let _watchdog = watchdog();
     let stage = Stage::new();
     let name = "\\u001b]0;owned\\u0007ball";
-    let scene = crate::stage::SMALL_SCENE.replacen("left", name, 1);
+    let scene = SMALL_SCENE.replacen("left", name, 1);
     let _server = stage.serve_scene(&scene, &["--paused"]);
     // The answer names the objects that there are.
     let output = stage.ctl(&["push", "nobody", "1", "0", "0"]);

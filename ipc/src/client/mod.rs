@@ -31,6 +31,7 @@ pub use status::{StatusReader, heartbeat_age};
 use crate::{
     Domain, LimitReached, Service,
     domain::other_transports,
+    limits::FEW_FILES,
     list_sessions,
     schema::{Hello, WIRE_VERSION, schema_hash},
     session::{self, HelloService, OpenError, SessionName},
@@ -83,7 +84,7 @@ impl Client {
             if Instant::now() >= deadline {
                 // A connection that fails for want of a descriptor looks like silence.
                 let silence = matches!(error, ConnectError::Timeout { .. });
-                return Err(match LimitReached::behind("").filter(|_| silence) {
+                return Err(match LimitReached::files(FEW_FILES).filter(|_| silence) {
                     Some(limit) => ConnectError::Limit {
                         session: session.as_str().into(),
                         limit,
