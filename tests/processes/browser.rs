@@ -295,6 +295,37 @@ fn a_browser_draws_what_view_draws_and_obeys_keys() {
 }
 
 #[test]
+fn graphics_that_a_browser_lost_come_back() {
+    let _watchdog = watchdog();
+    let page = Page::open(&[]);
+    let Some((browser, client, paused)) = paused_in_browser(&page) else {
+        return;
+    };
+    // As by a driver that begins anew, or a computer that slept.
+    browser.script(
+        "const gl = document.getElementById('view').getContext('webgl2');
+         window.loss = gl.getExtension('WEBGL_lose_context');
+         loss.loseContext();
+         return 0",
+    );
+    let message = "return document.getElementById('message').textContent";
+    browser.wait_for(&format!("{message}.includes('lost its graphics')"));
+    // What comes meanwhile is not forgotten.
+    assert!(page.stage.ctl(&["step"]).status.success());
+    browser.wait_for(&format!("return cosplat.state.step === {}", paused + 1));
+    browser.script("loss.restoreContext(); return 0");
+    browser.wait_for(&format!("{message} === '' && cosplat.isCurrent"));
+    // A selected object is marked for a while.
+    std::thread::sleep(Duration::from_millis(1500));
+    browser.wait_for("return cosplat.isCurrent");
+    assert_alike(&browser, &client, paused + 1);
+    browser.press(".");
+    browser.wait_for(&format!("return cosplat.state.step === {}", paused + 2));
+    browser.wait_for("return cosplat.isCurrent");
+    assert_alike(&browser, &client, paused + 2);
+}
+
+#[test]
 fn the_page_fits_a_desktop_and_a_phone() {
     let _watchdog = watchdog();
     let page = Page::open(&[]);

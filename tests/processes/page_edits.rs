@@ -72,6 +72,44 @@ fn place(browser: &Browser, object: u32) -> [f64; 3] {
 }
 
 #[test]
+fn fields_show_whole_numbers_and_keep_what_nobody_typed() {
+    let _watchdog = watchdog();
+    let Some((_page, browser, _client)) = paused() else {
+        return;
+    };
+    let exact = [-2.29e-17, -0.123_456_789_012_345_6, 0.3 + 1e-16];
+    let told = browser.script(&format!(
+        "const {{ edits }} = cosplat.panel;
+         cosplat.panel.select(0);
+         document.getElementById('panel').hidden = false;
+         cosplat.state.objects[0].figures.com = {exact:?};
+         edits.show();
+         const fields = ['at-x', 'at-y', 'at-z'].map((id) => document.getElementById(id));
+         const shown = fields.map((field) => [field.value, field.scrollWidth - field.clientWidth]);
+         fields[1].value = '0.5';
+         fields[1].dispatchEvent(new Event('input'));
+         const {{ position }} = edits.typed();
+         edits.clear();
+         return [shown, position]"
+    ));
+    for (field, exact) in [0, 1, 2].map(|a| (&told[0][a], exact[a])) {
+        let text = field[0].as_str().expect("a text");
+        let value: f64 = text.parse().expect("a number");
+        assert!(
+            !text.contains('e') && (value - exact).abs() < 1e-4,
+            "{text}"
+        );
+        assert_eq!(field[1], json!(0), "{text} is cut");
+    }
+    for (found, expected) in [0, 1, 2].map(|a| (&told[1][a], [exact[0], 0.5, exact[2]][a])) {
+        let found = found.as_f64().expect("a number");
+        // Readers of JSON may err in the last digit.
+        let error = (found - expected).abs();
+        assert!(error <= 1e-15 * expected.abs(), "{found}, {expected}");
+    }
+}
+
+#[test]
 fn numbers_and_buttons_edit_and_refusals_are_shown() {
     let _watchdog = watchdog();
     let Some((_page, browser, client)) = paused() else {

@@ -5,31 +5,58 @@ import { WIDTH, ROW } from './state.js';
 import { vertex, fragment } from './shaders.js';
 
 const KEYS = 65536;
+const LOST = 'the browser lost its graphics: the picture comes back with them';
 
 /** What is behind all Gaussians, 0..1. */
 export const background = () => document.documentElement.classList.contains('dark') ? [0.1, 0.1, 0.1] : [0.93, 0.93, 0.93];
 
 export class Painter {
-  /** @param {HTMLCanvasElement} canvas */
-  constructor(canvas) {
-    this.canvas = canvas;
+  /** @param {HTMLCanvasElement} canvas @param {(words: string) => void} told when the picture is lost, and when it is to be drawn again */
+  constructor(canvas, told) {
     const gl = canvas.getContext('webgl2', { antialias: false, alpha: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error('this browser has no WebGL2, which the page draws with');
     this.gl = gl;
+    this.counts = new Uint32Array(KEYS);
+    this.state = /** @type {import('./state.js').State | null} */ (null);
+    this.harmonics = /** @type {ArrayBuffer | null} */ (null);
+    this.prepare();
+    canvas.addEventListener('webglcontextlost', (event) => {
+      // Without this the browser never gives it back.
+      event.preventDefault();
+      told(LOST);
+    });
+    canvas.addEventListener('webglcontextrestored', () => {
+      this.prepare();
+      if (this.state) {
+        this.begin(this.state, this.harmonics);
+        this.state.dirty = { rows: [[0, this.state.rows]], paint: true };
+      }
+      told('');
+    });
+  }
+
+  /** Forgets all that a lost context had. */
+  prepare() {
+    const gl = this.gl;
     // Sums of many faint layers want more than 8 bits.
     this.isFine = gl.getExtension('EXT_color_buffer_float') !== null;
-    this.counts = new Uint32Array(KEYS);
     this.size = [0, 0];
     this.fence = /** @type {WebGLSync | null} */ (null);
+    this.textures = /** @type {WebGLTexture[]} */ ([]);
+    this.fine = /** @type {WebGLTexture | null} */ (null);
+    this.copier = /** @type {WebGLProgram | null} */ (null);
+    this.frame = /** @type {WebGLFramebuffer | null} */ (null);
   }
 
   /** @param {import('./state.js').State} state @param {ArrayBuffer | null} harmonics */
   begin(state, harmonics) {
     const gl = this.gl, degree = state.about.sh_degree;
-    this.state = state;
+    [this.state, this.harmonics] = [state, harmonics];
+    // All is made once there is a context again.
+    if (gl.isContextLost()) return;
     this.program = program(gl, vertex(degree), fragment);
     this.at = (/** @type {string} */ name) => gl.getUniformLocation(/** @type {WebGLProgram} */ (this.program), name);
-    for (const former of this.textures ?? []) gl.deleteTexture(former);
+    for (const former of this.textures) gl.deleteTexture(former);
     this.textures = ['packed', 'paint', 'table', 'turns', 'harmonics'].map(() => gl.createTexture());
     this.storage(0, gl.RGBA32UI, WIDTH, state.rows);
     this.storage(1, gl.RG32UI, WIDTH, state.rows);
@@ -57,7 +84,7 @@ export class Painter {
   storage(n, format, width, height) {
     const gl = this.gl;
     gl.activeTexture(gl.TEXTURE0 + n);
-    gl.bindTexture(gl.TEXTURE_2D, (this.textures ?? [])[n]);
+    gl.bindTexture(gl.TEXTURE_2D, this.textures[n]);
     gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
@@ -118,9 +145,10 @@ export class Painter {
     return seen;
   }
 
-  /** Whether the picture before is still being drawn: another would wait behind it. */
+  /** Whether the picture before is still being drawn, or nothing can be: another would wait behind it. */
   get isBusy() {
     const gl = this.gl;
+    if (gl.isContextLost()) return true;
     if (!this.fence) return false;
     const state = gl.clientWaitSync(this.fence, 0, 0);
     if (state === gl.TIMEOUT_EXPIRED) return true;
@@ -160,7 +188,7 @@ export class Painter {
     const gl = this.gl;
     if (this.size[0] !== width || this.size[1] !== height) {
       this.size = [width, height];
-      gl.deleteTexture(this.fine ?? null);
+      gl.deleteTexture(this.fine);
       this.fine = gl.createTexture();
       this.copier ??= program(gl, COPY_VERTEX, COPY_FRAGMENT);
       this.frame ??= gl.createFramebuffer();
@@ -172,7 +200,7 @@ export class Painter {
       gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
       gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.fine, 0);
     }
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame ?? null);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
   }
 
   copy() {

@@ -14,6 +14,8 @@ export class Edits {
     this.selected = selected;
     /** A person has typed a place: it is not written over. */
     this.isTyped = false;
+    /** The place that the fields show [m], of which they have room for some digits. */
+    this.place = /** @type {number[] | null} */ (null);
     /** What the controls show of edits of this page, newest last, and of those that were undone. */
     this.done = /** @type {Shown[]} */ ([]);
     this.undone = /** @type {Shown[]} */ ([]);
@@ -40,15 +42,29 @@ export class Edits {
     const object = this.selected(), isIn = object && isThere(object);
     $('move').disabled = $('remove').disabled = $('model').disabled = !isIn;
     $('bring-in').disabled = !object || isIn;
-    const place = isIn && object.figures.com;
-    if (!this.isTyped) PLACE.forEach((id, a) => { $(id).value = place ? String(place[a]) : ''; });
+    if (this.isTyped) return;
+    this.place = isIn ? object.figures.com ?? null : null;
+    PLACE.forEach((id, a) => {
+      $(id).value = this.place ? figure(this.place[a], this.digits()) : '';
+      $(id).title = this.place ? `${this.place[a]} m` : '';
+    });
   }
 
-  /** Place and turn as typed; what is left empty is kept. */
+  /** Digits behind the point with which a place is shown: a hundred-thousandth of the scene, or two. */
+  digits() {
+    const { low, high } = this.page.state.about;
+    const size = Math.max(...high.map((/** @type {number} */ x, /** @type {number} */ a) => x - low[a]));
+    return Math.min(9, Math.max(0, 4 - Math.floor(Math.log10(size > 0 ? size : 1))));
+  }
+
+  /** Place and turn as typed; what is left empty is kept, and a number that nobody changed is what it was to the last digit. */
   typed() {
     const [place, turn] = [PLACE, TURN].map((ids) => ids.map((id) => $(id).value));
     const pose = /** @type {{ position?: number[], rotation_deg?: number[] }} */ ({});
-    if (this.isTyped && place.every((text) => text !== '')) pose.position = place.map(Number);
+    const own = this.place, digits = this.digits();
+    if (this.isTyped && place.every((text) => text !== '')) {
+      pose.position = place.map((text, a) => (own && text === figure(own[a], digits) ? own[a] : Number(text)));
+    }
     if (turn.some((text) => text !== '')) pose.rotation_deg = turn.map(Number);
     return pose;
   }
@@ -126,6 +142,13 @@ export class Edits {
     this.page.say(`${words} as step ${answer.step} begins${waits}`);
     return answer;
   }
+}
+
+/** A number without an exponent, which a narrow field would cut off: `-2.29e-17` is 0. @param {number} value @param {number} digits */
+function figure(value, digits) {
+  if (!Number.isFinite(value)) return '';
+  const text = value.toFixed(digits);
+  return (text.includes('.') ? text.replace(/\.?0+$/, '') : text).replace(/^-0$/, '0');
 }
 
 /** What controls show before and after an edit.

@@ -43,7 +43,8 @@ const page = {
 function say(text) { $('message').textContent = text; }
 
 let painter = /** @type {Painter | null} */ (null);
-try { painter = new Painter(canvas); } catch (error) { say(String(/** @type {Error} */ (error).message)); }
+const told = (/** @type {string} */ words) => { isDrawn = false; say(words); };
+try { painter = new Painter(canvas, told); } catch (error) { say(String(/** @type {Error} */ (error).message)); }
 const panel = new Panel(page);
 const pointer = new Pointer(page, canvas);
 

@@ -251,7 +251,7 @@ tool('stroke');
 document.documentElement.classList.toggle('dark', matchMedia('(prefers-color-scheme: dark)').matches);
 
 async function begin() {
-  painter = new Painter(canvas);
+  painter = new Painter(canvas, (words) => { isDrawn = false; say(words); });
   const about = await link.scene();
   document.title = `cosplat: ${about.session}`;
   // A row of the table for the colour of each object, with the box of the whole splat and no Gaussians of its own.
