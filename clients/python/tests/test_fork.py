@@ -36,7 +36,8 @@ def refused(use):
 
 def run(script: str, *arguments: str) -> list[str]:
     """Lines of a program with a session's name, whose children end as Python ends."""
-    command = [sys.executable, "-c", PRELUDE + textwrap.dedent(script), *arguments]
+    # From 3.12 on Python warns of forks beside threads, which numpy has.
+    command = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", PRELUDE + textwrap.dedent(script), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""
@@ -108,7 +109,7 @@ def test_a_child_is_told_to_attach_by_itself(session: LaunchedSession) -> None:
         next(loop), session.scene(), session.status(), session.send(Pause()), session.send(Resume())
 
         def act():
-            refused(lambda: frames.next(5))
+            refused(lambda: frames.next(60))
             refused(lambda: frames.at(3))
             refused(lambda: next(loop))
             refused(lambda: session.hello)
@@ -120,11 +121,11 @@ def test_a_child_is_told_to_attach_by_itself(session: LaunchedSession) -> None:
             session.close()
             with cosplat.connect(name) as own:
                 reader = own.frames()
-                print([reader.next(5) is not None for _ in range(3)], own.send(Resume())[0].accepted, flush=True)
+                print([reader.next(60) is not None for _ in range(3)], own.send(Resume())[0].accepted, flush=True)
 
         for _ in range(3):
             in_child(act)
-        print(frames.next(5) is not None)
+        print(frames.next(60) is not None)
         """,
         session.name,
     )
@@ -143,13 +144,13 @@ def test_a_pool_of_forked_processes_attaches_in_each(session: LaunchedSession) -
         frames = session.frames()
 
         def use(_):
-            refused(lambda: frames.next(5))
+            refused(lambda: frames.next(60))
             with cosplat.connect(name) as own:
-                return own.frames().next(5) is not None
+                return own.frames().next(60) is not None
 
         with multiprocessing.get_context("fork").Pool(3) as pool:
             print(all(pool.map(use, range(9))))
-        print(frames.next(5) is not None)
+        print(frames.next(60) is not None)
         """,
         session.name,
     )
@@ -162,7 +163,7 @@ def test_a_daemon_attaches_when_its_parent_has_left(session: LaunchedSession) ->
         """
         session = cosplat.connect(name)
         frames = session.frames()
-        frame = frames.next(5)
+        frame = frames.next(60)
         reading, writing = os.pipe()
         if os.fork():
             sys.exit(0)
@@ -172,9 +173,9 @@ def test_a_daemon_attaches_when_its_parent_has_left(session: LaunchedSession) ->
         # It ends when both of them have left.
         os.close(writing)
         assert os.read(reading, 1) == b""
-        refused(lambda: frames.next(5))
+        refused(lambda: frames.next(60))
         with cosplat.connect(name) as own:
-            print([own.frames().next(5) is not None for _ in range(3)], flush=True)
+            print([own.frames().next(60) is not None for _ in range(3)], flush=True)
         """,
         session.name,
     )
@@ -198,7 +199,7 @@ def test_threads_of_the_parent_do_not_hang_the_child(session: LaunchedSession) -
         for thread in threads:
             thread.start()
         for _ in range(20):
-            in_child(lambda: (refused(lambda: frames.next(5)), refused(lambda: session.send(Pause()))))
+            in_child(lambda: (refused(lambda: frames.next(60)), refused(lambda: session.send(Pause()))))
         stop.set()
         for thread in threads:
             thread.join()

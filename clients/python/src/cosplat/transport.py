@@ -152,7 +152,7 @@ def requests(
     return _opened(builder if answer_header is None else builder.response_header(structure(answer_header)), name)
 
 
-def subscriber(service: Any, depth: int, history: int) -> Any:
+def subscriber(service: Any, depth: int, history: int) -> Belonging:
     """A queue of at most `depth` messages that begins with up to `history` old ones."""
     static = service.static_config
     depth = max(1, min(depth, static.subscriber_max_buffer_size))
@@ -161,17 +161,17 @@ def subscriber(service: Any, depth: int, history: int) -> Any:
         return Belonging(builder.history_request(min(history, static.history_size, depth)).create())
 
 
-def receive(port: Any, stream: str, max_held: int) -> Any:
+def receive(port: Belonging, stream: str, max_held: int) -> Any:
     """The next sample, or None. Raises TooManyHeld when the program holds `max_held` of them."""
     try:
-        return port.receive()
+        return port.native.receive()
     except iox2.ReceiveError as error:
         if "ExceedsMaxBorrows" not in str(error):
             raise TransportFailed(f"cannot read {stream!r}: {error}") from None
     # What is held by nothing but circles of references goes first.
     gc.collect()
     try:
-        return port.receive()
+        return port.native.receive()
     except iox2.ReceiveError:
         raise TooManyHeld(
             f"{max_held} messages of {stream!r} are held already: let go of one, or keep `frame.copy()` in its place"
@@ -256,14 +256,15 @@ class Listener:
 
     def wait(self, timeout: float, wakes: int) -> None:
         """Sleeps until an event comes, for at most `timeout` [s]; not at all when somebody woke since `wakes` was read."""
-        if self._turn.acquire(blocking=False):
+        turn = self._turn.native
+        if turn.acquire(blocking=False):
             try:
                 if self.wakes == wakes:
                     self._listen(timeout)
             finally:
                 with self._woken:
                     self.wakes += 1
-                    self._turn.release()
+                    turn.release()
                     self._woken.notify_all()
         else:
             with self._woken:
@@ -271,21 +272,22 @@ class Listener:
 
     def _listen(self, timeout: float) -> None:
         # A socket takes a timeout that rounds to zero for "for ever".
+        port = self._port.native
         if timeout < 1e-5:
-            self._port.try_wait()
+            port.try_wait()
             return
         duration = _SHORT_WAIT if timeout == _SHORT_WAIT_S else iox2.Duration.from_secs_f64(timeout)
         with contextlib.suppress(iox2.ListenerWaitError):
-            self._port.timed_wait(duration)
+            port.timed_wait(duration)
 
 
-def notifier(service: Any) -> Any:
+def notifier(service: Any) -> Belonging:
     """A port that wakes listeners. Raises TransportFailed when all places are taken."""
     with _said("wake the server"):
         return Belonging(service.notifier_builder().create())
 
 
-def sender(service: Any, max_elements: int) -> Any:
+def sender(service: Any, max_elements: int) -> Belonging:
     """A port for requests of up to `max_elements` elements, with all its memory set aside."""
     builder = service.client_builder().initial_max_slice_len(max_elements)
     with _said("send requests"):
@@ -300,10 +302,10 @@ def sender(service: Any, max_elements: int) -> Any:
     return port
 
 
-def send(port: Any, count: int, elements: bytes, head: bytes) -> Any | None:
+def send(port: Belonging, count: int, elements: bytes, head: bytes) -> Belonging | None:
     """Sends a request of `count` elements and returns what waits for its answer, or None when nobody has room for it."""
     try:
-        request = port.loan_slice_uninit(count)
+        request = port.native.loan_slice_uninit(count)
         if count:
             ctypes.memmove(request.payload_ptr, elements, len(elements))
         ctypes.memmove(request.user_header_ptr, head, len(head))
@@ -315,20 +317,21 @@ def send(port: Any, count: int, elements: bytes, head: bytes) -> Any | None:
     return Belonging(pending) if pending.number_of_server_connections > 0 else None
 
 
-def notify(notifier: Any) -> None:
+def notify(notifier: Belonging) -> None:
     """Wakes the server; a request is seen without it, too."""
     with contextlib.suppress(iox2.NotifierNotifyError):
-        notifier.notify_with_custom_event_id(_REQUEST)
+        notifier.native.notify_with_custom_event_id(_REQUEST)
 
 
-def answer(pending: Any, listener: Listener, timeout: float) -> Any | None:
+def answer(pending: Belonging, listener: Listener, timeout: float) -> Any | None:
     """The response to a request; None when `timeout` [s] passes, or the server lets go of it, without one."""
     deadline = time.monotonic() + timeout
+    native = pending.native
     while True:
         wakes = listener.wakes
         # Asked first: what the server sends before it lets go of the request is there when it has.
-        is_open = pending.is_connected
-        response = pending.receive()
+        is_open = native.is_connected
+        response = native.receive()
         if response is not None:
             return response
         left = deadline - time.monotonic()
