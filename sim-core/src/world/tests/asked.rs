@@ -109,7 +109,9 @@ fn bounce(restitution: f64) -> [f64; 2] {
         fastest = fastest.max(-object.linear_velocity[2]);
         // The last that the floor gives it is what is asked.
         if norm(object.contact_impulse) > 0.02 * object.mass {
-            after = object.linear_velocity[2];
+            // At the height at which it touched; it has risen since.
+            let squared = object.linear_velocity[2].powi(2) + 20.0 * (object.com[2] - 0.2);
+            after = squared.max(0.0).sqrt();
         }
     }
     [fastest, after]
