@@ -289,12 +289,13 @@ impl Episodes {
                 // About to touch again.
                 return true;
             }
-            // What of it they have lost, or gained, since they touched last.
+            // What falls has lost speed since they touched last, by how far it has gone.
             let falls = |motion: &RigidMotion| f64::from(u8::from(motion.mass.is_finite()));
-            let fallen = episode.since * (falls(&a) - falls(&b)) * dot(gravity, n);
-            let natural = *episode.natural.get_or_insert(parting + fallen);
+            let lost = episode.since * (falls(&a) - falls(&b)) * dot(gravity, n);
+            let squares = lost * (2.0 * parting + lost);
+            let natural = *episode.natural.get_or_insert(parting + lost);
             episode.deadline = episode.deadline.min(PATIENCE * episode.age);
-            let mut after = parting + fallen;
+            let mut after = parting + lost;
             let wanted = wish
                 .restitution
                 .filter(|_| wish.solid && parting > 0.0 && before > resting);
@@ -305,7 +306,8 @@ impl Episodes {
                     true => a.vibration + b.vibration,
                     false => 0.0,
                 };
-                let change = correction((e * before - fallen).max(0.0), parting, k, available);
+                let wanted = ((e * before).powi(2) - squares).max(0.0).sqrt();
+                let change = correction(wanted, parting, k, available);
                 for (side, motion) in [&a, &b].into_iter().enumerate() {
                     let sign = if side == 0 { -1.0 } else { 1.0 };
                     let impulse = n.map(|n| sign * change.impulse * n);
@@ -320,7 +322,8 @@ impl Episodes {
                 let received = Received::at(x, normal, size, given);
                 exchanged.push((episode.fields, received));
                 episode.lost += change.lost;
-                after += k * change.impulse;
+                let now = parting + k * change.impulse;
+                after = (now * now + squares).max(0.0).sqrt();
                 reached = !wish.elastic || after >= 0.999 * e * before;
             }
             if !reached && episode.age < episode.deadline {
