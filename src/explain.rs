@@ -12,7 +12,7 @@ use cosplat_scene::{
     diagram::diagram,
     load::{LoadedScene, load_scene_with},
     scene_file::{AssetReport, AssetSource},
-    summary::{Extent, ObjectSummary, SceneSummary, turned, vector},
+    summary::{BodySummary, Extent, ObjectSummary, SceneSummary, turned, vector},
 };
 use cosplat_semantics::show;
 use cosplat_sim_core::World;
@@ -137,7 +137,7 @@ impl fmt::Display for Explanation {
             writeln!(f, "substeps   {count} per frame, dt = {dt:.3e} s{why}")?;
             writeln!(
                 f,
-                "cost       {:.2} million particle-substeps per simulated second, about {:.1} MB",
+                "cost       {:.2} million particle-substeps per simulated second at rest, about {:.1} MB",
                 s.particle_updates_per_second / 1e6,
                 s.memory_bytes as f64 / 1e6
             )?;
@@ -222,23 +222,33 @@ fn object_text(o: &ObjectSummary) -> String {
         b.mass,
         vector(b.com)
     );
-    let _ = writeln!(
-        text,
-        "           {} ({}): E = {:.3e} Pa, nu = {}, rho = {} kg/m^3, sound {:.2} m/s, dt <= {:.3e} s",
+    let _ = writeln!(text, "           {}", material_text(o, b));
+    let on = match (o.solver, &o.why_spatial) {
+        (Some("lagrangian"), _) => {
+            format!("on a grid of its own with {} quadrature points", b.points)
+        }
+        (Some(_), Some(why)) => format!("on the spatial grid: {why}"),
+        (Some(_), None) => "on the spatial grid".to_owned(),
+        (None, _) => "a rigid body: its stiffness limits no substep".to_owned(),
+    };
+    let _ = writeln!(text, "           {on}");
+    text
+}
+
+/// What an object is made of, as far as that matters for how it moves.
+fn material_text(o: &ObjectSummary, b: &BodySummary) -> String {
+    if o.solver.is_none() {
+        return format!("{}: rho = {} kg/m^3", b.material, b.density_kg_m3);
+    }
+    let dt = b.dt.map(|dt| format!(", dt <= {dt:.3e} s"));
+    format!(
+        "{} ({}): E = {:.3e} Pa, nu = {}, rho = {} kg/m^3, sound {:.2} m/s{}",
         b.material,
         b.law,
         b.youngs_modulus_pa,
         b.poisson_ratio,
         b.density_kg_m3,
         b.sound_speed,
-        b.dt
-    );
-    let on = match (o.solver, &o.why_spatial) {
-        (Some("lagrangian"), _) => "on a grid of its own".to_owned(),
-        (Some(_), Some(why)) => format!("on the spatial grid: {why}"),
-        (Some(_), None) => "on the spatial grid".to_owned(),
-        (None, _) => return text,
-    };
-    let _ = writeln!(text, "           {on}");
-    text
+        dt.unwrap_or_default()
+    )
 }

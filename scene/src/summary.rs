@@ -1,7 +1,7 @@
 //! What a scene amounts to, in scene units: sizes, masses, time step, cost.
 
 use cosplat_sim_core::{
-    materials::limits::{DeformationBounds, critical_dt},
+    cost::{ObjectCost, SceneCost},
     scene::{Aabb, Object, Scene},
 };
 use serde::Serialize;
@@ -54,13 +54,13 @@ pub struct SceneSummary {
     pub frame_rate: f64,
     /// Fraction of the stability limit.
     pub cfl: f64,
-    /// Substep that the stiffest object at rest allows, at most a frame [s]; none without simulated objects.
+    /// Shortest substep that an object takes at rest, at most a frame [s]; none without simulated objects.
     pub dt: Option<f64>,
-    /// That object's name; none where the frame is what limits the substep.
+    /// The name of the object that asks for it; none where the frame is what limits the substep.
     pub dt_object: Option<String>,
-    /// Substeps per frame at that `dt`.
+    /// Substeps per frame, the most of any object at rest.
     pub substeps_per_frame: u64,
-    /// Particle-substeps per simulated second [1/s].
+    /// Particles and quadrature points times the substeps of their own solvers at rest, per simulated second [1/s].
     pub particle_updates_per_second: f64,
     /// Particles.
     pub particles: usize,
@@ -78,7 +78,7 @@ pub struct SceneSummary {
     pub pinned_regions: Vec<PinnedSummary>,
     /// Probes, in a sentence each.
     pub probes: Vec<String>,
-    /// How far results are off where the answer is known; none without simulated objects.
+    /// How far results are off where the answer is known; none without matter that deforms.
     pub precision: Option<PrecisionHint>,
 }
 
@@ -129,26 +129,26 @@ pub struct BodySummary {
     pub density_kg_m3: f64,
     /// Speed of pressure waves [m/s].
     pub sound_speed: f64,
-    /// Largest substep at rest, `cfl` included [s].
-    pub dt: f64,
+    /// What its substeps work on: particles, or quadrature points of a grid of its own; 0 of a rigid body, and of what is not yet there.
+    pub points: usize,
+    /// Largest substep that it allows at rest, `cfl` included [s]; none of a rigid body, whose stiffness limits nothing, and of what is
+    /// not yet there.
+    pub dt: Option<f64>,
 }
 
 impl SceneSummary {
     /// Sums a scene up.
     pub fn new(scene: &Scene) -> Self {
+        let cost = SceneCost::at_rest(scene);
         let objects: Vec<ObjectSummary> = scene
             .objects
             .iter()
-            .map(|o| object_summary(scene, o))
+            .zip(&cost.objects)
+            .map(|(object, cost)| object_summary(scene, object, cost.as_ref()))
             .collect();
-        let slowest = objects
-            .iter()
-            .filter_map(|o| Some((o.body.as_ref()?.dt, &o.name)))
-            .min_by(|a, b| a.0.total_cmp(&b.0));
         let frame = 1.0 / scene.frame_rate;
-        let substeps = slowest.map_or(0.0, |(dt, _)| (frame / dt).ceil().max(1.0));
-        // Rigid matter has no limit, and its particles take no steps.
-        let stepped = slowest.is_some_and(|(dt, _)| dt.is_finite());
+        let limits = cost.objects.iter().flatten().map(|object| object.dt);
+        let is_simulated = objects.iter().any(|object| object.body.is_some());
         let particles = scene.particles.position.len();
         let g = &scene.gaussians;
         let per_gaussian = BYTES_PER_GAUSSIAN + 4 * (g.sh_stride() + g.feature_dim as usize);
@@ -158,13 +158,10 @@ impl SceneSummary {
             dx: scene.dx,
             frame_rate: scene.frame_rate,
             cfl: scene.cfl,
-            dt: slowest.map(|s| s.0.min(frame)),
-            dt_object: slowest.filter(|s| s.0 < frame).map(|s| s.1.clone()),
-            substeps_per_frame: substeps as u64,
-            particle_updates_per_second: match stepped {
-                true => substeps * scene.frame_rate * particles as f64,
-                false => 0.0,
-            },
+            dt: is_simulated.then(|| limits.fold(frame, f64::min)),
+            dt_object: cost.limited_by.map(|id| scene.objects[id].name.clone()),
+            substeps_per_frame: cost.substeps,
+            particle_updates_per_second: cost.updates_per_second,
             particles,
             gaussians: g.len(),
             memory_bytes: particles * BYTES_PER_PARTICLE + g.len() * per_gaussian,
@@ -180,7 +177,7 @@ impl SceneSummary {
     }
 }
 
-fn object_summary(scene: &Scene, object: &Object) -> ObjectSummary {
+fn object_summary(scene: &Scene, object: &Object, cost: Option<&ObjectCost>) -> ObjectSummary {
     let centers = &scene.gaussians.position[object.gaussians.clone()];
     let gaussian_box = bounds_of(centers.iter().map(|p| p.map(f64::from)));
     ObjectSummary {
@@ -190,11 +187,11 @@ fn object_summary(scene: &Scene, object: &Object) -> ObjectSummary {
         why_spatial: None,
         gaussians: object.gaussians.len(),
         gaussian_box: gaussian_box.map(Extent::from),
-        body: body_summary(scene, object),
+        body: body_summary(scene, object, cost),
     }
 }
 
-fn body_summary(scene: &Scene, object: &Object) -> Option<BodySummary> {
+fn body_summary(scene: &Scene, object: &Object, cost: Option<&ObjectCost>) -> Option<BodySummary> {
     let position = &scene.particles.position[object.particles.clone()];
     let volumes = &scene.particles.volume[object.particles.clone()];
     let particle_box: Extent = bounds_of(position.iter().copied())?.into();
@@ -206,7 +203,6 @@ fn body_summary(scene: &Scene, object: &Object) -> Option<BodySummary> {
     let moment = |a: usize| -> f64 { position.iter().zip(&masses).map(|(p, m)| p[a] * m).sum() };
     let m = &object.material;
     let (lambda, mu) = (m.lambda(), m.mu());
-    let rest = &DeformationBounds::REST;
     Some(BodySummary {
         particles: position.len(),
         particle_box,
@@ -220,9 +216,8 @@ fn body_summary(scene: &Scene, object: &Object) -> Option<BodySummary> {
         poisson_ratio: m.poisson_ratio,
         density_kg_m3: m.density,
         sound_speed: ((lambda + 2.0 * mu) / m.density).sqrt(),
-        dt: scene.cfl
-            * scene.conditions.time_step_kept(m.law.is_fluid())
-            * critical_dt(m, m.density, scene.dx, rest),
+        points: cost.map_or(0, |cost| cost.points),
+        dt: cost.map(|cost| cost.dt),
     })
 }
 
@@ -258,10 +253,12 @@ fidelity = "static"
         for a in 0..3 {
             assert!((steel.com[a] - [1.0, 2.0, 3.0][a]).abs() < 1e-12);
         }
-        // lambda + 2 mu = 1.2 E at nu = 0.25; dt = 0.8 dx sqrt(rho / (3 lambda + 2 mu)), 3 lambda + 2 mu = 2 E.
+        // lambda + 2 mu = 1.2 E at nu = 0.25; dt = 2 * 0.8 dx sqrt(rho / (3 M)), M = 3 lambda + 2 mu = 2 E.
         assert!((steel.sound_speed - (2.4e11f64 / 8000.0).sqrt()).abs() < 1e-6);
-        let dt = 0.8 * 0.05 * (8000.0f64 / 4e11).sqrt();
-        assert!((steel.dt / dt - 1.0).abs() < 1e-12);
+        let dt = 2.0 * 0.8 * 0.05 * (8000.0f64 / 1.2e12).sqrt();
+        let said = steel.dt.expect("a limit");
+        assert!((said / dt - 1.0).abs() < 1e-12, "{said} {dt}");
+        assert_eq!(steel.points, 512);
         assert_eq!(summary.dt_object.as_deref(), Some("steel"));
         assert_eq!(summary.substeps_per_frame, (1.0 / 60.0 / dt).ceil() as u64);
         assert!(summary.objects[2].body.is_none());
@@ -278,7 +275,9 @@ fidelity = "static"
             let file = SceneFile::parse(&text).expect("valid");
             let (scene, _) = build(&file, &mut |_| unreachable!("no files")).expect("builds");
             let summary = SceneSummary::new(&scene);
-            assert!(summary.objects[0].body.as_ref().expect("simulated").dt > 5e-4);
+            let limit = summary.objects[0].body.as_ref().expect("simulated").dt;
+            assert_eq!(limit.is_some(), updates);
+            assert!(limit.is_none_or(|dt| dt > 5e-4));
             assert_eq!((summary.dt, summary.dt_object), (Some(5e-4), None));
             assert_eq!(summary.substeps_per_frame, 1);
             assert_eq!(summary.particle_updates_per_second > 0.0, updates);

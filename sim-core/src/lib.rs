@@ -20,6 +20,7 @@ mod coherence;
 pub mod command;
 mod contact;
 mod contact_com;
+pub mod cost;
 mod coupling;
 mod grid;
 mod model;

@@ -27,6 +27,7 @@ pub mod clusters;
 pub mod contact;
 pub mod depth;
 mod ended;
+pub mod expected;
 mod extension;
 mod facets;
 mod frequency;

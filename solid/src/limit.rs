@@ -12,7 +12,7 @@ use crate::simd::F32x16;
 /// Share of the stable substep that one may have at the largest tangent of the moment, and in contact.
 const STABLE: f64 = 0.9;
 /// Largest squared frequency over the tangent per density and squared cell size, wherever the boundary cuts: 4 / 0.943^2.
-const FASTEST: f64 = 4.5;
+pub(super) const FASTEST: f64 = 4.5;
 /// What that frequency of much deformed matter is taken for over the bound: more than 1, as nodes follow others.
 const DEFORMED: f64 = 1.35;
 /// One over the stiffening from which on it is taken for that.

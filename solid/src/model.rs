@@ -100,9 +100,9 @@ impl SolidModel {
         let face = first_cell(dx, &lattice, seeds);
         let mut matter: BTreeMap<([i32; 3], u16), Matter> = BTreeMap::new();
         for seed in seeds {
-            let at: [f64; 3] = std::array::from_fn(|a| (seed.position[a] - face[a]) / dx);
-            let cell = at.map(|x| x.floor() as i32);
-            let d = std::array::from_fn(|a| at[a] - f64::from(cell[a]) - 0.5);
+            let cell = cell_of(dx, face, seed);
+            let at = |a: usize| (seed.position[a] - face[a]) / dx;
+            let d = std::array::from_fn(|a| at(a) - f64::from(cell[a]) - 0.5);
             let here = matter.entry((cell, seed.part)).or_default();
             here.add(seed.volume / dx.powi(3), seed.density, d);
         }
@@ -406,6 +406,23 @@ fn first_cell(dx: f64, lattice: &Lattice, seeds: &[Seed]) -> [f64; 3] {
         let best = (0..pieces).min_by_key(count).unwrap_or(0);
         face[a] - f64::from(best) * edge + cells(best)[0] * dx
     })
+}
+
+/// The cell of a piece whose place is along the axes of a lattice [m], where the first has its lower corner at `face` [m].
+fn cell_of(dx: f64, face: [f64; 3], seed: &Seed) -> [i32; 3] {
+    std::array::from_fn(|a| ((seed.position[a] - face[a]) / dx).floor() as i32)
+}
+
+/// How many cells a grid of pieces along the axes of a lattice has.
+pub(super) fn count_cells(dx: f64, lattice: &Lattice, seeds: &[Seed]) -> usize {
+    let face = first_cell(dx, lattice, seeds);
+    let cells = seeds.iter();
+    let mut cells: Vec<_> = cells
+        .map(|seed| (cell_of(dx, face, seed), seed.part))
+        .collect();
+    cells.sort_unstable();
+    cells.dedup();
+    cells.len()
 }
 
 /// Matter of one material in a cell.

@@ -277,7 +277,7 @@ fn has_others(scene: &Scene) -> bool {
 }
 
 /// The particles of an object as matter at rest.
-fn seeds(scene: &Scene, object: &Object) -> Vec<Seed> {
+pub(super) fn seeds(scene: &Scene, object: &Object) -> Vec<Seed> {
     let part = |p: usize| {
         let of = |r: &crate::scene::MaterialRegion| r.particles.contains(&p);
         object

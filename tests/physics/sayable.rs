@@ -91,12 +91,16 @@ fn explain_says_which_grid_objects_are_on_and_why() {
         let text = String::from_utf8_lossy(&text);
         let line = match why {
             Some(why) => format!("on the spatial grid: {why}\n"),
-            None => "on a grid of its own\n".into(),
+            None => format!(
+                "on a grid of its own with {} quadrature points\n",
+                ball["points"]
+            ),
         };
         assert!(text.contains(&line), "{text}");
     }
     let said = explain(&BALL.replace("jelly", "rigid"), &[]);
     assert!(said["objects"][0]["solver"].is_null(), "a body has no grid");
+    assert!(said["precision"].is_null(), "and no cells: {said}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use cosplat_sim_core::{
+    cost::SceneCost,
     distance::SignedDistance,
     materials::limits::bridged_stretch,
     scene::{Aabb, Collider, ContactMethod, Fidelity, Object, Scene, Selection, Solver},
@@ -23,6 +24,10 @@ const TOUCHING: f64 = 0.03;
 const FEW_CELLS: f64 = 4.0;
 /// Particles per cell below which it is said what that tears: those of all presets of quality.
 const FEW_PARTICLES: f64 = 8.0;
+/// Particle-substeps per simulated second from which on it is said that they are many.
+const DEAR: f64 = 1e9;
+/// Particle-substeps per second of one core, about.
+const SPEED: f64 = 2e7;
 /// Largest component of an initial velocity [m/s].
 const MAX_SPEED: f64 = 1e4;
 /// Largest component of a body force per mass at time 0 [m/s^2].
@@ -70,6 +75,9 @@ pub(super) fn check(
     }
     for (at, message) in idle(scene, file) {
         warn(&at, message);
+    }
+    if let Some(message) = dear(scene) {
+        warn(&file.resolution_at, message);
     }
     SceneErrors::check(errors)
 }
@@ -244,6 +252,23 @@ fn tearing(scene: &Scene, particles_per_cell: f64) -> Option<String> {
         bridged_stretch(8.0),
         bridged_stretch(27.0)
     ))
+}
+
+/// The warning about a scene whose substeps are so many that somebody waits for them.
+fn dear(scene: &Scene) -> Option<String> {
+    let cost = SceneCost::at_rest(scene);
+    let limiting = &scene.objects[cost.limited_by?];
+    (cost.updates_per_second >= DEAR).then(|| {
+        format!(
+            "takes {:.0} million particle-substeps per simulated second at rest, about {:.1e} s of one core: dx = {:.2e} m, and `{}` has \
+             {} of them per frame; with cells twice as large it takes a sixteenth, with a tenth of its stiffness a third",
+            cost.updates_per_second / 1e6,
+            cost.updates_per_second / SPEED,
+            scene.dx,
+            limiting.name,
+            cost.substeps
+        )
+    })
 }
 
 /// Pairs of objects that share space, as the later object's index and the warning.

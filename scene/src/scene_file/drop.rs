@@ -1,5 +1,7 @@
 //! Writes the scene file for "any splat dropped onto a floor".
 
+use cosplat_sim_core::{Scene, cost::SceneCost};
+
 use super::{
     build::build,
     error::{Finding, SceneErrors},
@@ -37,10 +39,12 @@ impl Default for DropOptions {
 /// Density of the solid that everything becomes [kg/m^3].
 const DENSITY: f64 = 1000.0;
 const POISSON_RATIO: f64 = 0.3;
+/// Young's modulus with which the cost is found out [Pa].
+const TRIED: f64 = 1e6;
 /// Fraction of the stability limit: the solver notices and repeats what goes wrong.
 const CFL: f64 = 0.8;
-/// Particle-substeps per simulated second to spend, so that a small machine keeps up beside its clients [1/s].
-/// What the particles do not need goes into stiffness: leaves and arms of a capture are thin, and hang or tear
+/// Substeps times quadrature points per simulated second to spend, so that a small machine keeps up beside its clients [1/s].
+/// What the points do not need goes into stiffness: leaves and arms of a capture are thin, and hang or tear
 /// when they are soft.
 const BUDGET: f64 = 1e7;
 /// Softest and stiffest material, as the part by which a column of the object's height is compressed at its foot
@@ -70,33 +74,39 @@ pub fn drop_scene(
         .ok_or_else(|| failed("the asset is flat along its up axis"))?;
     // Coarse cells: they carry thin parts better than soft material on a fine grid does.
     let mut dx = options.height / 20.0;
-    let mut count = 0.0;
+    let mut stiffness = TRIED;
     // The particle count grows with resolution between the powers of surface (2) and volume (3): a few steps
     // settle it.
     for _ in 0..4 {
-        let text = place.text(gaussians, path, dx, 1e6, options);
+        let text = place.text(gaussians, path, dx, TRIED, options);
         let file = SceneFile::parse(&text)?;
         let mut load = |_: &str| Ok((gaussians.clone(), ReadReport::default()));
         let (scene, _) = build(&file, &mut load)?;
-        count = scene.particles.position.len() as f64;
-        let ratio = count / options.max_particles as f64;
+        stiffness = youngs_modulus(&scene, options.height);
+        let ratio = scene.particles.position.len() as f64 / options.max_particles as f64;
         if (0.25..=1.0).contains(&ratio) {
             break;
         }
         dx *= (ratio / 0.6).powf(0.4).clamp(0.25, 4.0);
     }
-    let stiffness = youngs_modulus(dx, count / BUDGET, options.height);
     Ok(place.text(gaussians, path, dx, stiffness, options))
 }
 
-/// Young's modulus [Pa] that makes the substep `dt` [s], within the range of [`SAG`].
-fn youngs_modulus(dx: f64, dt: f64, height: f64) -> f64 {
-    // From dt = cfl dx sqrt(rho / M) with the isolated-particle modulus M = 3 lambda + 2 mu = ratio * E.
-    let nu = POISSON_RATIO;
-    let ratio = 3.0 * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)) + 1.0 / (1.0 + nu);
-    let wanted = DENSITY / ratio * (CFL * dx / dt).powi(2);
+/// Young's modulus [Pa] with which a scene, built with that of [`TRIED`], takes what may be spent, within the range of [`SAG`].
+fn youngs_modulus(scene: &Scene, height: f64) -> f64 {
+    let cost = SceneCost::at_rest(scene);
+    let objects = || cost.objects.iter().flatten();
+    let points: f64 = objects().map(|object| object.points as f64).sum();
+    let tried = objects()
+        .map(|object| object.dt)
+        .fold(f64::INFINITY, f64::min);
+    // Substeps are whole parts of a frame.
+    let substeps = (BUDGET / points / scene.frame_rate).floor().max(1.0);
+    // A little longer, as the modulus is written in whole pascals.
+    let wanted = 1.001 / (substeps * scene.frame_rate);
     let weight = DENSITY * 9.81 * height;
-    wanted.clamp(weight / SAG.0, weight / SAG.1)
+    // A substep is proportional to one over the speed of sound.
+    (TRIED * (tried / wanted).powi(2)).clamp(weight / SAG.0, weight / SAG.1)
 }
 
 /// Guesses which axis of a capture points up.

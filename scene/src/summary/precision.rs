@@ -2,6 +2,7 @@
 
 use std::fmt::{self, Write as _};
 
+use cosplat_sim_core::scene::Solver;
 use serde::Serialize;
 
 use super::SceneSummary;
@@ -12,9 +13,11 @@ const MEASURED: &str = include_str!("../../../docs/precision/resolution.csv");
 /// A hint, not a bound: other scenes have other errors.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PrecisionHint {
-    /// Cells along the longest side of the smallest simulated object.
+    /// Cells along the longest side of the smallest object that deforms.
     cells: f64,
-    /// Measured relative errors of other scenes at that resolution, and at half the cell size.
+    /// The same of the smallest on the spatial grid; none where nothing is on it.
+    cells_on_spatial_grid: Option<f64>,
+    /// Measured relative errors of other scenes on that grid at that resolution, and at half the cell size.
     measured: Vec<CaseErrors>,
     /// Particle-substeps at half the cell size over those now.
     cost_of_half_dx: f64,
@@ -31,33 +34,40 @@ struct CaseErrors {
 }
 
 impl PrecisionHint {
-    /// Of a scene with something to simulate.
+    /// Of a scene with matter that deforms: rigid bodies have no cells.
     pub(super) fn new(summary: &SceneSummary) -> Option<Self> {
-        let bodies = summary.objects.iter().filter_map(|o| o.body.as_ref());
-        let longest = bodies.map(|b| b.cells.iter().copied().fold(0.0, f64::max));
-        let cells = longest.fold(f64::INFINITY, f64::min);
-        if !cells.is_finite() {
-            return None;
-        }
+        let smallest = |is_meant: fn(&str) -> bool| {
+            let objects = summary.objects.iter();
+            let bodies =
+                objects.filter_map(|o| o.body.as_ref().filter(|_| o.solver.is_some_and(is_meant)));
+            let longest = bodies.map(|b| b.cells.iter().copied().fold(0.0, f64::max));
+            longest.min_by(f64::total_cmp)
+        };
+        let cells_on_spatial_grid = smallest(|solver| solver == Solver::Spatial.name());
         // A substep is proportional to dx, particles to its inverse cube.
         let cost_of_half_dx = 16.0;
-        let measured = curves(MEASURED).into_iter().filter_map(|(case, curve)| {
-            let now = at(&curve, cells)?;
-            let at_half_dx = at(&curve, 2.0 * cells);
-            Some(CaseErrors {
-                case,
-                now,
-                at_half_dx,
-            })
-        });
+        let measured = cells_on_spatial_grid.map_or(vec![], errors_at);
         Some(Self {
-            cells,
-            measured: measured.collect(),
+            cells: smallest(|_| true)?,
+            cells_on_spatial_grid,
+            measured,
             cost_of_half_dx,
             particle_updates_per_second_at_half_dx: cost_of_half_dx
                 * summary.particle_updates_per_second,
         })
     }
+}
+
+/// Errors of all cases with so many cells, and with twice as many.
+fn errors_at(cells: f64) -> Vec<CaseErrors> {
+    let errors = curves(MEASURED).into_iter().filter_map(|(case, curve)| {
+        Some(CaseErrors {
+            case,
+            now: at(&curve, cells)?,
+            at_half_dx: at(&curve, 2.0 * cells),
+        })
+    });
+    errors.collect()
 }
 
 /// Cells and errors of each case, in the order of the table.
@@ -114,15 +124,18 @@ impl fmt::Display for PrecisionHint {
             "precision  {:.1} cells along the smallest object",
             self.cells
         )?;
-        let now = list(|case| Some(case.now));
         let mut text = String::new();
-        if now.is_empty() {
-            text.push_str("           nothing was measured at that resolution\n");
-        } else {
-            let _ = writeln!(
-                text,
-                "           errors measured there on the spatial grid, see docs/precision.md: {now}"
-            );
+        match (self.cells_on_spatial_grid, list(|case| Some(case.now))) {
+            (None, _) => {}
+            (Some(_), now) if now.is_empty() => {
+                text.push_str("           nothing was measured at that resolution\n");
+            }
+            (Some(cells), now) => {
+                let _ = writeln!(
+                    text,
+                    "           errors measured on the spatial grid with {cells:.1} cells, see docs/precision.md: {now}"
+                );
+            }
         }
         let _ = write!(
             text,

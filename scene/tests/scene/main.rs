@@ -2,6 +2,7 @@
 
 mod balls;
 mod converter;
+mod costs;
 mod filling;
 mod frictions;
 mod pieces;
