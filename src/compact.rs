@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use cosplat_recorder::compact::compact;
 
-use crate::{progress, say};
+use crate::{inspect::plural, progress, say};
 
 /// Write a recording smaller, without loss. What was written is read back and compared with the original.
 #[derive(clap::Args)]
@@ -40,13 +40,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     match args.json {
         true => say!("{}", serde_json::to_string(&report)?)?,
         false => say!(
-            "{}: {:.1} MB of {:.1} MB, {:.0} % of it; {} frames, {} messages compared",
+            "{}: {:.1} MB of {:.1} MB, {:.0} % of it; {} {}, {} {} compared",
             report.output.display(),
             report.bytes_after as f64 / 1e6,
             report.bytes_before as f64 / 1e6,
             100.0 / report.ratio,
             report.frames,
-            report.messages
+            plural(report.frames, "frame"),
+            report.messages,
+            plural(report.messages, "message")
         )?,
     }
     Ok(())

@@ -2,11 +2,11 @@
 
 use std::{
     fmt::{self, Write},
-    fs,
     path::PathBuf,
 };
 
 use anyhow::Context;
+use cosplat_files::keep_apart;
 use cosplat_scene::{
     assets::ply,
     diagram::diagram,
@@ -46,10 +46,14 @@ pub struct Args {
 /// When the scene cannot be used or the PLY cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let loaded = load_scene_with(&args.scene, &args.settings)?;
+    for output in args.ply.iter().chain(&args.picture) {
+        keep_apart(output, loaded.files(&args.scene))?;
+    }
     let explanation = Explanation::new(&loaded);
     if let Some(path) = &args.ply {
         let bytes = ply::write(&diagram(&loaded.scene));
-        fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+        cosplat_files::write(path, bytes)
+            .with_context(|| format!("cannot write {}", path.display()))?;
     }
     if let Some(path) = &args.picture {
         show::scene(&loaded).write(path)?;

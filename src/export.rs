@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use cosplat_export::{glb, ply, reel::Steps, usd};
 
-use crate::{progress, say, signals, view::open_reel};
+use crate::{inspect::plural, progress, say, signals, view::open_reel};
 
 /// Export a recording: a splat file per step, or one animated scene.
 ///
@@ -55,8 +55,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             (true, _) => say!("{}", serde_json::to_string(&written)?),
             (false, None) => say!("interrupted before the first file"),
             (false, Some(last)) => say!(
-                "{} files, {} bytes, the last one {}",
+                "{} {}, {} bytes, the last one {}",
                 written.files,
+                plural(written.files, "file"),
                 written.bytes,
                 last.display()
             ),
@@ -68,8 +69,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return match args.json {
             true => say!("{}", serde_json::to_string(&written)?),
             false => say!(
-                "{} steps, {} bytes: {}",
+                "{} {}, {} bytes: {}",
                 written.steps,
+                plural(written.steps, "step"),
                 written.bytes,
                 path.display()
             ),
@@ -83,8 +85,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return say!("{}", serde_json::to_string(&written)?);
     }
     say!(
-        "{} steps, {} bytes: {}",
+        "{} {}, {} bytes: {}",
         written.steps,
+        plural(written.steps, "step"),
         written.bytes,
         path.display()
     )?;

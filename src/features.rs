@@ -125,6 +125,7 @@ fn words(args: &WordsArgs) -> anyhow::Result<()> {
         "--prompt is {:?}, expected {{}} where the word stands",
         args.prompt
     );
+    cosplat_files::keep_apart(&args.out, [&args.text])?;
     let encoder = TextEncoder::load(&args.text)?;
     let mut words = args.words.clone();
     words.extend(NEGATIVES.map(str::to_owned));

@@ -131,7 +131,8 @@ fn print(n: usize, run: &RunSurvey) -> anyhow::Result<()> {
     }
 }
 
-fn plural(count: u64, word: &str) -> String {
+/// A word for so many.
+pub(crate) fn plural(count: u64, word: &str) -> String {
     match count {
         1 => word.to_owned(),
         _ => format!("{word}s"),

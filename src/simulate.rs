@@ -2,7 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    fs::File,
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
     sync::atomic::Ordering,
@@ -10,6 +9,7 @@ use std::{
 };
 
 use anyhow::{Context, bail};
+use cosplat_files::{Existing, NewFile, keep_apart};
 use cosplat_reference::ReferenceWorld;
 use cosplat_scene::{
     load::{LoadedScene, load_scene_with},
@@ -171,10 +171,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         note!("warning: {}: {warning}", args.scene.display());
     }
     let file = args.report.as_deref().filter(|p| *p != Path::new("-"));
-    let mut out: Box<dyn Write + Send> = match file {
-        Some(path) => Box::new(BufWriter::new(
-            File::create(path).with_context(|| format!("cannot write {}", path.display()))?,
-        )),
+    let new = file.map(|path| {
+        keep_apart(path, loaded.files(&args.scene))?;
+        let new = NewFile::stream(path, Existing::IsReplaced);
+        new.with_context(|| format!("cannot write {}", path.display()))
+    });
+    let new = new.transpose()?;
+    let mut out: Box<dyn Write + Send> = match &new {
+        Some(new) => Box::new(BufWriter::new(new.file().try_clone()?)),
         None => Box::new(BufWriter::new(io::stdout())),
     };
     let mut summary = Summary {
@@ -200,7 +204,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         pool = pool.num_threads(threads);
     }
     let pool = pool.build().context("cannot start the solver's threads")?;
-    match pool.install(|| simulate(args, scene, &mut world, &mut out, &mut summary)) {
+    let frames = match pool.install(|| simulate(args, scene, &mut world, &mut out, &mut summary)) {
         // Who reads standard output has seen enough: `| head` is no failure.
         Err(error) if io_error(&error) == Some(io::ErrorKind::BrokenPipe) => return Ok(()),
         // All that is written is the report.
@@ -209,6 +213,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             return Err(error.context(format!("cannot write {name}")));
         }
         outcome => outcome?,
+    };
+    if let (Some(new), Some(path)) = (new, file) {
+        new.finish()
+            .with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    if let Some(frames) = frames {
+        let frame = summary.frames;
+        bail!("interrupted after {frame} of {frames} frames, which are in the report");
     }
     if args.json && file.is_some() {
         say!("{}", serde_json::to_string(&summary)?)?;
@@ -223,13 +235,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Steps a world and reports every frame; of how many, where it was interrupted.
 fn simulate(
     args: &Args,
     scene: &Scene,
     world: &mut World,
     out: &mut (dyn Write + Send),
     summary: &mut Summary,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Option<u64>> {
     let stop = signals::stop_flag()?;
     // A duration of whole frames must not gain one by rounding.
     let frames = (args.duration * scene.frame_rate - 1e-6).ceil().max(1.0) as u64;
@@ -246,7 +259,8 @@ fn simulate(
         };
         let Some(report) = stepped else {
             out.flush()?;
-            bail!("interrupted after {frame} of {frames} frames, which are in the report");
+            bar.finish_and_clear();
+            return Ok(Some(frames));
         };
         let measured = world.measure(&probes, report.sim_time);
         let line = line(scene, &report, &world.matter(scene, &parts), measured);
@@ -287,7 +301,7 @@ fn simulate(
     }
     bar.finish_and_clear();
     out.flush()?;
-    Ok(())
+    Ok(None)
 }
 
 /// The answer of the system behind an error, if there is one.

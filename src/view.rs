@@ -9,6 +9,7 @@ use cosplat_export::{
     film,
     reel::{Reel, Steps},
 };
+use cosplat_files::keep_apart;
 use cosplat_ipc::{Domain, session_name};
 use cosplat_renderer::client::Options;
 use cosplat_renderer::drawing::{Look, Summary};
@@ -136,6 +137,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         bail!(
             "nothing to write: give --png DIR, --mp4 FILE or both, or --web for a page in the browser"
         );
+    }
+    if let (Some(video), Some(path)) = (&args.mp4, &args.path) {
+        keep_apart(video, [path])?;
     }
     let summary = match &args.recording {
         Some(path) => draw_recording(args, path)?,

@@ -169,7 +169,8 @@ impl Comparison<'_> {
         }
         let text = settings::apply(text, &settings)?;
         let path = folder.join(format!("scene_{method}.toml"));
-        std::fs::write(&path, &text).with_context(|| format!("cannot write {}", path.display()))?;
+        cosplat_files::write(&path, &text)
+            .with_context(|| format!("cannot write {}", path.display()))?;
         let scene: Scene = load_text(text, &path)?.scene;
         let up = match scene.gravity {
             [0.0, 0.0, 0.0] => Vec3::Y,

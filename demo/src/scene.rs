@@ -42,7 +42,8 @@ pub fn write_known(files: &Files, scene: &str) -> anyhow::Result<()> {
 
 fn write_both(files: &Files, scene: &str, script: &str) -> anyhow::Result<()> {
     for (path, text) in [(&files.scene, scene), (&files.script, script)] {
-        std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        cosplat_files::write(path, text)
+            .with_context(|| format!("cannot write {}", path.display()))?;
     }
     Ok(())
 }

@@ -233,7 +233,7 @@ impl Job {
                     });
                 }
                 Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                    std::fs::write(&stamp, expected).map_err(FeaturesError::write(&stamp))?;
+                    cosplat_files::write(&stamp, expected).map_err(FeaturesError::write(&stamp))?;
                 }
                 Err(error) => return Err(FeaturesError::read(&stamp)(error)),
             }

@@ -144,7 +144,7 @@ pub fn run_views(args: &ViewsArgs) -> anyhow::Result<()> {
     }
     bar.finish_and_clear();
     let path = args.out.join("transforms.json");
-    std::fs::write(&path, transforms::write(&views))
+    cosplat_files::write(&path, transforms::write(&views))
         .with_context(|| format!("cannot write {}", path.display()))?;
     say!("{} pictures, cameras in {}", views.len(), path.display())
 }
@@ -362,6 +362,9 @@ pub fn run(args: &LiftArgs) -> anyhow::Result<()> {
         .out
         .clone()
         .unwrap_or_else(|| args.splat.with_extension("objects.safetensors"));
+    for output in std::iter::once(&out).chain(&args.ply) {
+        cosplat_files::keep_apart(output, [&args.splat])?;
+    }
     let (mut objects, mut views, mut unseen) = match &args.masks {
         Some(folder) => from_masks(args, folder, &splat, asset_hash)?,
         None => {
@@ -386,7 +389,7 @@ pub fn run(args: &LiftArgs) -> anyhow::Result<()> {
             .iter()
             .map(|object| (object + 1) as f32)
             .collect();
-        std::fs::write(path, ply::write(&gaussians))
+        cosplat_files::write(path, ply::write(&gaussians))
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
     report(args, &objects, &out, views, unseen)

@@ -67,7 +67,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         args.scale
     );
     if let Some(path) = &args.write_table {
-        std::fs::write(path, WORDS).with_context(|| format!("cannot write {}", path.display()))?;
+        cosplat_files::write(path, WORDS)
+            .with_context(|| format!("cannot write {}", path.display()))?;
         say!("the table of words is in {}", path.display())?;
     }
     let table = table(args.table.as_deref())?;
@@ -105,6 +106,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let Some(scene) = &args.scene else {
         return Ok(());
     };
+    cosplat_files::keep_apart(scene, [splat, &path].into_iter().chain(&args.table))?;
     ensure!(
         !made.is_empty(),
         "no object has a material: name them by --word NAME=WORD"
@@ -113,7 +115,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let text = scene_text(args, &prepared, &path, &made)?;
     // What is written is a scene file, whatever the names are.
     SceneFile::parse(&text).context("the scene would be none")?;
-    std::fs::write(scene, text).with_context(|| format!("cannot write {}", scene.display()))?;
+    cosplat_files::write(scene, text)
+        .with_context(|| format!("cannot write {}", scene.display()))?;
     match args.json {
         true => Ok(()),
         false => say!("scene with these materials by name: {}", scene.display()),

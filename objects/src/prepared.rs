@@ -97,6 +97,7 @@ impl Prepared {
         object: &[i32],
         names: &[String],
     ) -> anyhow::Result<()> {
+        cosplat_files::keep_apart(path, [&self.path])?;
         let camera = Camera::orbit(self.splat.bounds(), self.up(), Orbit::default(), 960, 720);
         let mut picture = show::picture(&self.splat, object, &camera);
         let entries = names.iter().enumerate();
@@ -117,6 +118,7 @@ impl Prepared {
             .out
             .clone()
             .unwrap_or_else(|| self.path.with_extension("objects.safetensors"));
+        cosplat_files::keep_apart(&out, [&self.path])?;
         if let Some(path) = &output.picture {
             self.picture(path, &found.labels.object, &found.names)?;
         }

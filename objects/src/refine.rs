@@ -159,6 +159,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         weights.iter().all(|w| w.is_finite() && *w >= 0.0) && weights != [0.0; 2],
         "weights {weights:?} of equation (1), expected finite ones of at least 0, and one above"
     );
+    cosplat_files::keep_apart(&args.out, [&args.splat].into_iter().chain(&args.objects))?;
     let (masked, gaussians) = Masked::new(args)?;
     let views = &masked.views;
     ensure!(
@@ -279,7 +280,7 @@ fn finish(
         (last, straddles) = (first, straddled);
     }
     let bytes = ply::write(&gaussians);
-    std::fs::write(&args.out, &bytes)
+    cosplat_files::write(&args.out, &bytes)
         .with_context(|| format!("cannot write {}", args.out.display()))?;
     let path = args.out.with_extension("objects.safetensors");
     let known = masked.known.as_ref().map(|(objects, _)| objects);

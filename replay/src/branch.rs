@@ -2,7 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
     path::{Path, PathBuf},
     sync::atomic::{AtomicBool, Ordering},
 };
@@ -201,7 +200,7 @@ fn unpack(
 }
 
 fn write(path: &Path, content: &[u8]) -> Result<(), ReplayError> {
-    fs::write(path, content).map_err(|cause| ReplayError::Write {
+    cosplat_files::write(path, content).map_err(|cause| ReplayError::Write {
         path: path.to_owned(),
         cause,
     })

@@ -40,6 +40,14 @@ pub struct LoadedScene {
     pub sources: Vec<SourceFile>,
 }
 
+impl LoadedScene {
+    /// Where all files lie that the scene at `path` was made of, its own first.
+    pub fn files(&self, path: &Path) -> Vec<PathBuf> {
+        let sources = self.sources.iter().map(|source| source.path.clone());
+        std::iter::once(path.to_owned()).chain(sources).collect()
+    }
+}
+
 /// Why a scene file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {

@@ -77,7 +77,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<DenseMap, SemanticsError> {
 /// When it cannot be written.
 pub fn write(folder: &Path, view: &str, map: &DenseMap) -> Result<(), SemanticsError> {
     let path = folder.join(format!("{view}.npy"));
-    std::fs::write(&path, map.to_bytes()).map_err(SemanticsError::write(&path))
+    cosplat_files::write(&path, map.to_bytes()).map_err(SemanticsError::write(&path))
 }
 
 /// The one tensor of a file of safetensors.

@@ -166,7 +166,7 @@ pub fn write_levels(
     });
     for (end, bytes) in [(PROPOSALS, numbers), (VECTORS, vectors)] {
         let path = folder.join(format!("{view}{end}"));
-        std::fs::write(&path, bytes).map_err(SemanticsError::write(&path))?;
+        cosplat_files::write(&path, bytes).map_err(SemanticsError::write(&path))?;
     }
     Ok(())
 }

@@ -110,7 +110,7 @@ impl Words {
             .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
             .and_then(|tensors| safetensors::serialize(tensors, None))
             .map_err(|error| SemanticsError::format(path, error.to_string()))?;
-        std::fs::write(path, file).map_err(SemanticsError::write(path))
+        cosplat_files::write(path, file).map_err(SemanticsError::write(path))
     }
 
     fn of(&self, word: &str) -> Option<&[f32]> {

@@ -217,7 +217,7 @@ impl Picture {
     pub fn write(&self, path: &Path) -> Result<(), SemanticsError> {
         let bytes = self.png();
         let bytes = bytes.map_err(|error| SemanticsError::format(path, error.to_string()))?;
-        std::fs::write(path, bytes).map_err(SemanticsError::write(path))
+        cosplat_files::write(path, bytes).map_err(SemanticsError::write(path))
     }
 }
 

@@ -70,7 +70,7 @@ impl Tree {
         });
         let tensors = tensors.collect::<Result<Vec<_>, _>>().map_err(damaged)?;
         let bytes = serialize(tensors, &metadata).map_err(damaged)?;
-        std::fs::write(path, bytes).map_err(SemanticsError::write(path))
+        cosplat_files::write(path, bytes).map_err(SemanticsError::write(path))
     }
 
     /// Reads the file for an asset of `rows` Gaussians with this hash.

@@ -10,6 +10,7 @@ mod doctor;
 mod edits;
 mod export;
 mod hand;
+mod kept;
 mod lift;
 mod lockstep;
 mod objects;

@@ -42,10 +42,13 @@ pub enum Event {
     ForeignLink,
     HangUp,
     AbsurdThreads,
+    LinkedOutput,
+    Bomb,
+    Device,
 }
 
 /// All faults, with their names and how many of some hundred are of their kind.
-const ALL: [(Event, &str, u32); 23] = [
+const ALL: [(Event, &str, u32); 26] = [
     (Event::StopClient, "client stopped", 14),
     (Event::StopServer, "server stopped", 8),
     (Event::KillRecorder, "recorder killed", 3),
@@ -69,6 +72,9 @@ const ALL: [(Event, &str, u32); 23] = [
     (Event::ForeignLink, "foreign links", 2),
     (Event::HangUp, "recorder hung up on", 2),
     (Event::AbsurdThreads, "absurd numbers of threads", 1),
+    (Event::LinkedOutput, "output onto its input", 2),
+    (Event::Bomb, "packed to nothing", 1),
+    (Event::Device, "device for a recording", 1),
 ];
 
 impl Event {
@@ -183,6 +189,9 @@ impl Act<'_> {
             Event::ForeignLink => self.lay_links()?,
             Event::HangUp => self.hang_up()?,
             Event::AbsurdThreads => self.ask_for_threads(rng)?,
+            Event::LinkedOutput => self.link_output(rng)?,
+            Event::Bomb => self.bomb(rng)?,
+            Event::Device => self.device(rng)?,
         }
         Ok(())
     }
@@ -266,6 +275,8 @@ impl Act<'_> {
         if let Some(words) = damage::unreadable(&self.stage.path("full.mcap")) {
             self.unreadable(format!("a recording on a full disk: {words}"));
         }
+        // The next one has the name from its beginning, too.
+        let _ = std::fs::remove_file(self.stage.path("full.mcap"));
         Ok(())
     }
 

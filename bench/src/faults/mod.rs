@@ -7,6 +7,7 @@ mod act;
 mod attacks;
 mod damage;
 mod events;
+mod files;
 mod orders;
 mod troupe;
 mod watch;

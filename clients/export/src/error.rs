@@ -76,6 +76,9 @@ pub enum ExportError {
         /// Its last words.
         words: String,
     },
+    /// The output is the recording.
+    #[error(transparent)]
+    OntoInput(#[from] cosplat_files::OntoInput),
     /// A file cannot be written.
     #[error("cannot write {}: {cause}", path.display())]
     Write {

@@ -9,13 +9,16 @@ use crate::{ExportError, reel::Reel};
 /// Draws a reel until its end, or `stop`; files are complete in either case. `passed` hears of every step.
 ///
 /// # Errors
-/// When the recording cannot be read or a file cannot be written; what was drawn before is complete.
+/// When the recording cannot be read or a file cannot be written or is the recording; what was drawn before is complete.
 pub fn draw(
     reel: &mut Reel,
     look: &Look,
     stop: &AtomicBool,
     mut passed: impl FnMut(u64),
 ) -> Result<Summary, ExportError> {
+    if let Some(path) = &look.mp4 {
+        reel.keep_apart(path)?;
+    }
     let mut drawing = Drawing::begin(look)?;
     let scene = Scene {
         header: reel.scene,

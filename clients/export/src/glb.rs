@@ -5,8 +5,7 @@
 //! carries the motion of the whole only, and the result says how far their Gaussians are from where they were.
 
 use std::{
-    fs::File,
-    io::{BufWriter, Write},
+    io::Write,
     path::{Path, PathBuf},
     sync::atomic::{AtomicBool, Ordering},
 };
@@ -94,13 +93,15 @@ struct Actor {
 /// Writes a reel as a `.glb` file, until its end or `stop`. `passed` hears of every step.
 ///
 /// # Errors
-/// When the recording cannot be read, tells no places of objects, is too large for the format, or the file cannot be written.
+/// When the recording cannot be read, tells no places of objects or is too large for the format, or the file is the recording or
+/// cannot be written.
 pub fn write_animation(
     reel: &mut Reel,
     path: &Path,
     stop: &AtomicBool,
     mut passed: impl FnMut(u64),
 ) -> Result<Animation, ExportError> {
+    reel.keep_apart(path)?;
     let mut actors = actors(reel);
     let (mut times, mut scene, mut own) = (Vec::new(), None, Vec::new());
     while !stop.load(Ordering::Relaxed) {
@@ -436,8 +437,7 @@ fn write_file(document: &Value, mut binary: Vec<u8>, path: &Path) -> Result<u64,
     if bytes > MOST {
         return Err(ExportError::TooLarge { bytes, most: MOST });
     }
-    let write = || -> std::io::Result<()> {
-        let mut file = BufWriter::new(File::create(path)?);
+    let written = cosplat_files::write_with(path, |file| {
         let words = [u32::from_le_bytes(*b"glTF"), 2, bytes as u32];
         for word in words {
             file.write_all(&word.to_le_bytes())?;
@@ -447,8 +447,8 @@ fn write_file(document: &Value, mut binary: Vec<u8>, path: &Path) -> Result<u64,
             file.write_all(kind)?;
             file.write_all(chunk)?;
         }
-        file.flush()
-    };
-    write().map_err(ExportError::write(path))?;
+        Ok(())
+    });
+    written.map_err(ExportError::write(path))?;
     Ok(bytes)
 }

@@ -1,8 +1,7 @@
 //! A sequence of splat files: one `.ply` per step, in the layout that every splat viewer opens.
 
 use std::{
-    fs::File,
-    io::{BufWriter, Write},
+    io::Write,
     path::{Path, PathBuf},
     sync::atomic::{AtomicBool, Ordering},
 };
@@ -60,27 +59,14 @@ pub fn write_sequence(
             sh: &sh,
         };
         let path = folder.join(format!("step_{:08}.ply", step.frame.header.step));
-        write_scene(&scene, &path)?;
+        reel.keep_apart(&path)?;
+        cosplat_files::write_with(&path, |file| scene.encode(|piece| file.write_all(piece)))
+            .map_err(ExportError::write(&path))?;
         written.files += 1;
         written.bytes += scene.encoded_len();
         written.last = Some(path);
     }
     Ok(written)
-}
-
-fn write_scene(scene: &PlyScene, path: &Path) -> Result<(), ExportError> {
-    let unfinished = path.with_extension("unfinished");
-    let write = || -> std::io::Result<()> {
-        let mut file = BufWriter::new(File::create(&unfinished)?);
-        scene.encode(|piece| file.write_all(piece))?;
-        file.flush()?;
-        std::fs::rename(&unfinished, path)
-    };
-    write().map_err(|cause| {
-        // What there is of it is of no use.
-        let _ = std::fs::remove_file(&unfinished);
-        ExportError::write(path)(cause)
-    })
 }
 
 /// Colours of a step `[gaussian][coefficient][rgb]` in the world frame, in the order of the scene; where the recording has no

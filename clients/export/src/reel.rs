@@ -82,6 +82,14 @@ impl Reel {
         Ok(reel)
     }
 
+    /// Makes sure that an output is not the recording itself.
+    ///
+    /// # Errors
+    /// When it is.
+    pub(crate) fn keep_apart(&self, output: &Path) -> Result<(), ExportError> {
+        Ok(cosplat_files::keep_apart(output, [&self.path])?)
+    }
+
     /// Steps that are recorded, or 1 where only one is wanted.
     pub fn count(&self) -> usize {
         match self.steps {

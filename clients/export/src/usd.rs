@@ -78,6 +78,7 @@ pub fn write_scene(
     stop: &AtomicBool,
     mut passed: impl FnMut(u64),
 ) -> Result<Written, ExportError> {
+    reel.keep_apart(path)?;
     let mut told: Vec<Told> = reel.objects.iter().map(|_| Told::default()).collect();
     let mut shapes = Shapes::new(&reel.gaussians);
     let mut writer = Writer::start(path)?;

@@ -119,3 +119,22 @@ def test_what_cannot_be_written_is_said_and_leaves_no_file(domain: Domain, tmp_p
     done = export(run, tmp_path / "file" / "run.usd")
     assert done.returncode == 1 and "Not a directory" in done.stderr, done.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "run.mcap"]
+
+
+def test_whole_frames_have_whole_times_and_no_name_can_be_foretold(tmp_path: Path) -> None:
+    from cosplat.usd import UsdWriter
+    from pxr import Usd
+
+    # Somebody else's link under the name that an unfinished file had.
+    (tmp_path / "precious").write_text("precious")
+    (tmp_path / ".run.unfinished.usda").symlink_to("precious")
+    writer = UsdWriter(tmp_path / "run.usda", [0.0, 1.0, 0.0], 60.0, 0, ["block"])
+    place = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0])
+    # What a sum of 120 sixtieths comes to.
+    time = 0.0
+    for _ in range(121):
+        writer.add(time, [place], [None])
+        time += 1 / 60
+    writer.finish()
+    assert Usd.Stage.Open(str(tmp_path / "run.usda")).GetEndTimeCode() == 120
+    assert (tmp_path / "precious").read_text() == "precious"

@@ -8,12 +8,16 @@ use std::io::Read;
 use mcap::McapError;
 
 use crate::error::Damage;
-use crate::reader::LENGTH_LIMIT;
 
 /// Opcode and length in front of every record [byte].
 const FRAMING: usize = 9;
 /// Header of a chunk before the name of the compression, and behind it [byte].
 const HEADER: (usize, usize) = (32, 8);
+
+/// Memory set aside for the first bytes of a chunk [byte].
+const FIRST_STEP: usize = 64 << 10;
+/// Logarithm of how far back packed data may refer [byte]: as far as the highest usual level does. A decoder holds so much.
+const WINDOW_LOG: u32 = 23;
 
 /// Records of a chunk, one after the other.
 pub(crate) struct ChunkRecords {
@@ -24,12 +28,12 @@ pub(crate) struct ChunkRecords {
 }
 
 impl ChunkRecords {
-    /// Of a chunk record's content. A checksum that is there is verified first; without one, what can be read comes
-    /// before what is wrong.
+    /// Of a chunk record's content, which may unpack to `most` bytes. A checksum that is there is verified first; without one,
+    /// what can be read comes before what is wrong.
     ///
     /// # Errors
-    /// When its header does not fit, the checksum does not hold, or the compression is unknown.
-    pub(crate) fn of(body: &[u8]) -> Result<Self, Damage> {
+    /// When its header does not fit or claims more, the checksum does not hold, or the compression is unknown.
+    pub(crate) fn of(body: &[u8], most: u64) -> Result<Self, Damage> {
         let header = Header::read(body)?;
         let available = (body.len() - header.length) as u64;
         if header.compressed > available {
@@ -37,6 +41,13 @@ impl ChunkRecords {
             return Err(McapError::BadChunkLength { header, available }.into());
         }
         let packed = &body[header.length..][..header.compressed as usize];
+        if header.uncompressed > most {
+            return Err(Damage::Bomb {
+                packed: header.compressed,
+                size: header.uncompressed,
+                most,
+            });
+        }
         let records = Self::unpack(header.compression, packed, header.uncompressed)?;
         if header.crc != 0 {
             let calculated = crc32fast::hash(&records.data);
@@ -51,33 +62,32 @@ impl ChunkRecords {
         Ok(records)
     }
 
-    /// Of data whose end may be missing, with the name of their compression: as much as comes out of them.
+    /// Of data whose end may be missing, with the name of their compression: as much as comes out of them, `most` bytes at most.
     ///
     /// # Errors
     /// When the compression is unknown.
-    pub(crate) fn of_part(compression: &str, packed: &[u8]) -> Result<Self, Damage> {
-        let mut records = Self::unpack(compression, packed, LENGTH_LIMIT as u64)?;
+    pub(crate) fn of_part(compression: &str, packed: &[u8], most: u64) -> Result<Self, Damage> {
+        let mut records = Self::unpack(compression, packed, most)?;
         // How much it should be is unknown; whether it ends within a record shows.
         records.fault = None;
         Ok(records)
     }
 
     fn unpack(compression: &str, packed: &[u8], size: u64) -> Result<Self, Damage> {
-        if size > LENGTH_LIMIT as u64 {
-            return Err(McapError::ChunkTooLarge(size).into());
-        }
         let mut data = Vec::new();
         let read = match compression {
-            "" => packed.take(size).read_to_end(&mut data),
-            "lz4" => lz4::Decoder::new(packed).and_then(|d| d.take(size).read_to_end(&mut data)),
-            "zstd" => zstd::stream::read::Decoder::with_buffer(packed)
-                .and_then(|d| d.take(size).read_to_end(&mut data)),
+            "" => read_up_to(packed, size, &mut data),
+            "lz4" => lz4::Decoder::new(packed).and_then(|d| read_up_to(d, size, &mut data)),
+            "zstd" => zstd::stream::read::Decoder::with_buffer(packed).and_then(|mut decoder| {
+                decoder.window_log_max(WINDOW_LOG)?;
+                read_up_to(decoder, size, &mut data)
+            }),
             other => return Err(McapError::UnsupportedCompression(other.to_owned()).into()),
         };
         let fault = match read {
             Err(error) => Some(McapError::DecompressionError(error.to_string())),
-            Ok(_) if (data.len() as u64) < size => Some(McapError::UnexpectedEoc),
-            Ok(_) => None,
+            Ok(()) if (data.len() as u64) < size => Some(McapError::UnexpectedEoc),
+            Ok(()) => None,
         };
         Ok(Self {
             data,
@@ -110,6 +120,19 @@ impl ChunkRecords {
         self.at += FRAMING + length;
         Ok(Some((opcode, &behind[..length])))
     }
+}
+
+/// Reads as much as there is, `size` bytes at most. Memory grows with what comes, and never beyond that.
+fn read_up_to(mut from: impl Read, size: u64, data: &mut Vec<u8>) -> std::io::Result<()> {
+    let size = usize::try_from(size).unwrap_or(usize::MAX);
+    while data.len() < size {
+        let step = data.len().max(FIRST_STEP).min(size - data.len());
+        data.reserve_exact(step);
+        if from.by_ref().take(step as u64).read_to_end(data)? < step {
+            break;
+        }
+    }
+    Ok(())
 }
 
 /// Header of a chunk.
@@ -163,6 +186,8 @@ fn le(bytes: &[u8]) -> u64 {
 mod tests {
     use super::*;
 
+    const MOST: u64 = 1 << 32;
+
     /// A chunk of these data, whose header claims `uncompressed` bytes.
     fn chunk(compression: &str, packed: &[u8], uncompressed: u64, crc: u32) -> Vec<u8> {
         let mut body = vec![0; 16];
@@ -196,7 +221,7 @@ mod tests {
     /// Length of the records before the fault, and the fault.
     fn walk(body: &[u8]) -> (Vec<usize>, Option<Damage>) {
         let mut lengths = Vec::new();
-        let mut records = match ChunkRecords::of(body) {
+        let mut records = match ChunkRecords::of(body, MOST) {
             Ok(records) => records,
             Err(fault) => return (lengths, Some(fault)),
         };
@@ -237,6 +262,27 @@ mod tests {
                 let (_, fault) = walk(&body);
                 assert!(matches!(fault, Some(Damage::RecordLength { .. })));
             }
+        }
+    }
+
+    #[test]
+    fn what_unpacks_to_too_much_is_refused_before_it_does() {
+        let zeros = vec![0; 16 << 20];
+        for compression in ["lz4", "zstd"] {
+            let packed = packed(compression, &zeros);
+            let size = zeros.len() as u64;
+            let body = chunk(compression, &packed, size, 0);
+            assert!(ChunkRecords::of(&body, size).is_ok());
+            match ChunkRecords::of(&body, size - 1) {
+                Err(Damage::Bomb { size: found, .. }) => assert_eq!(found, size),
+                _ => panic!("{compression}: taken"),
+            }
+            // A claim that is too small holds.
+            let body = chunk(compression, &packed, 1000, 0);
+            let records = ChunkRecords::of(&body, 1000).expect("a part");
+            assert_eq!((records.data.len(), records.data.capacity()), (1000, 1000));
+            let part = ChunkRecords::of_part(compression, &packed, 5000).expect("a part");
+            assert_eq!((part.data.len(), part.data.capacity()), (5000, 5000));
         }
     }
 

@@ -8,7 +8,7 @@ use mcap::records::op;
 
 use crate::chunk_records::ChunkRecords;
 use crate::decoder::Decoder;
-use crate::reader::{DECODED, Event, open_mcap};
+use crate::reader::{DECODED, Event, most_unpacked, open_mcap};
 use crate::records;
 use crate::segments::{Segment, segments};
 use crate::{Damage, RecordingError};
@@ -192,7 +192,7 @@ impl Chunks {
 
     fn decode_into(&mut self, body: &[u8], events: &mut Vec<Event>) -> Result<(), RecordingError> {
         let damaged = |e: Damage| RecordingError::damaged(&self.path, e);
-        let mut records = ChunkRecords::of(body).map_err(damaged)?;
+        let mut records = ChunkRecords::of(body, most_unpacked(&self.file)).map_err(damaged)?;
         while let Some((opcode, data)) = records.next().map_err(damaged)? {
             if DECODED.contains(&opcode) {
                 let record = records::parse(opcode, data).map_err(|e| damaged(e.into()))?;

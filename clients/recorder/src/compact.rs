@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use cosplat_files::{NewFile, keep_apart};
 use mcap::records::{MessageHeader, Record, op};
 use serde::Serialize;
 
@@ -12,7 +13,7 @@ use crate::file_records::FileRecords;
 use crate::packed::{ENCODING, Points};
 use crate::records;
 use crate::topics::{GAUSSIANS_TOPIC, PLACES_TOPIC, object_of};
-use crate::writer::{Mcap, create};
+use crate::writer::{Mcap, begin, existing};
 
 /// Frames in a chunk, which can be read by itself.
 const CHUNK_FRAMES: u32 = 64;
@@ -54,17 +55,14 @@ pub struct CompactReport {
 ///
 /// # Errors
 /// When `input` is damaged or unfinished, or `output` is the same file, exists without `overwrite`, cannot be written, or does
-/// not come back as it was; then it is removed.
+/// not come back as it was; then what was there is as it was.
 pub fn compact(
     input: &Path,
     output: &Path,
     overwrite: bool,
     mut progress: impl FnMut(u64, u64),
 ) -> Result<CompactReport, RecordingError> {
-    let is_same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if is_same(input, output) {
-        return Err(RecordingError::SameFile { path: input.into() });
-    }
+    keep_apart(output, [input])?;
     let size = |path: &Path| {
         std::fs::metadata(path)
             .map(|file| file.len())
@@ -72,12 +70,9 @@ pub fn compact(
     };
     let total = 2 * size(input)?;
     let mut source = Source::open(input)?;
-    let (mcap, _) = create(
-        output,
-        overwrite,
-        Some((mcap::Compression::Zstd, LEVEL)),
-        "",
-    )?;
+    let new = NewFile::create(output, existing(overwrite))
+        .map_err(|e| RecordingError::open(output, e))?;
+    let (mcap, _) = begin(&new, Some((mcap::Compression::Zstd, LEVEL)), "")?;
     let mut compactor = Compactor {
         mcap,
         points: Points::default(),
@@ -86,21 +81,15 @@ pub fn compact(
         bytes_in_chunk: 0,
         frames: 0,
     };
-    let outcome = (|| {
-        while let Some(item) = source.next()? {
-            compactor
-                .take(item)
-                .map_err(|e| RecordingError::write(output, e))?;
-            progress(source.records.position, total);
-        }
-        compactor
-            .mcap
-            .finish()
-            .map_err(|e| RecordingError::write(output, e))?;
-        compare(input, output, |at| progress(total / 2 + at, total))
-    })();
-    // What does not come back as it was must not be taken for the recording.
-    let messages = outcome.inspect_err(|_| drop(std::fs::remove_file(output)))?;
+    let failed = |e| RecordingError::write(output, e);
+    while let Some(item) = source.next()? {
+        compactor.take(item).map_err(failed)?;
+        progress(source.records.position, total);
+    }
+    compactor.mcap.finish().map_err(failed)?;
+    // What does not come back as it was gets no name by which it would be taken for the recording.
+    let messages = compare(input, new.path(), |at| progress(total / 2 + at, total))?;
+    new.finish().map_err(|e| failed(e.into()))?;
     let (bytes_before, bytes_after) = (size(input)?, size(output)?);
     Ok(CompactReport {
         input: input.into(),

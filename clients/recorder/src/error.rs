@@ -73,11 +73,8 @@ pub enum RecordingError {
         messages: u64,
     },
     /// Input and output are the same file.
-    #[error("cannot write {path} onto itself; choose another output")]
-    SameFile {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error(transparent)]
+    OntoInput(#[from] cosplat_files::OntoInput),
 }
 
 /// What is wrong with a damaged file.
@@ -97,6 +94,18 @@ pub enum Damage {
         length: u64,
         /// What is left of the chunk [byte].
         available: u64,
+    },
+    /// A chunk is packed smaller than a recording can be.
+    #[error(
+        "a chunk of {packed} bytes unpacks to {size}, expected at most {most} in a file of this length"
+    )]
+    Bomb {
+        /// Its length in the file [byte].
+        packed: u64,
+        /// Its length as its header says [byte].
+        size: u64,
+        /// What a chunk of the file may have [byte].
+        most: u64,
     },
 }
 

@@ -9,7 +9,7 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 
 use crate::RecordingError;
 use crate::chunk_records::ChunkRecords;
-use crate::reader::{LENGTH_LIMIT, READ_LIMIT, open_mcap};
+use crate::reader::{LENGTH_LIMIT, READ_LIMIT, most_unpacked, open_mcap};
 
 /// Bytes read ahead: most records are shorter, and chunks pass the buffer by.
 const BUFFER: usize = 16 << 10;
@@ -21,6 +21,8 @@ pub(crate) struct FileRecords {
     reader: LinearReader,
     /// The chunk that is being read.
     chunk: Option<ChunkRecords>,
+    /// Most bytes that it may unpack to.
+    most: u64,
     /// Bytes read.
     pub(crate) position: u64,
 }
@@ -31,9 +33,11 @@ impl FileRecords {
     /// # Errors
     /// When it cannot be opened or is no MCAP file.
     pub(crate) fn open(path: &Path) -> Result<Self, RecordingError> {
+        let file = open_mcap(path)?;
         Ok(Self {
             path: path.to_owned(),
-            file: BufReader::with_capacity(BUFFER, open_mcap(path)?),
+            most: most_unpacked(&file),
+            file: BufReader::with_capacity(BUFFER, file),
             reader: LinearReader::new_with_options(
                 LinearReaderOptions::default()
                     .with_emit_chunks(true)
@@ -82,7 +86,7 @@ impl FileRecords {
                     data,
                     opcode: op::CHUNK,
                 } => {
-                    let chunk = ChunkRecords::of(data);
+                    let chunk = ChunkRecords::of(data, self.most);
                     self.chunk = Some(chunk.map_err(|e| RecordingError::damaged(&self.path, e))?);
                 }
                 LinearReadEvent::Record { data, opcode } => {

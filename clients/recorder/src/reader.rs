@@ -23,6 +23,21 @@ pub(crate) const LENGTH_LIMIT: usize = 4 << 30;
 /// Most bytes read at once: a damaged length must not reserve more than the file has.
 pub(crate) const READ_LIMIT: usize = 16 << 20;
 
+/// Most bytes of a chunk by itself, and by each byte of its file. `docs/faults.md` allows a reader 64 MiB and 1 KiB per byte; what is
+/// made of a chunk is up to six times as large. What a recorder packs best is a scene at rest, 64 frames of 64 bytes a Gaussian in
+/// a chunk: that is 35 times what the scene itself has in the file, 116 bytes a Gaussian, which is not packed.
+const MOST_UNPACKED: (u64, u64) = (8 << 20, 160);
+
+/// Most bytes that a chunk of a file may unpack to.
+pub(crate) fn most_unpacked(file: &File) -> u64 {
+    let length = file.metadata().map_or(0, |file| file.len());
+    let (least, each) = MOST_UNPACKED;
+    length
+        .saturating_mul(each)
+        .saturating_add(least)
+        .min(LENGTH_LIMIT as u64)
+}
+
 /// Records that make [`Event`]s.
 pub(crate) const DECODED: [u8; 4] = [op::CHANNEL, op::MESSAGE, op::METADATA, op::ATTACHMENT];
 
@@ -139,7 +154,7 @@ impl Iterator for Recording {
 /// Opens `path` at its first byte, after a look at the magic bytes.
 pub(crate) fn open_mcap(path: &Path) -> Result<File, RecordingError> {
     let open = |e| RecordingError::open(path, e);
-    let mut file = File::open(path).map_err(open)?;
+    let mut file = cosplat_files::open(path).map_err(open)?;
     let mut start = Vec::new();
     (&file)
         .take(mcap::MAGIC.len() as u64)

@@ -8,6 +8,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use cosplat_files::{NewFile, keep_apart};
 use foxglove::messages::FrameTransforms;
 use mcap::records::{MessageHeader, Record, op};
 use prost::Message;
@@ -18,12 +19,12 @@ use crate::chunk_records::ChunkRecords;
 use crate::messages::{GapReason, GapRecord, StatusRecord};
 use crate::packed::{ENCODING, Points};
 use crate::point_cloud;
-use crate::reader::open_mcap;
+use crate::reader::{most_unpacked, open_mcap};
 use crate::records;
 use crate::segments::{Segment, segments};
 use crate::topics::*;
 use crate::write_behind::WriteBehind;
-use crate::writer::{Mcap, create};
+use crate::writer::{Mcap, begin, existing};
 
 /// What a recovery kept and what it lost.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -64,17 +65,14 @@ pub struct RecoverReport {
 ///
 /// # Errors
 /// When `input` is no MCAP file or cannot be read, or `output` is the same file, exists without `overwrite`, or cannot
-/// be written.
+/// be written; then what was there is as it was.
 pub fn recover(
     input: &Path,
     output: &Path,
     overwrite: bool,
 ) -> Result<RecoverReport, RecordingError> {
     let mut file = open_mcap(input)?;
-    let is_same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if is_same(input, output) {
-        return Err(RecordingError::SameFile { path: input.into() });
-    }
+    keep_apart(output, [input])?;
     let map = segments(&mut file).map_err(|e| RecordingError::open(input, e))?;
     let profile = match read_body(
         &mut file,
@@ -86,7 +84,9 @@ pub fn recover(
         },
         None => String::new(),
     };
-    let (mcap, behind) = create(output, overwrite, compression(&map.records), &profile)?;
+    let new = NewFile::create(output, existing(overwrite))
+        .map_err(|e| RecordingError::open(output, e))?;
+    let (mcap, behind) = begin(&new, compression(&map.records), &profile)?;
     let mut recovery = Recovery {
         mcap,
         behind,
@@ -107,6 +107,7 @@ pub fn recover(
     recovery
         .run(&mut file, &map.records)
         .map_err(|e| RecordingError::write(output, e))?;
+    new.finish().map_err(|e| RecordingError::write(output, e))?;
     let mut report = recovery.report;
     report.was_intact &= report.lost_bytes == 0;
     Ok(report)
@@ -185,7 +186,7 @@ impl Recovery {
     fn whole_chunk(&mut self, file: &mut File, segment: &Segment) -> mcap::McapResult<()> {
         // What the input's disk no longer gives is lost like a cut-off end.
         let body = read_body(file, Some(segment)).unwrap_or_default();
-        let outcome = match ChunkRecords::of(&body) {
+        let outcome = match ChunkRecords::of(&body, most_unpacked(file)) {
             Ok(records) => self.chunk(records, true)?,
             Err(_) => ChunkOutcome::default(),
         };
@@ -217,7 +218,7 @@ impl Recovery {
             .seek(SeekFrom::Start(start))
             .and_then(|_| file.take(length).read_to_end(&mut data));
         let before = self.report.messages;
-        let outcome = match ChunkRecords::of_part(chunk.compression, &data) {
+        let outcome = match ChunkRecords::of_part(chunk.compression, &data, most_unpacked(file)) {
             Ok(records) => self.chunk(records, false)?,
             Err(_) => ChunkOutcome::default(),
         };

@@ -7,6 +7,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+use cosplat_files::{Existing, NewFile};
 use cosplat_ipc::monotonic_ns;
 use cosplat_ipc::schema::{
     FrameHeader, GaussianState, ObjectState, ObjectsHeader, Status, TextError, WIRE_VERSION,
@@ -64,20 +65,24 @@ impl Default for WriterOptions {
 /// Output of every MCAP writer here. The buffer is small: frames are larger and pass it by.
 pub(crate) type Mcap = mcap::Writer<BufWriter<File>>;
 
-/// Opens an MCAP file for writing, with a level where its chunks are compressed; they end only at `flush`, after which the second half of the pair may be told so.
-pub(crate) fn create(
-    path: &Path,
-    overwrite: bool,
+/// What becomes of a file that is there already.
+pub(crate) fn existing(overwrite: bool) -> Existing {
+    match overwrite {
+        true => Existing::IsReplaced,
+        false => Existing::Stays,
+    }
+}
+
+/// Begins MCAP in a new file, with a level where its chunks are compressed; they end only at `flush`, after which the second half
+/// of the pair may be told so.
+pub(crate) fn begin(
+    new: &NewFile,
     compression: Option<(mcap::Compression, u32)>,
     profile: &str,
 ) -> Result<(Mcap, WriteBehind), RecordingError> {
-    let mut open = File::options();
-    open.write(true);
-    match overwrite {
-        true => open.create(true).truncate(true),
-        false => open.create_new(true),
-    };
-    let file = open.open(path).map_err(|e| RecordingError::open(path, e))?;
+    let path = new.path();
+    let file = new.file().try_clone();
+    let file = file.map_err(|e| RecordingError::open(path, e))?;
     let behind = WriteBehind::of(&file).map_err(|e| RecordingError::open(path, e))?;
     let mcap = mcap::WriteOptions::new()
         .profile(profile)
@@ -101,8 +106,9 @@ struct Stamp {
 }
 
 /// A recording being written. Call [`finish`](Self::finish) at the end; a file whose writer was killed is repaired by
-/// [`recover`](crate::recover::recover).
+/// [`recover`](crate::recover::recover). Where it is to replace another file it lies beside that one until then, and stays there.
 pub struct RecordingWriter {
+    new: NewFile,
     path: PathBuf,
     mcap: Mcap,
     behind: WriteBehind,
@@ -136,10 +142,14 @@ impl RecordingWriter {
             Compression::Lz4 => Some((mcap::Compression::Lz4, 1)),
             Compression::Zstd => Some((mcap::Compression::Zstd, 1)),
         };
-        let (mut mcap, behind) = create(path, options.overwrite, compression, "")?;
-        let channels = Channels::add(&mut mcap).map_err(|e| RecordingError::write(path, e))?;
+        let new = NewFile::stream(path, existing(options.overwrite))
+            .map_err(|e| RecordingError::open(path, e))?;
+        let path = new.path().to_owned();
+        let (mut mcap, behind) = begin(&new, compression, "")?;
+        let channels = Channels::add(&mut mcap).map_err(|e| RecordingError::write(&path, e))?;
         Ok(Self {
-            path: path.to_owned(),
+            new,
+            path,
             mcap,
             behind,
             channels,
@@ -436,12 +446,15 @@ impl RecordingWriter {
         Ok(())
     }
 
-    /// Writes index and summary, and returns the bytes of messages and attachments.
+    /// Writes index and summary, gives the file its name, and returns the bytes of messages and attachments.
     ///
     /// # Errors
     /// When the file cannot be written.
     pub fn finish(mut self) -> Result<u64, RecordingError> {
         self.mcap
+            .finish()
+            .map_err(|e| RecordingError::write(&self.path, e))?;
+        self.new
             .finish()
             .map_err(|e| RecordingError::write(&self.path, e))?;
         Ok(self.bytes)

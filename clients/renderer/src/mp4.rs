@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use cosplat_files::{Existing, NewFile};
 use muxide::api::{Muxer, MuxerBuilder, MuxerError, VideoCodec};
 use openh264::encoder::{
     ColorPrimaries, Complexity, Encoder, EncoderConfig, FrameRate, FrameType, IntraFramePeriod,
@@ -71,7 +72,7 @@ pub enum Mp4Error {
 /// dropped without it leaves no file under the name asked for.
 pub struct Mp4Writer {
     path: PathBuf,
-    partial: PathBuf,
+    new: NewFile,
     size: (u32, u32),
     fps: f64,
     encoder: Encoder,
@@ -120,11 +121,12 @@ impl Mp4Writer {
                     cause,
                 }
             })?;
-        let partial = path.with_extension("mp4.partial");
-        let file = File::create(&partial).map_err(|cause| Mp4Error::Write {
+        let write = |cause| Mp4Error::Write {
             path: path.to_owned(),
             cause,
-        })?;
+        };
+        let new = NewFile::create(path, Existing::IsReplaced).map_err(write)?;
+        let file = new.file().try_clone().map_err(write)?;
         let muxer = MuxerBuilder::new(file)
             .video(VideoCodec::H264, size.0, size.1, fps)
             .build()
@@ -134,7 +136,7 @@ impl Mp4Writer {
             })?;
         Ok(Self {
             path: path.to_owned(),
-            partial,
+            new,
             size,
             fps,
             encoder,
@@ -217,18 +219,10 @@ impl Mp4Writer {
                 path: self.path.clone(),
                 cause,
             })?;
-        std::fs::rename(&self.partial, &self.path).map_err(|cause| Mp4Error::Write {
-            path: self.path.clone(),
-            cause,
-        })?;
+        let path = self.path;
+        let named = self.new.finish();
+        named.map_err(|cause| Mp4Error::Write { path, cause })?;
         Ok(self.frames)
-    }
-}
-
-impl Drop for Mp4Writer {
-    fn drop(&mut self) {
-        // After `finish` the partial file is gone, and failing to find it is as wanted.
-        let _ = std::fs::remove_file(&self.partial);
     }
 }
 

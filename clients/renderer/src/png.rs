@@ -1,7 +1,6 @@
 //! Pictures as PNG files.
 
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::Image;
@@ -46,9 +45,8 @@ pub fn write_png(path: &Path, image: &Image) -> Result<(), PngError> {
         height: image.height,
         cause,
     };
-    let partial = path.with_extension("png.partial");
-    let mut file = BufWriter::new(File::create(&partial).map_err(write)?);
-    let mut encoder = png::Encoder::new(&mut file, image.width, image.height);
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, image.width, image.height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
@@ -60,13 +58,13 @@ pub fn write_png(path: &Path, image: &Image) -> Result<(), PngError> {
             writer.finish()
         })
         .map_err(encode)?;
-    file.flush().map_err(write)?;
-    drop(file);
-    std::fs::rename(&partial, path).map_err(write)
+    cosplat_files::write(path, bytes).map_err(write)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
+
     use super::*;
 
     #[test]

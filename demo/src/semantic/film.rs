@@ -88,7 +88,8 @@ pub(super) fn collide(
     stop: &AtomicBool,
     progress: &Progress,
 ) -> anyhow::Result<(Collision, Vec<[Image; 2]>)> {
-    std::fs::write(scene, &text).with_context(|| format!("cannot write {}", scene.display()))?;
+    cosplat_files::write(scene, &text)
+        .with_context(|| format!("cannot write {}", scene.display()))?;
     let scene = load_text(text, scene)?.scene;
     let rate = scene.frame_rate;
     let output = Output::new(&scene);

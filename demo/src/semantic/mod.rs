@@ -213,7 +213,7 @@ impl Demo<'_> {
             ("splat.ply", &coarse),
         ] {
             let path = self.path(name);
-            std::fs::write(&path, ply::write(gaussians))
+            cosplat_files::write(&path, ply::write(gaussians))
                 .with_context(|| format!("cannot write {}", path.display()))?;
         }
         let views = [
@@ -355,7 +355,8 @@ impl Demo<'_> {
             "scene.toml",
         ];
         let shown = self.command("materials", &line)?;
-        std::fs::write(self.path("materials.txt"), shown).context("cannot write materials.txt")?;
+        cosplat_files::write(&self.path("materials.txt"), shown)
+            .context("cannot write materials.txt")?;
         let scene = self.path("scene.toml");
         let text = std::fs::read_to_string(&scene)
             .with_context(|| format!("cannot read {}", scene.display()))?;

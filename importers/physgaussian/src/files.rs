@@ -95,7 +95,7 @@ pub fn import_files(
         errors,
     })?;
     let scene = out.join("scene.toml");
-    fs::write(&scene, &imported.scene).map_err(failed("write", &scene))?;
+    cosplat_files::write(&scene, &imported.scene).map_err(failed("write", &scene))?;
     Ok(Written {
         scene,
         model: ply,

@@ -245,7 +245,7 @@ impl Objects {
             file: path.display().to_string(),
             why: error.to_string(),
         })?;
-        std::fs::write(path, bytes).map_err(|cause| ObjectsError::Write {
+        cosplat_files::write(path, bytes).map_err(|cause| ObjectsError::Write {
             path: path.to_owned(),
             cause,
         })

@@ -6,6 +6,7 @@ use crate::root;
 
 /// Every allowed edge between crates of the workspace; the root package may name them all.
 const ALLOWED: &[(&str, &[&str])] = &[
+    ("files", &[]),
     ("matter", &[]),
     ("rigid", &["cosplat-matter"]),
     ("solid", &["cosplat-matter", "cosplat-rigid"]),
@@ -14,7 +15,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
         &["cosplat-matter", "cosplat-rigid", "cosplat-solid"],
     ),
     ("reference", &["cosplat-sim-core"]),
-    ("scene", &["cosplat-sim-core", "cosplat-reference"]),
+    (
+        "scene",
+        &["cosplat-files", "cosplat-sim-core", "cosplat-reference"],
+    ),
     ("ipc", &[]),
     ("pacing", &["cosplat-ipc"]),
     (
@@ -27,15 +31,22 @@ const ALLOWED: &[(&str, &[&str])] = &[
         ],
     ),
     ("raster", &[]),
-    ("semantics", &["cosplat-raster", "cosplat-scene"]),
-    ("features", &["cosplat-semantics"]),
-    ("clients/renderer", &["cosplat-ipc", "cosplat-raster"]),
-    ("clients/recorder", &["cosplat-ipc"]),
+    (
+        "semantics",
+        &["cosplat-files", "cosplat-raster", "cosplat-scene"],
+    ),
+    ("features", &["cosplat-files", "cosplat-semantics"]),
+    (
+        "clients/renderer",
+        &["cosplat-files", "cosplat-ipc", "cosplat-raster"],
+    ),
+    ("clients/recorder", &["cosplat-files", "cosplat-ipc"]),
     ("clients/controller", &["cosplat-ipc"]),
     ("clients/web", &["cosplat-ipc", "cosplat-controller"]),
     (
         "replay",
         &[
+            "cosplat-files",
             "cosplat-sim-core",
             "cosplat-scene",
             "cosplat-ipc",
@@ -47,6 +58,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "clients/export",
         &[
+            "cosplat-files",
             "cosplat-ipc",
             "cosplat-recorder",
             "cosplat-renderer",
@@ -57,6 +69,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "objects",
         &[
+            "cosplat-files",
             "cosplat-console",
             "cosplat-ipc",
             "cosplat-matter",
@@ -69,6 +82,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "demo",
         &[
+            "cosplat-files",
             "cosplat-export",
             "cosplat-ipc",
             "cosplat-renderer",
@@ -78,7 +92,10 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "cosplat-sim-core",
         ],
     ),
-    ("importers/physgaussian", &["cosplat-scene"]),
+    (
+        "importers/physgaussian",
+        &["cosplat-files", "cosplat-scene"],
+    ),
     (
         "bench",
         &[

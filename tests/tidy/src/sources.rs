@@ -239,3 +239,40 @@ fn the_rule_against_sleeping_code_finds_it() {
     assert!(!is_commented_code("// Why: the tail is padded, see below."));
     assert!(!is_commented_code("/// let x = 1;"));
 }
+
+/// Ways to write a file that take along what was there, and where they may stand outside of tests.
+const WRITES: [&str; 3] = ["fs::write(", "File::create(", ".truncate(true)"];
+const MAY_WRITE: [&str; 7] = [
+    "files/",
+    // What processes tell each other of themselves, and checkpoints, in folders of their own.
+    "ipc/",
+    "server/",
+    // Measurements, which write to a checkout or to a folder of their own.
+    "bench/",
+    "fuzz/",
+    "demo/src/children.rs",
+    "tests/",
+];
+
+#[test]
+fn files_are_written_by_the_crate_that_keeps_old_ones() {
+    let mut findings = Vec::new();
+    for (name, text) in sources() {
+        let is_test =
+            name.contains("/tests/") || name.contains("/examples/") || name.ends_with("tests.rs");
+        if is_test || MAY_WRITE.iter().any(|place| name.starts_with(place)) {
+            continue;
+        }
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        for (number, line) in code.lines().enumerate() {
+            let line = line.replace("cosplat_files::write(", "");
+            if WRITES.iter().any(|way| line.contains(way)) {
+                findings.push(format!("{name}:{}: {}", number + 1, line.trim()));
+            }
+        }
+    }
+    assert_clean(
+        "use cosplat_files, which leaves the old file until the new one is complete",
+        &findings,
+    );
+}

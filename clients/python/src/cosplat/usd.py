@@ -8,6 +8,7 @@ spherical harmonics, in the object's own frame.
 from __future__ import annotations
 
 import json
+import secrets
 import sys
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -40,8 +41,8 @@ class UsdWriter:
         self._gf: Any = Gf
         self._vt: Any = Vt
         self._path = path
-        self._partial = path.with_name(f".{path.stem}.unfinished{path.suffix}")
-        self._partial.unlink(missing_ok=True)
+        # A name that nobody can foretell: what is there under it is ours.
+        self._partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.unfinished{path.suffix}")
         self._stage: Any = Usd.Stage.CreateNew(str(self._partial))
         self._frame_rate = frame_rate
         self._stage.SetTimeCodesPerSecond(frame_rate)
@@ -77,7 +78,8 @@ class UsdWriter:
 
     def add(self, time: float, places: list[tuple[list[float], list[float]]], arrays: list[Arrays | None]) -> None:
         """Adds a step at a time [s]: position and rotation xyzw of every object, and the Gaussians of those that changed."""
-        code, before = time * self._frame_rate, self._now
+        # The simulated time is a sum: a whole frame is told as one.
+        code, before = round(time * self._frame_rate, 6), self._now
         is_first = not any(self._last)
         for number, (place, new) in enumerate(zip(places, arrays, strict=True)):
             position, (x, y, z, w) = place

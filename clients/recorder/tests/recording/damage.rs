@@ -289,9 +289,51 @@ fn nonsense_is_refused_and_an_input_is_never_its_own_output() {
     let error = recover(&bench.input(), &bench.output(), true).unwrap_err();
     assert!(matches!(error, RecordingError::NotMcap { .. }), "{error}");
     let whole: &Path = &bench.folder.path().join("whole.mcap");
-    let error = recover(whole, whole, true).unwrap_err();
-    assert!(matches!(error, RecordingError::SameFile { .. }), "{error}");
-    assert_eq!(std::fs::read(whole).unwrap(), bench.bytes);
+    let (hard, soft) = (
+        bench.folder.path().join("hard"),
+        bench.folder.path().join("soft"),
+    );
+    std::fs::hard_link(whole, &hard).unwrap();
+    std::os::unix::fs::symlink("hard", &soft).unwrap();
+    for output in [whole, &hard, &soft] {
+        let compacted = compact(whole, output, true, |_, _| {}).map(drop);
+        for refused in [recover(whole, output, true).map(drop), compacted] {
+            let error = refused.unwrap_err();
+            assert!(matches!(error, RecordingError::OntoInput(_)), "{error}");
+            assert_eq!(std::fs::read(whole).unwrap(), bench.bytes);
+        }
+    }
+}
+
+#[test]
+fn what_fails_on_the_way_leaves_the_file_that_was_there() {
+    let bench = Bench::new(Compression::None);
+    std::fs::write(bench.output(), "precious").unwrap();
+    // Its header and first records are sound.
+    std::fs::write(bench.input(), &bench.bytes[..bench.bytes.len() / 2]).unwrap();
+    compact(&bench.input(), &bench.output(), true, |_, _| {}).unwrap_err();
+    let overwrite = WriterOptions {
+        overwrite: true,
+        ..options(Compression::None)
+    };
+    let mut writer = RecordingWriter::create(&bench.output(), &overwrite).unwrap();
+    writer.frame(&RUN.header(0), &RUN.frame(0), None).unwrap();
+    writer.flush().unwrap();
+    drop(writer);
+    assert_eq!(std::fs::read(bench.output()).unwrap(), b"precious");
+    // The recorder's part lies beside it, to be recovered; nothing is left of what was made of a recording.
+    let names = bench.folder.path().read_dir().unwrap();
+    let names = names.map(|entry| entry.unwrap().path());
+    let unfinished: Vec<_> = names
+        .filter(|path| path.extension().is_some_and(|end| end == "unfinished"))
+        .collect();
+    let [part] = &unfinished[..] else {
+        panic!("{unfinished:?}");
+    };
+    let repaired = bench.folder.path().join("repaired.mcap");
+    assert_eq!(recover(part, &repaired, false).unwrap().frames, 1);
+    recover(&bench.input(), &bench.output(), true).unwrap();
+    assert!(std::fs::read(bench.output()).unwrap() != b"precious");
 }
 
 /// Found by `fuzz/run recording`: the length of a record may be less than the chunk's header in it takes.
