@@ -1,7 +1,10 @@
 //! What of a recorded step differs from the same step simulated again, in words.
 
-use cosplat_ipc::schema::{FrameHeader, GaussianState, ObjectState, ObjectsHeader};
-use cosplat_recorder::{messages::JournalEntry, messages::command_name, runs::RunHeader};
+use bytemuck::pod_read_unaligned;
+use cosplat_ipc::schema::{
+    FieldLayout, FrameHeader, GaussianState, ObjectState, ObjectsHeader, Wire, command_name,
+};
+use cosplat_recorder::{messages::JournalEntry, messages::is_added, runs::RunHeader};
 use cosplat_server::convert::object_to_wire;
 use cosplat_sim_core::StepReport;
 
@@ -146,30 +149,41 @@ fn object_differences(
         .collect()
 }
 
-/// The first field in which two states of an object differ.
-fn differing_field<'a>(
-    a: &'a ObjectState,
-    b: &'a ObjectState,
-) -> Option<(&'static str, Vec<f64>, Vec<f64>)> {
-    let numbers = |o: &ObjectState| {
-        [
-            ("id", vec![o.id.into()]),
-            ("fidelity", vec![o.fidelity.into()]),
-            ("mass [kg]", vec![o.mass]),
-            ("centre of mass [m]", o.com.to_vec()),
-            ("rotation", o.rotation.to_vec()),
-            ("velocity [m/s]", o.linear_velocity.to_vec()),
-            ("angular velocity [rad/s]", o.angular_velocity.to_vec()),
-            ("inertia [kg m^2]", o.inertia.to_vec()),
-            ("radius [m]", vec![o.radius]),
-            ("kinetic energy [J]", vec![o.kinetic_energy]),
-            ("elastic energy [J]", vec![o.elastic_energy]),
-            ("contact impulse [N s]", o.contact_impulse.to_vec()),
-        ]
-    };
-    let both = numbers(a).into_iter().zip(numbers(b));
-    both.map(|((name, a), (_, b))| (name, a, b))
-        .find(|(_, a, b)| !a.iter().zip(b).all(|(a, b)| is_same(*a, *b)))
+/// The first field in which two values of a wire type differ, by the table of its layout, and what both have there. A field that
+/// older recorders did not write is compared where something is recorded.
+pub(crate) fn differing_field<W: Wire>(a: &W, b: &W) -> Option<(&'static str, Vec<f64>, Vec<f64>)> {
+    W::FIELDS.iter().find_map(|field| {
+        let [x, y] = [a, b].map(|value| &bytemuck::bytes_of(value)[field.offset..][..field.size]);
+        let [a, b] = [x, y].map(|bytes| numbers(field, bytes));
+        let is_told = !is_added(field) || x.iter().any(|byte| *byte != 0);
+        // Of whole numbers beyond 2^53 the bytes alone tell.
+        let is_same = match field.field_type.contains('f') {
+            true => a.iter().zip(&b).all(|(a, b)| is_same(*a, *b)),
+            false => x == y,
+        };
+        (is_told && !is_same).then_some((field.field, a, b))
+    })
+}
+
+/// The numbers of a field.
+fn numbers(field: &FieldLayout, bytes: &[u8]) -> Vec<f64> {
+    let of = field.field_type.trim_start_matches('[');
+    match &of[..of.len().min(3)] {
+        "f64" => bytes.chunks_exact(8).map(pod_read_unaligned).collect(),
+        "f32" => bytes
+            .chunks_exact(4)
+            .map(|b| f64::from(pod_read_unaligned::<f32>(b)))
+            .collect(),
+        "u64" => bytes
+            .chunks_exact(8)
+            .map(|b| pod_read_unaligned::<u64>(b) as f64)
+            .collect(),
+        "u32" => bytes
+            .chunks_exact(4)
+            .map(|b| f64::from(pod_read_unaligned::<u32>(b)))
+            .collect(),
+        _ => bytes.iter().map(|byte| f64::from(*byte)).collect(),
+    }
 }
 
 /// Same bits, or two numbers that JSON cannot hold.
@@ -194,13 +208,21 @@ mod tests {
             ..a
         };
         assert_eq!(differing_field(&a, &a), None);
-        let expected = ("elastic energy [J]", vec![0.0], vec![2.0]);
+        let expected = ("elastic_energy", vec![0.0], vec![2.0]);
         assert_eq!(differing_field(&a, &b), Some(expected));
         let b = ObjectState {
             com: [-0.0; 3],
             ..a
         };
         let (name, ..) = differing_field(&a, &b).expect("another sign");
-        assert_eq!(name, "centre of mass [m]");
+        assert_eq!(name, "com");
+        // No field of the wire is left out.
+        for (n, field) in ObjectState::FIELDS.iter().enumerate() {
+            let mut bytes = [0; size_of::<ObjectState>()];
+            bytes[field.offset] = 1;
+            let b = bytemuck::pod_read_unaligned::<ObjectState>(&bytes);
+            let found = differing_field(&ObjectState::default(), &b);
+            assert_eq!(found.map(|(name, ..)| name), Some(field.field), "field {n}");
+        }
     }
 }

@@ -219,12 +219,14 @@ impl<'a> Player<'a> {
             Permission::Step | Permission::End => (wire::FRAME_FLAG_LAST, wire::SERVER_RUNNING),
         };
         self.send(&frame, flags)?;
-        let board = frame.board.as_ref().map(Status::from).unwrap_or_default();
+        let board = frame.board.map(|board| board.0).unwrap_or_default();
         let status = Status {
             step: number,
             sim_time: frame.header.sim_time,
             state_hash: frame.header.state_hash,
             server_state: 0,
+            // What was so of the recorded server: a replay sends whole frames.
+            has_changes: 0,
             ..board
         };
         self.shown = Some(Shown {

@@ -5,10 +5,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use cosplat_ipc::schema::{FRAME_FLAG_RESET, FrameHeader};
+use cosplat_ipc::schema::{FRAME_FLAG_RESET, FrameHeader, command_name};
 use cosplat_recorder::{
     RecordingError,
-    messages::{GapRecord, Hex64, JournalEntry, command_name},
+    messages::{GapRecord, Hex64, JournalEntry},
     reader::{Event, Recording, Traffic},
     runs::{CommandCount, FileKind, Lack, RunHeader, StepCount, Untold},
     topics::{SCENE_TOML, checkpoint_of},

@@ -4,8 +4,12 @@
 //! ids are written as 16 hexadecimal digits: JSON readers in other languages round integers above 2^53. JSON has no
 //! infinity and no NaN: they become null, and come back as NaN.
 
+mod twin;
+
 use cosplat_ipc::schema as wire;
 use serde::{Deserialize, Serialize};
+
+pub use twin::{BoardRecord, MaterialRecord, ObjectRecord, Twin, is_added};
 
 /// A 64-bit hash or random id, in JSON a string of 16 hexadecimal digits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,20 +40,6 @@ impl FromJson for f64 {
         Ok(Option::deserialize(from)?.unwrap_or(Self::NAN))
     }
 }
-
-/// Types that are never null.
-macro_rules! always_there {
-    ($($kind:ty),*) => {
-        $(
-            impl FromJson for $kind {
-                fn from_json<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-                    Self::deserialize(from)
-                }
-            }
-        )*
-    };
-}
-always_there!(u32, u64, Hex64);
 
 impl<const N: usize> FromJson for [f64; N] {
     fn from_json<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
@@ -102,18 +92,31 @@ pub struct StatusRecord {
 impl StatusRecord {
     /// Record of a frame header and, where it could be read, the status board.
     pub fn new(header: &wire::FrameHeader, board: Option<&wire::Status>) -> Self {
+        // No field is left out: one that is added has to be named here.
+        let wire::FrameHeader {
+            step,
+            sim_time,
+            dt,
+            epoch,
+            state_hash,
+            publish_ns,
+            count,
+            substeps,
+            flags,
+            reserved: _,
+        } = *header;
         Self {
-            step: header.step,
-            sim_time: header.sim_time,
-            dt: header.dt,
-            epoch: Hex64(header.epoch),
-            state_hash: Hex64(header.state_hash),
-            publish_ns: header.publish_ns,
-            count: header.count,
-            substeps: header.substeps,
-            flags: header.flags,
+            step,
+            sim_time,
+            dt,
+            epoch: Hex64(epoch),
+            state_hash: Hex64(state_hash),
+            publish_ns,
+            count,
+            substeps,
+            flags,
             since: None,
-            board: board.map(BoardRecord::from),
+            board: board.copied().map(Twin),
         }
     }
 
@@ -129,38 +132,9 @@ impl StatusRecord {
             count: self.count,
             substeps: self.substeps,
             flags: self.flags,
-            ..Default::default()
+            reserved: Default::default(),
         }
     }
-}
-
-/// Declares the JSON twin of a wire type: same names, same numbers, conversions both ways.
-macro_rules! twin {
-    ($(#[$doc:meta])* $twin:ident of $wire:ident { $($field:ident: $kind:ty,)* }) => {
-        $(#[$doc])*
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-        pub struct $twin {
-            $(
-                #[doc = concat!("See [`", stringify!($wire), "::", stringify!($field), "`](wire::", stringify!($wire), "::", stringify!($field), ").")]
-                #[serde(deserialize_with = "FromJson::from_json")]
-                pub $field: $kind,
-            )*
-        }
-
-        impl From<&wire::$wire> for $twin {
-            fn from(w: &wire::$wire) -> Self {
-                Self { $($field: <$kind>::from(w.$field),)* }
-            }
-        }
-
-        impl From<&$twin> for wire::$wire {
-            // Some wire types have reserved fields, some have none.
-            #[allow(clippy::needless_update)]
-            fn from(t: &$twin) -> Self {
-                Self { $($field: t.$field.into(),)* ..Default::default() }
-            }
-        }
-    };
 }
 
 type V3 = [f64; 3];
@@ -174,55 +148,6 @@ impl From<u64> for Hex64 {
 impl From<Hex64> for u64 {
     fn from(value: Hex64) -> Self {
         value.0
-    }
-}
-
-twin! {
-    /// The server's status board.
-    BoardRecord of Status {
-        step: u64,
-        sim_time: f64,
-        heartbeat_ns: u64,
-        epoch: Hex64,
-        steps_per_second: f64,
-        real_time_factor: f64,
-        modelled_fraction: f64,
-        dt: f64,
-        kinetic_energy: f64,
-        elastic_energy: f64,
-        potential_energy: f64,
-        linear_momentum: V3,
-        angular_momentum: V3,
-        frames_published: u64,
-        frames_skipped: u64,
-        rollbacks: u64,
-        particles_left: u64,
-        particles_quarantined: u64,
-        commands_accepted: u64,
-        commands_refused: u64,
-        state_hash: Hex64,
-        dt_limit: u32,
-        dt_object: u32,
-        server_state: u32,
-        pid: u32,
-    }
-}
-
-twin! {
-    /// One object of `/objects`.
-    ObjectRecord of ObjectState {
-        id: u32,
-        fidelity: u32,
-        mass: f64,
-        com: V3,
-        rotation: [f64; 4],
-        linear_velocity: V3,
-        angular_velocity: V3,
-        inertia: [f64; 6],
-        radius: f64,
-        kinetic_energy: f64,
-        elastic_energy: f64,
-        contact_impulse: V3,
     }
 }
 
@@ -248,14 +173,21 @@ pub struct ObjectsRecord {
 impl ObjectsRecord {
     /// Record of one `objects` message with those of its objects that are told.
     pub fn new(header: &wire::ObjectsHeader, objects: &[wire::ObjectState]) -> Self {
-        let count = header.count as usize;
+        let wire::ObjectsHeader {
+            step,
+            sim_time,
+            epoch,
+            count,
+            reserved: _,
+            state_hash,
+        } = *header;
         Self {
-            count: (count != objects.len()).then_some(header.count),
-            step: header.step,
-            sim_time: header.sim_time,
-            epoch: Hex64(header.epoch),
-            state_hash: Some(Hex64(header.state_hash)),
-            objects: objects.iter().map(ObjectRecord::from).collect(),
+            count: (count as usize != objects.len()).then_some(count),
+            step,
+            sim_time,
+            epoch: Hex64(epoch),
+            state_hash: Some(Hex64(state_hash)),
+            objects: objects.iter().copied().map(Twin).collect(),
         }
     }
 
@@ -267,24 +199,13 @@ impl ObjectsRecord {
             epoch: self.epoch.0,
             count: self.count.unwrap_or(self.objects.len() as u32),
             state_hash: self.state_hash.map_or(0, u64::from),
-            ..Default::default()
+            reserved: 0,
         }
     }
 
     /// The objects that are told as wire types.
     pub fn states(&self) -> Vec<wire::ObjectState> {
-        self.objects.iter().map(Into::into).collect()
-    }
-}
-
-twin! {
-    /// Material of a journal entry.
-    MaterialRecord of MaterialSpec {
-        law: u32,
-        region: u32,
-        youngs_modulus: f64,
-        poisson_ratio: f64,
-        parameters: [f64; 4],
+        self.objects.iter().map(|object| object.0).collect()
     }
 }
 
@@ -346,7 +267,7 @@ impl From<&JournalEntry> for JournalRecord {
             index: *index,
             step: applied.step,
             client: Hex64(applied.client),
-            name: command_name(command.kind).to_owned(),
+            name: wire::command_name(command.kind).to_owned(),
             kind: command.kind,
             object: command.object,
             sequence: command.sequence,
@@ -354,7 +275,7 @@ impl From<&JournalEntry> for JournalRecord {
             vector: command.vector,
             point: command.point,
             radius: command.radius,
-            material: (&command.material).into(),
+            material: Twin(command.material),
         }
     }
 }
@@ -382,28 +303,9 @@ impl From<&JournalRecord> for wire::AppliedCommand {
                 vector: record.vector,
                 point: record.point,
                 radius: record.radius,
-                material: (&record.material).into(),
+                material: record.material.0,
             },
         }
-    }
-}
-
-/// Name of a command kind.
-pub fn command_name(kind: u32) -> &'static str {
-    match kind {
-        wire::COMMAND_IMPULSE => "impulse",
-        wire::COMMAND_IMPULSE_AT => "impulse_at",
-        wire::COMMAND_SET_VELOCITY => "set_velocity",
-        wire::COMMAND_SET_MATERIAL => "set_material",
-        wire::COMMAND_SET_GRAVITY => "set_gravity",
-        wire::COMMAND_PAUSE => "pause",
-        wire::COMMAND_RESUME => "resume",
-        wire::COMMAND_RESET => "reset",
-        wire::COMMAND_STOP => "stop",
-        wire::COMMAND_MOVE_COLLIDER => "move_collider",
-        wire::COMMAND_PIN => "pin",
-        wire::COMMAND_RELEASE => "release",
-        _ => "unknown",
     }
 }
 

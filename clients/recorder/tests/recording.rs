@@ -11,6 +11,7 @@ mod recording {
     pub mod killed;
     pub mod live;
     pub mod moved;
+    pub mod older;
     pub mod parted;
     pub mod played;
     pub mod read_back;

@@ -74,6 +74,45 @@ pub const COMMAND_REDO: u32 = 29;
 /// Drop the orders that wait for their step, at once: `object` 0 those of the sender's `client` number, 1 those of all.
 pub const COMMAND_CANCEL: u32 = 30;
 
+/// Kinds of commands with their names, for people and for recordings.
+const COMMAND_NAMES: [(u32, &str); 29] = [
+    (COMMAND_IMPULSE, "impulse"),
+    (COMMAND_IMPULSE_AT, "impulse_at"),
+    (COMMAND_SET_VELOCITY, "set_velocity"),
+    (COMMAND_SET_MATERIAL, "set_material"),
+    (COMMAND_SET_GRAVITY, "set_gravity"),
+    (COMMAND_PAUSE, "pause"),
+    (COMMAND_RESUME, "resume"),
+    (COMMAND_RESET, "reset"),
+    (COMMAND_STOP, "stop"),
+    (COMMAND_MOVE_COLLIDER, "move_collider"),
+    (COMMAND_PIN, "pin"),
+    (COMMAND_RELEASE, "release"),
+    (COMMAND_CHECKPOINT, "checkpoint"),
+    (COMMAND_FORCE, "force"),
+    (COMMAND_FORCE_AT, "force_at"),
+    (COMMAND_COLLIDER_VELOCITY, "collider_velocity"),
+    (COMMAND_SAVE, "save"),
+    (COMMAND_RESTORE, "restore"),
+    (COMMAND_STEP, "step"),
+    (COMMAND_SEEK, "seek"),
+    (COMMAND_GRAB, "grab"),
+    (COMMAND_DRAG, "drag"),
+    (COMMAND_LET_GO, "let_go"),
+    (COMMAND_SET_POSE, "set_pose"),
+    (COMMAND_SET_FIDELITY, "set_fidelity"),
+    (COMMAND_REMOVE, "remove"),
+    (COMMAND_BRING_IN, "bring_in"),
+    (COMMAND_UNDO, "undo"),
+    (COMMAND_REDO, "redo"),
+];
+
+/// Name of a kind of command, `unknown` where this version has none.
+pub fn command_name(kind: u32) -> &'static str {
+    let known = COMMAND_NAMES.iter().find(|(known, _)| *known == kind);
+    known.map_or("unknown", |(_, name)| name)
+}
+
 /// Flag of a pose: the object keeps its place, and `vector` is not read.
 pub const POSE_KEEP_PLACE: u32 = 1;
 /// Flag of a pose: the object keeps its rotation, and `point` is not read.
@@ -228,5 +267,26 @@ impl Ack {
     /// Why the command was refused; empty when accepted.
     pub fn reason(&self) -> Result<&str, TextError> {
         str_from_padded(&self.reason)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_of_command_has_its_name() {
+        let mut count = 0;
+        for line in include_str!("command.rs").lines() {
+            let constant = line.strip_prefix("pub const COMMAND_");
+            let Some((name, kind)) = constant.and_then(|rest| rest.split_once(": u32 = ")) else {
+                continue;
+            };
+            let kind = kind.trim_end_matches(';').parse().expect("a number");
+            assert_eq!(command_name(kind), name.to_lowercase());
+            count += 1;
+        }
+        assert_eq!(count, COMMAND_NAMES.len());
+        assert_eq!(command_name(u32::MAX), "unknown");
     }
 }

@@ -23,6 +23,12 @@ pub struct FieldLayout {
     pub size: usize,
 }
 
+/// A type of the wire, with the table of its fields.
+pub trait Wire: bytemuck::Pod {
+    /// Its fields, by their offset.
+    const FIELDS: &'static [FieldLayout];
+}
+
 /// States size, alignment and offsets of each type; a build with any other layout fails.
 macro_rules! wire_types {
     ($($name:literal $type:ident: $size:literal align $align:literal {
@@ -36,19 +42,23 @@ macro_rules! wire_types {
                 assert!(0 $(+ size_of::<$field_type>())* == $size, "padding or a missing field");
                 $(let _: fn(&$type) -> &$field_type = |value| &value.$field;)*
             };
+
+            impl Wire for $type {
+                const FIELDS: &'static [FieldLayout] = &[$(FieldLayout {
+                    type_name: $name,
+                    type_size: $size,
+                    type_align: $align,
+                    field: stringify!($field),
+                    field_type: stringify!($field_type),
+                    offset: $offset,
+                    size: size_of::<$field_type>(),
+                },)*];
+            }
         )*
 
         /// The layout of every wire type, field by field, in the order of `docs/wire-format.md`.
         pub fn layout() -> Vec<FieldLayout> {
-            vec![$($(FieldLayout {
-                type_name: $name,
-                type_size: $size,
-                type_align: $align,
-                field: stringify!($field),
-                field_type: stringify!($field_type),
-                offset: $offset,
-                size: size_of::<$field_type>(),
-            },)*)*]
+            [$($type::FIELDS),*].concat()
         }
 
         #[cfg(test)]

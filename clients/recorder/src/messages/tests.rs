@@ -32,12 +32,62 @@ fn objects_come_back_bit_for_bit() {
         elastic_energy: awkward(4),
         contact_impulse: v(5),
     };
-    let json = serde_json::to_vec(&ObjectRecord::from(&object)).unwrap();
+    let json = serde_json::to_vec(&Twin(object)).unwrap();
     let back: ObjectRecord = serde_json::from_slice(&json).unwrap();
+    assert_eq!(bytemuck::bytes_of(&back.0), bytemuck::bytes_of(&object));
+}
+
+/// A wire type with another number in every byte, and zero in reserved ones; no number is NaN.
+fn counted<W: wire::Wire>() -> W {
+    let mut value = W::zeroed();
+    for (n, field) in W::FIELDS.iter().enumerate() {
+        let bytes = &mut bytemuck::bytes_of_mut(&mut value)[field.offset..][..field.size];
+        if field.field != "reserved" {
+            let numbers = (0..field.size).map(|at| (7 * n + 13 * at + 1) as u8 % 127);
+            bytes.iter_mut().zip(numbers).for_each(|(to, n)| *to = n);
+        }
+    }
+    value
+}
+
+#[test]
+fn no_field_of_the_wire_is_lost() {
+    fn comes_back<W: wire::Wire + PartialEq + std::fmt::Debug>() {
+        let value: W = counted();
+        let json = serde_json::to_vec(&Twin(value)).unwrap();
+        let back: Twin<W> = serde_json::from_slice(&json).unwrap();
+        assert_eq!(bytemuck::bytes_of(&back.0), bytemuck::bytes_of(&value));
+        // What is missing is an error but where older recorders did not write it.
+        let whole: serde_json::Map<_, _> = serde_json::from_slice(&json).unwrap();
+        for field in W::FIELDS.iter().filter(|field| field.field != "reserved") {
+            let mut less = whole.clone();
+            less.remove(field.field).expect("every field is there");
+            let read = serde_json::from_value::<Twin<W>>(less.into());
+            assert_eq!(read.is_ok(), is_added(field), "{}", field.field);
+        }
+    }
+    comes_back::<wire::Status>();
+    comes_back::<wire::ObjectState>();
+    comes_back::<wire::MaterialSpec>();
+    let header: wire::FrameHeader = counted();
+    let record = StatusRecord::new(&header, None);
     assert_eq!(
-        bytemuck::bytes_of(&wire::ObjectState::from(&back)),
-        bytemuck::bytes_of(&object)
+        bytemuck::bytes_of(&record.header()),
+        bytemuck::bytes_of(&header)
     );
+    let header: wire::ObjectsHeader = counted();
+    let record = ObjectsRecord::new(&header, &[]);
+    assert_eq!(
+        bytemuck::bytes_of(&record.header()),
+        bytemuck::bytes_of(&header)
+    );
+    let entry = JournalEntry {
+        applied: counted(),
+        epoch: Some(1),
+        index: Some(2),
+    };
+    let back = JournalEntry::from(&JournalRecord::from(&entry));
+    assert_eq!(back, entry);
 }
 
 #[test]
@@ -87,18 +137,14 @@ fn journal_and_status_come_back_bit_for_bit() {
         flags: wire::FRAME_FLAG_LAST,
         ..Default::default()
     };
-    let status = wire::Status {
-        state_hash: u64::MAX - 5,
-        kinetic_energy: awkward(4),
-        ..Default::default()
-    };
+    let status: wire::Status = counted();
     let json = serde_json::to_vec(&StatusRecord::new(&header, Some(&status))).unwrap();
     let back: StatusRecord = serde_json::from_slice(&json).unwrap();
     assert_eq!(
         bytemuck::bytes_of(&back.header()),
         bytemuck::bytes_of(&header)
     );
-    let board = wire::Status::from(back.board.as_ref().unwrap());
+    let board = back.board.unwrap().0;
     assert_eq!(bytemuck::bytes_of(&board), bytemuck::bytes_of(&status));
 }
 
@@ -128,7 +174,7 @@ fn numbers_that_are_not_finite_do_not_make_a_message_unreadable() {
 
 #[test]
 fn every_schema_names_exactly_the_fields_that_are_written() {
-    let board = BoardRecord::from(&wire::Status::default());
+    let board = Twin(wire::Status::default());
     let status = StatusRecord {
         board: Some(board),
         since: Some(1),

@@ -59,7 +59,7 @@ fn gaussians(object: usize, step: u64) -> Vec<GaussianState> {
 }
 
 /// The message of a step; of a step that is complete by itself all objects are in it.
-fn message(step: u64, is_complete: bool) -> (ChangesHeader, Vec<ChangeSlot>) {
+pub fn message(step: u64, is_complete: bool) -> (ChangesHeader, Vec<ChangeSlot>) {
     let (mut rows, mut own) = (Vec::new(), Vec::new());
     for object in 0..OBJECTS {
         // The step in which it came to be what it is.
@@ -118,7 +118,7 @@ fn message(step: u64, is_complete: bool) -> (ChangesHeader, Vec<ChangeSlot>) {
 }
 
 /// Objects of which one moves.
-fn objects(step: u64) -> (ObjectsHeader, Vec<ObjectState>) {
+pub fn objects(step: u64) -> (ObjectsHeader, Vec<ObjectState>) {
     let (header, mut states) = RUN.objects(step);
     for (state, n) in states.iter_mut().zip(0..) {
         let moves = if n == 1 { step } else { step / 100 };
@@ -148,8 +148,19 @@ fn write(path: &Path) -> Vec<Vec<GaussianState>> {
     frames
 }
 
-fn is_same(a: &[GaussianState], b: &[GaussianState]) -> bool {
+pub fn is_same(a: &[GaussianState], b: &[GaussianState]) -> bool {
     bytemuck::cast_slice::<_, u8>(a) == bytemuck::cast_slice::<_, u8>(b)
+}
+
+/// The first frames of the run as readers of the wire have them.
+pub fn frames(count: u64) -> Vec<Vec<GaussianState>> {
+    let mut live = Assembly::default();
+    let frame = |step| {
+        let (header, slots) = message(step, step == 0);
+        live.apply(&header, &slots).unwrap();
+        live.gaussians().to_vec()
+    };
+    (0..count).map(frame).collect()
 }
 
 fn folder() -> (tempfile::TempDir, PathBuf) {
@@ -299,7 +310,10 @@ fn a_compacted_recording_reads_as_the_one_that_it_was_made_of() {
     std::fs::write(&path, &bytes).unwrap();
     let before = std::fs::read(&again).unwrap();
     assert!(compact(&path, &again, true, |_, _| {}).is_err());
-    assert!(std::fs::read(&again).unwrap() == before, "what was there stays");
+    assert!(
+        std::fs::read(&again).unwrap() == before,
+        "what was there stays"
+    );
 }
 
 #[test]
