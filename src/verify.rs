@@ -58,9 +58,10 @@ fn print(outcome: &Outcome) -> anyhow::Result<()> {
         }
         if let Some([first, last]) = run.steps {
             say!(
-                "  {} steps from {first} to {last} agree, {} of them Gaussian by Gaussian, with {} commands and {} checkpoints",
+                "  {} steps from {first} to {last} agree, {} of them Gaussian by Gaussian, {} object by object, with {} commands and {} checkpoints",
                 run.steps_compared,
                 run.frames_compared,
+                run.objects_compared,
                 run.commands,
                 run.checkpoints_compared
             )?;

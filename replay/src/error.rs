@@ -53,6 +53,30 @@ pub enum ReplayError {
     /// The scene cannot be built.
     #[error(transparent)]
     Scene(#[from] LoadError),
+    /// A block of the scene is not what its text makes.
+    #[error("its attachment {name} is not that of its scene")]
+    SceneBlock {
+        /// Name of the attachment.
+        name: String,
+    },
+    /// The metadata are not those of the scene.
+    #[error("its metadata say {field} {recorded:?}, its scene has {found:?}")]
+    SceneHeader {
+        /// The field, as in the wire format.
+        field: &'static str,
+        /// As recorded.
+        recorded: Vec<f64>,
+        /// As the scene is built now.
+        found: Vec<f64>,
+    },
+    /// All that is recorded comes before the state that the run can be taken up from.
+    #[error(
+        "its {count} frames come before the checkpoint that it can be taken up from: nothing was compared"
+    )]
+    NothingBehind {
+        /// Frames before it.
+        count: u64,
+    },
     /// This program makes another scene of the same files.
     #[error("its scene makes another one now: hash {found:016x}, expected {expected:016x}")]
     OtherScene {

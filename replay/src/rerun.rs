@@ -2,17 +2,25 @@
 
 use std::{
     collections::{BTreeMap, VecDeque},
+    convert::Infallible,
     path::{Path, PathBuf},
     sync::Arc,
 };
 
-use bytemuck::{Pod, pod_collect_to_vec};
-use cosplat_ipc::schema::{AppliedCommand, GaussianState};
+use bytemuck::{Pod, cast_slice, pod_collect_to_vec};
+use cosplat_ipc::{
+    schema::{AppliedCommand, GaussianState, SceneHeader},
+    server::SceneBlocks,
+};
 use cosplat_recorder::{
     chunks::Chunks,
+    ply::PlyScene,
     reader::Event,
     runs::{FileKind, Lack, RunHeader},
-    topics::{FILES_PREFIX, SCENE_TOML},
+    topics::{
+        FILES_PREFIX, SCENE_FEATURES, SCENE_GAUSSIANS, SCENE_OBJECTS, SCENE_PLY, SCENE_SH,
+        SCENE_TOML,
+    },
 };
 use cosplat_scene::{
     load::{LoadedScene, load_held},
@@ -23,8 +31,18 @@ use cosplat_server::{
     publish::{Output, SceneBuffers},
 };
 use cosplat_sim_core::{Command, Interruption, StepReport, World};
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-use crate::{ReplayError, outlook::Start, walk::Walk};
+use crate::{ReplayError, differences::differing_field, outlook::Start, walk::Walk};
+
+/// Attachments that a scene's text and files make.
+const BLOCKS: [&str; 5] = [
+    SCENE_PLY,
+    SCENE_GAUSSIANS,
+    SCENE_SH,
+    SCENE_FEATURES,
+    SCENE_OBJECTS,
+];
 
 /// What a recording keeps to simulate its runs again.
 #[derive(Default)]
@@ -33,6 +51,8 @@ pub struct Kept {
     texts: BTreeMap<u64, Vec<u8>>,
     /// Files, by attachment.
     files: BTreeMap<String, Arc<[u8]>>,
+    /// Hashes of the blocks of scenes, by scene hash and attachment.
+    blocks: BTreeMap<(u64, String), u64>,
 }
 
 impl Kept {
@@ -42,6 +62,51 @@ impl Kept {
             self.texts.insert(run.scene.scene_hash, data);
         } else if name.starts_with(FILES_PREFIX) {
             self.files.insert(name, data.into());
+        } else if BLOCKS.contains(&&*name) {
+            let key = (run.scene.scene_hash, name);
+            self.blocks.insert(key, xxh3_64(&data));
+        }
+    }
+
+    /// Compares what is recorded of a scene at rest, in blocks and in the metadata, with the scene as it is built now.
+    fn compare_scene(&self, run: &RunHeader, blocks: &SceneBlocks) -> Result<(), ReplayError> {
+        let mut ply = Xxh3::new();
+        let scene = PlyScene {
+            gaussians: blocks.gaussians,
+            sh_degree: blocks.header.sh_degree,
+            sh: blocks.sh,
+        };
+        let Ok(()) = scene.encode(|piece| {
+            ply.update(piece);
+            Ok::<_, Infallible>(())
+        });
+        let hashes = [
+            ply.digest(),
+            xxh3_64(cast_slice(blocks.gaussians)),
+            xxh3_64(cast_slice(blocks.sh)),
+            xxh3_64(cast_slice(blocks.features)),
+            xxh3_64(cast_slice(blocks.objects)),
+        ];
+        for (name, hash) in BLOCKS.into_iter().zip(hashes) {
+            let name = name.to_owned();
+            let kept = self.blocks.get(&(run.scene.scene_hash, name.clone()));
+            if kept.is_some_and(|kept| *kept != hash) {
+                return Err(ReplayError::SceneBlock { name });
+            }
+        }
+        let built = SceneHeader {
+            epoch: run.scene.epoch,
+            gaussian_count: blocks.gaussians.len() as u32,
+            object_count: blocks.objects.len() as u32,
+            ..blocks.header
+        };
+        match differing_field(&run.scene, &built) {
+            None => Ok(()),
+            Some((field, recorded, found)) => Err(ReplayError::SceneHeader {
+                field,
+                recorded,
+                found,
+            }),
         }
     }
 
@@ -207,11 +272,13 @@ impl Rerun {
         threads: usize,
     ) -> Result<Rerun, ReplayError> {
         let loaded = kept.scene(run, recording, |name| recording.join(name))?;
-        let found = SceneBuffers::new(&loaded).blocks(&loaded).header.scene_hash;
-        let expected = run.scene.scene_hash;
+        let buffers = SceneBuffers::new(&loaded);
+        let blocks = buffers.blocks(&loaded);
+        let (found, expected) = (blocks.header.scene_hash, run.scene.scene_hash);
         if found != expected {
             return Err(ReplayError::OtherScene { found, expected });
         }
+        kept.compare_scene(run, &blocks)?;
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()

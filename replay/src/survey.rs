@@ -134,6 +134,7 @@ struct OpenRun {
     header: Option<RunHeader>,
     steps: StepCount,
     commands: CommandCount,
+    has_objects: bool,
     hashed: Option<u64>,
     sent: Option<[u64; 2]>,
 }
@@ -159,10 +160,15 @@ impl Surveyor {
                 }
             }
             Event::Frame(frame) => run.frame(&frame.header),
-            Event::Objects(header, _) if header.state_hash != 0 => run.hash(header.step),
+            Event::Objects(header, _) => {
+                run.has_objects = true;
+                if header.state_hash != 0 {
+                    run.hash(header.step);
+                }
+            }
             Event::Journal(entry) => run.command(&entry),
             Event::Gap(gap) => run.gap(gap),
-            Event::Metadata { .. } | Event::Objects(..) => {}
+            Event::Metadata { .. } => {}
         }
     }
 
@@ -179,6 +185,12 @@ impl Surveyor {
                 epoch: run.survey.epoch.0,
             }],
         };
+        let count = run.header.as_ref().map_or(0, |h| h.scene.object_count);
+        if run.survey.frames == 0 {
+            run.survey.lacks.push(Lack::Frames);
+        } else if count > 0 && !run.has_objects {
+            run.survey.lacks.push(Lack::Objects { count });
+        }
         if !run.survey.checkpoints.is_empty() {
             // The run is taken up from the first of them.
             let is_early = |lack: &Lack| matches!(lack, Lack::Commands { first: 0, .. });
@@ -229,6 +241,7 @@ impl OpenRun {
             header,
             steps: StepCount::default(),
             commands: CommandCount::default(),
+            has_objects: false,
             hashed: None,
             sent: None,
         }

@@ -7,7 +7,7 @@ use cosplat_recorder::{
     chunks::Chunks,
     messages::Hex64,
     reader::{Event, Recording},
-    runs::{CommandCount, RunHeader, StepCount},
+    runs::{CommandCount, Lack, RunHeader, StepCount},
 };
 use cosplat_sim_core::Interruption;
 use serde::Serialize;
@@ -26,7 +26,7 @@ use crate::{
 pub struct Outcome {
     /// The file.
     pub recording: PathBuf,
-    /// Whether every step of every run agrees.
+    /// Whether every step of every run agrees, and each run has steps that were compared.
     pub verified: bool,
     /// Runs of the server, in the order of the file.
     pub runs: Vec<RunOutcome>,
@@ -47,6 +47,8 @@ pub struct RunOutcome {
     pub steps_compared: u64,
     /// Frames that were compared Gaussian by Gaussian and agree.
     pub frames_compared: u64,
+    /// Steps whose objects were compared and agree.
+    pub objects_compared: u64,
     /// Commands of the journal.
     pub commands: u64,
     /// Checkpoints that were compared and agree.
@@ -168,10 +170,13 @@ impl<P: FnMut(u64, u64)> Verifier<'_, P> {
         let Some(mut check) = self.open.take() else {
             return;
         };
-        if check.goes_on()
-            && let Err(reason) = check.settle(&self.outlook)
-        {
-            check.outcome.cannot = Some(reason.to_string());
+        if check.goes_on() {
+            // A run without a step has not begun yet: what it lacks is told all the same.
+            let settled = check
+                .begin(&self.kept, &self.outlook, self.path, self.threads)
+                .and_then(|()| check.settle(&self.outlook))
+                .and_then(|()| check.has_compared());
+            check.outcome.cannot = settled.err().map(|reason| reason.to_string());
         }
         self.done.push(check.outcome);
     }
@@ -281,6 +286,21 @@ impl Check {
         Ok(())
     }
 
+    /// Makes sure that a run without a difference is not one of which nothing was compared.
+    fn has_compared(&self) -> Result<(), ReplayError> {
+        let (Some(header), outcome) = (&self.header, &self.outcome) else {
+            return Ok(());
+        };
+        let (count, before) = (header.scene.object_count, outcome.steps_before);
+        match (outcome.frames_compared, outcome.objects_compared) {
+            _ if outcome.differs.is_some() => Ok(()),
+            (0, _) if before > 0 => Err(ReplayError::NothingBehind { count: before }),
+            (0, _) => Err(Lack::Frames.into()),
+            (_, 0) if count > 0 => Err(Lack::Objects { count }.into()),
+            _ => Ok(()),
+        }
+    }
+
     /// Settles what was seen before a message of `step`, unless it completes that.
     fn turn_to(&mut self, step: u64, is_again: bool, outlook: &Outlook) -> Result<(), ReplayError> {
         if is_again || step != self.seen.step {
@@ -334,6 +354,7 @@ impl Check {
             let is_new = outcome.steps_compared == 0 || step > last;
             outcome.steps_compared += u64::from(is_new);
             outcome.frames_compared += u64::from(is_new && self.seen.frame.is_some());
+            outcome.objects_compared += u64::from(is_new && self.seen.objects.is_some());
             outcome.steps = Some([first, step]);
         } else {
             self.outcome.differs = Some(Difference { step, what });

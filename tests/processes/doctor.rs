@@ -15,6 +15,21 @@ pub fn rewrite(
     from: &Path,
     to: &Path,
     metadata: impl Fn(&mut BTreeMap<String, String>),
+    change: impl FnMut(&mut Message) -> bool,
+) {
+    rewrite_all(from, to, metadata, |_, _| {}, change);
+}
+
+/// Writes the recording `from` to `to` with attachments as `change` leaves them, by their names.
+pub fn rewrite_scene(from: &Path, to: &Path, change: impl FnMut(&str, &mut Vec<u8>)) {
+    rewrite_all(from, to, |_| {}, change, |_| true);
+}
+
+fn rewrite_all(
+    from: &Path,
+    to: &Path,
+    metadata: impl Fn(&mut BTreeMap<String, String>),
+    mut attached: impl FnMut(&str, &mut Vec<u8>),
     mut change: impl FnMut(&mut Message) -> bool,
 ) {
     let bytes = fs::read(from).expect("a recording");
@@ -32,7 +47,8 @@ pub fn rewrite(
         writer.write_metadata(&record).expect("written");
     }
     for index in &summary.attachment_indexes {
-        let attachment = mcap::read::attachment(&bytes, index).expect("an attachment");
+        let mut attachment = mcap::read::attachment(&bytes, index).expect("an attachment");
+        attached(&attachment.name, attachment.data.to_mut());
         writer.attach(&attachment).expect("written");
     }
     for message in mcap::MessageStream::new(&bytes).expect("messages") {

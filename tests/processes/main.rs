@@ -24,5 +24,6 @@ mod shares;
 mod shutdown;
 mod stage;
 mod strokes;
+mod unverified;
 mod verify;
 mod web;

@@ -343,8 +343,9 @@ fn parts_verify_from_checkpoints_and_can_be_branched() {
             break;
         }
         let (success, outcome) = verify(&stage, &stage.path(&name), "2");
-        assert!(success, "{name}: {outcome}");
         let run = &outcome["runs"][0];
+        // Of a last part that ended before its first frame nothing can be compared.
+        assert_eq!(success, !run["steps"].is_null(), "{name}: {outcome}");
         assert_eq!(run["steps_before"], 0, "{name}: {outcome}");
         assert_eq!(
             run["from_checkpoint"].is_null(),

@@ -78,6 +78,15 @@ pub enum Lack {
         /// Why not.
         reason: String,
     },
+    /// There is nothing to compare.
+    #[error("no frame of it is in the recording")]
+    Frames,
+    /// Nothing tells where its objects were.
+    #[error("none of its {count} objects is in the recording")]
+    Objects {
+        /// How many the scene has.
+        count: u32,
+    },
     /// Commands are not there.
     #[error(
         "{count} commands before step {step} are not in the recording, the first is number {first}"
