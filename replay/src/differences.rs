@@ -220,7 +220,7 @@ mod tests {
         for (n, field) in ObjectState::FIELDS.iter().enumerate() {
             let mut bytes = [0; size_of::<ObjectState>()];
             bytes[field.offset] = 1;
-            let b = bytemuck::pod_read_unaligned::<ObjectState>(&bytes);
+            let b = pod_read_unaligned::<ObjectState>(&bytes);
             let found = differing_field(&ObjectState::default(), &b);
             assert_eq!(found.map(|(name, ..)| name), Some(field.field), "field {n}");
         }

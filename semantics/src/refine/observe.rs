@@ -147,7 +147,7 @@ mod tests {
     fn pictures_are_averaged_and_other_shapes_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a.png");
-        let mut encoder = png::Encoder::new(File::create(&path).expect("a file"), 4, 2);
+        let mut encoder = png::Encoder::new(std::fs::File::create(&path).expect("a file"), 4, 2);
         encoder.set_color(png::ColorType::Rgba);
         encoder.set_depth(png::BitDepth::Eight);
         let mut writer = encoder.write_header().expect("a header");

@@ -37,7 +37,7 @@ fn a_frame_of_days_ends_when_it_is_interrupted() {
     ] {
         let mut world = World::new(scene(law, solver)).expect("valid");
         world.step(1.0 / 60.0, &[]);
-        let (before, places) = (world.report().clone(), world.positions());
+        let (before, places) = (world.report().clone(), world.positions().to_vec());
         let asked = AtomicU32::new(0);
         let asks = || asked.fetch_add(1, Ordering::Relaxed) >= 10;
         let frame = world.step_unless(&Interruption::when(&asks), 1e6, &[]);
