@@ -354,7 +354,8 @@ impl Server<'_> {
         let mut asked = 0;
         self.ports.poll_commands(|request| {
             let seconds = begin.elapsed().as_secs_f64();
-            if !allowance.covers(seconds, ingest.waiting() - before) {
+            // Fewer than before, where some were cancelled.
+            if !allowance.covers(seconds, ingest.waiting().saturating_sub(before)) {
                 // Charged for being put off, requests would never get their turn.
                 return Reply::NotYet;
             }
@@ -363,7 +364,7 @@ impl Server<'_> {
         });
         if asked > 0 {
             let seconds = begin.elapsed().as_secs_f64();
-            allowance.answered(seconds, ingest.waiting() - before);
+            allowance.answered(seconds, ingest.waiting().saturating_sub(before));
         }
         for departed in self.ports.departed() {
             self.ingest.depart(departed);
