@@ -152,7 +152,7 @@ fn a_replay_pauses_goes_to_any_step_and_begins_anew() {
         "step 31 is not in the recording, which holds steps 0 to 30",
     );
     refused(&["push", "left", "1", "0", "0"], "replays a recording");
-    refused(&["reset"], "pause, resume, stop and seek");
+    refused(&["reset"], "pause, resume, stop, seek and cancel");
 
     // From the last step it goes on with the first.
     assert!(stage.ctl(&["resume"]).status.success());
