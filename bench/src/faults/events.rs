@@ -12,7 +12,9 @@ use rustix::process::Signal;
 
 use super::{
     act::Act,
-    damage, orders,
+    damage,
+    doors::Attack,
+    orders,
     troupe::{PATIENCE, SESSION, Stage, is_orderly, piped, silent, write},
 };
 
@@ -45,10 +47,11 @@ pub enum Event {
     LinkedOutput,
     Bomb,
     Device,
+    Door(Attack),
 }
 
-/// All faults, with their names and how many of some hundred are of their kind.
-const ALL: [(Event, &str, u32); 26] = [
+/// All faults, with their names and weights.
+const ALL: [(Event, &str, u32); 29] = [
     (Event::StopClient, "client stopped", 14),
     (Event::StopServer, "server stopped", 8),
     (Event::KillRecorder, "recorder killed", 3),
@@ -75,6 +78,21 @@ const ALL: [(Event, &str, u32); 26] = [
     (Event::LinkedOutput, "output onto its input", 2),
     (Event::Bomb, "packed to nothing", 1),
     (Event::Device, "device for a recording", 1),
+    (
+        Event::Door(Attack::OtherSite),
+        "page and gateway: orders of another site",
+        2,
+    ),
+    (
+        Event::Door(Attack::Silent),
+        "page and gateway: silent connections",
+        1,
+    ),
+    (
+        Event::Door(Attack::Deaf),
+        "page and gateway: answers never read",
+        1,
+    ),
 ];
 
 impl Event {
@@ -192,6 +210,7 @@ impl Act<'_> {
             Event::LinkedOutput => self.link_output(rng)?,
             Event::Bomb => self.bomb(rng)?,
             Event::Device => self.device(rng)?,
+            Event::Door(attack) => self.knock(attack, rng)?,
         }
         Ok(())
     }

@@ -6,6 +6,7 @@
 mod act;
 mod attacks;
 mod damage;
+mod doors;
 mod events;
 mod files;
 mod orders;

@@ -143,16 +143,16 @@ impl Player {
     }
 
     /// Waits for a line on its standard output, which must be piped.
-    pub fn hear(&mut self) -> anyhow::Result<()> {
+    pub fn hear(&mut self) -> anyhow::Result<String> {
         let pipe = self.child.0.stdout.take().context("output is captured")?;
         let (sender, receiver) = std::sync::mpsc::channel();
         std::thread::spawn(move || {
             let mut line = String::new();
             let read = BufReader::new(pipe).read_line(&mut line);
-            let _ = sender.send(read.is_ok_and(|n| n > 0));
+            let _ = sender.send(read.is_ok_and(|n| n > 0).then_some(line));
         });
         match receiver.recv_timeout(PATIENCE) {
-            Ok(true) => Ok(()),
+            Ok(Some(line)) => Ok(line),
             _ => bail!("a player says nothing: {}", self.words()),
         }
     }
