@@ -20,8 +20,9 @@ const RATE: f64 = 8.0;
 const FASTEST: f64 = 0.01;
 /// Depth from which on it goes on at one speed, so that it ends [cells].
 const LAST: f64 = 0.1;
-/// Depth beyond it from which on it stays as it is: what cannot get out is not pressed harder and harder [cells].
-const HARD: f64 = 0.25;
+/// Depth beyond it from which on it stays as it is: what cannot get out is not pressed harder and harder. In a body the nearest surface may
+/// change, and what it is pressed with then turns: with 0.25 a block came out of another of its width at 0.5 m/s [cells].
+const HARD: f64 = 0.02;
 
 /// A point of a solid that was put into something.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -50,7 +50,7 @@ fn a_block_that_begins_in_its_floor_comes_out_of_it_slowly() {
         floor(&mut scene, Surface::Separate, 0.5);
         let (fastest, substeps, height) = run(scene, 250);
         // It was shot out at 2.5 m/s from 10 mm, and with 1,034 substeps from 30.
-        let most = 0.02 + 1.5 * depth / 0.25;
+        let most = 0.08 + 1.5 * depth / 0.25;
         assert!(fastest < most, "{depth}: {fastest}");
         assert!(substeps <= 2 * calm.1, "{depth}: {substeps} {}", calm.1);
         assert!((height - calm.2).abs() < 0.1 * DX, "{depth}: {height}");
