@@ -1,8 +1,9 @@
 //! No command destroys what it reads, and what was there stays until something complete takes its place.
 
-use std::{fs, process::Command};
+use std::{fs, path::PathBuf, process::Command, time::Duration};
 
 use cosplat_ipc::schema::SERVER_PAUSED;
+use serde_json::Value;
 
 use crate::stage::{Process, SMALL_SCENE, Stage, wait_for_status, watchdog};
 
@@ -121,25 +122,30 @@ fn a_recorder_that_replaces_a_file_is_recovered_from_beside_it() {
     let _server = stage.serve_scene(SMALL_SCENE, &[]);
     fs::write(stage.path("run.mcap"), "precious").expect("written");
     let mut recorder = Process::start(stage.cosplat(&["record", "-o", "run.mcap", "--force"]));
+    let is_part = |path: &PathBuf| path.extension().is_some_and(|end| end == "unfinished");
     let part = loop {
         let entries = fs::read_dir(stage.path(".")).expect("a folder");
         let mut paths = entries.map(|entry| entry.expect("an entry").path());
-        let part = paths.find(|path| path.extension().is_some_and(|end| end == "unfinished"));
-        match part.filter(|path| path.metadata().is_ok_and(|file| file.len() > 100_000)) {
+        match paths.find(is_part) {
             Some(part) => break part,
-            None => std::thread::sleep(std::time::Duration::from_millis(5)),
+            None => std::thread::sleep(Duration::from_millis(5)),
         }
     };
+    let part = part.to_str().expect("text");
+    // How far it is shows in what can be saved of it; that is written beside an old one, too.
+    let saved = || {
+        let words = ["recover", part, "-o", "whole.mcap", "--force", "--json"];
+        let ended = stage.cosplat(&words).output().expect("it runs");
+        let report: Value = serde_json::from_slice(&ended.stdout).unwrap_or_default();
+        report["frames"].as_u64().unwrap_or_default()
+    };
+    while saved() == 0 {
+        std::thread::sleep(Duration::from_millis(50));
+    }
     recorder.kill();
     assert_eq!(
         fs::read(stage.path("run.mcap")).expect("a file"),
         b"precious"
     );
-    let part = part.to_str().expect("text");
-    let words = ["recover", part, "-o", "whole.mcap", "--json"];
-    let report = Process::start(stage.cosplat(&words)).result();
-    assert!(
-        report["frames"].as_u64().is_some_and(|frames| frames > 0),
-        "{report}"
-    );
+    assert!(saved() > 0);
 }

@@ -71,7 +71,7 @@ impl Act<'_> {
             anyhow::ensure!(made.success(), "mkfifo: {made}");
         }
         let pipe = pipe.to_string_lossy().into_owned();
-        let input = ["/dev/zero", "/dev/full", &pipe][rng.next_u32() as usize % 3];
+        let input = ["/dev/zero", "/dev/full", &*pipe][rng.next_u32() as usize % 3];
         let what = ["inspect", "verify", "recover", "compact"][rng.next_u32() as usize % 4];
         let words = match what {
             "recover" | "compact" => vec![what, input, "-o", "of-device.mcap", "--force"],

@@ -266,6 +266,7 @@ fn files_are_written_by_the_crate_that_keeps_old_ones() {
         let code = text.split("#[cfg(test)]").next().unwrap_or_default();
         for (number, line) in code.lines().enumerate() {
             let line = line.replace("cosplat_files::write(", "");
+            let line = line.replace("NewFile::create(", "");
             if WRITES.iter().any(|way| line.contains(way)) {
                 findings.push(format!("{name}:{}: {}", number + 1, line.trim()));
             }
