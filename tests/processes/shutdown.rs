@@ -116,6 +116,41 @@ fn a_session_whose_files_are_cleaned_away_ends_and_says_why() {
     }
 }
 
+/// Steel on a grid of its own, with frames of 1000 s: billions of substeps.
+const ENDLESS_FRAMES: &str = r#"
+version = 1
+dx = 0.05
+frame_rate = 0.001
+objects = [{ name = "bar", shape = { kind = "box", size = [0.4, 0.2, 0.2] }, translation = [0, 0.2, 0], material = "steel" }]
+colliders = [{ name = "floor" }]
+"#;
+
+#[test]
+fn a_frame_without_end_is_broken_off() {
+    let stops: [&dyn Fn(&Stage, &crate::stage::Process); 3] = [
+        &|_, server| server.signal("INT"),
+        &|_, server| server.signal("TERM"),
+        &|stage, _| assert!(stage.ctl(&["stop"]).status.success()),
+    ];
+    for stop in stops {
+        let _watchdog = watchdog();
+        let stage = Stage::new();
+        let mut server = stage.serve_scene(ENDLESS_FRAMES, &[]);
+        let client = stage.client();
+        let mut frames = client.frames(64).expect("frames are readable");
+        stop(&stage, &server);
+        // The state at the start; its successor never comes.
+        let last = loop {
+            let frame = next_frame(&mut frames);
+            if frame.header().flags & FRAME_FLAG_LAST != 0 {
+                break frame.header().step;
+            }
+        };
+        assert_eq!(last, 0);
+        assert_eq!(server.result()["steps"].as_u64(), Some(0));
+    }
+}
+
 /// One of the same session name.
 #[test]
 fn a_second_server_is_refused_with_the_first_ones_pid() {

@@ -260,6 +260,40 @@ fn clients_take_turns_whatever_one_of_them_sends() {
 }
 
 #[test]
+fn what_cannot_wait_is_heard_past_what_others_sent() {
+    let domain = TestDomain::new();
+    let mut ports = serve(&domain, "urgent");
+    let client = Client::connect(&domain, "urgent", "test", PATIENCE).expect("attached");
+    let (mut patient, mut urgent) = (
+        client.commands().expect("a sender"),
+        client.commands().expect("a sender"),
+    );
+    let first = patient.submit(&push(), PATIENCE).expect("a place");
+    let pause = [Command {
+        kind: COMMAND_PAUSE,
+        ..Command::default()
+    }];
+    let second = urgent.submit(&pause, PATIENCE).expect("a place");
+    let mut heard = Vec::new();
+    let is_pause = |commands: &[Command]| commands.iter().all(|c| c.kind == COMMAND_PAUSE);
+    for _ in 0..2 {
+        ports.poll_urgent(is_pause, |asked| {
+            heard.push(asked.commands[0].kind);
+            Reply::Now(acks(asked.commands))
+        });
+    }
+    assert_eq!(heard, [COMMAND_PAUSE]);
+    let acks = urgent.answers(second, PATIENCE).expect("an answer");
+    assert_eq!(acks[0].status, ACK_REFUSED);
+    // The other one is still there.
+    answer(&mut ports, 1);
+    assert_eq!(
+        patient.answers(first, PATIENCE).expect("an answer").len(),
+        1
+    );
+}
+
+#[test]
 fn answers_may_come_later_and_reach_who_still_waits() {
     let domain = TestDomain::new();
     let mut ports = serve(&domain, "later");

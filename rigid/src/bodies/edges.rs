@@ -7,6 +7,7 @@
 use super::{
     cylinder::{Circle, crossing},
     feature::{Feature, Solid, Spot},
+    overlap::FACING,
     rims::{FLAT, SAME, across_edge, nearest_of_circle},
     shape::Form,
     vector::{Vec3, along, length, sub, unit},
@@ -23,9 +24,10 @@ const MOST_OF_EDGE: u32 = 4096;
 const AT_END: f64 = 1e-9;
 /// How far on each side of a place on an edge normals are looked at, in depths of the body.
 const ASIDE: f64 = 1e-4;
-/// How far off a collider's surface it is looked whether that faces a body [cells], and the least part of it that must be outside.
+/// How far off a collider's surface it is looked whether that faces a body [cells], and the least part of it that must be outside: all of
+/// it, but for what fields of distances are off.
 const OFF: f64 = 1e-2;
-const FACING: f64 = 0.3;
+const STRAIGHT: f64 = 0.9;
 
 /// A part of a collider that sticks out, by its number in the skeleton.
 #[derive(Clone, Copy, Debug)]
@@ -284,20 +286,27 @@ pub(super) fn near_parts(wall: &Placed<'_>, other: &Solid<'_>, margin: f64) -> V
     found.filter(|(_, gap)| *gap <= margin).collect()
 }
 
-/// Leaves of the spots of a body and a collider those at parts of the collider that face the body, each once.
-pub(super) fn only_sticking_out(a: &Solid<'_>, b: &Solid<'_>, spots: &mut Vec<Spot>, dx: f64) {
+/// Leaves of the spots of a body and a collider those where their surfaces face each other, each once, as long as there are any.
+pub(super) fn only_outside(a: &Solid<'_>, b: &Solid<'_>, spots: &mut Vec<Spot>, dx: f64) {
     let Solid::Wall(wall) = b else {
         return;
     };
     let beside = Beside::new(wall, a);
-    spots.retain(|spot| {
+    let faces = |spot: &&Spot| {
         if !spot.feature.second {
-            return true;
+            return a.looks(spot, spot.normal.map(|n| -n)) > FACING;
         }
         let place = beside.place(beside.part(spot.feature.point));
         let surface = along(place.x, place.radius, spot.normal);
         let off = OFF * dx;
         let beyond = wall.distance(along(surface, off, spot.normal)).value;
-        !place.is_double && beyond > FACING * off
-    });
+        !place.is_double && beyond > STRAIGHT * off
+    };
+    let facing: Vec<Spot> = spots.iter().filter(faces).copied().collect();
+    if facing.is_empty() {
+        // Deep inside: where it came in by is not known.
+        spots.retain(|spot| !spot.feature.second);
+    } else {
+        *spots = facing;
+    }
 }

@@ -2,10 +2,11 @@
 
 use super::{
     actor::{Actor, Drive, SLOP, Setting, TOUCH},
-    edges::only_sticking_out,
+    edges::only_outside,
     feature::{Feature, Solid, Spot, spot},
     overlap::only_facing,
     rims::choose,
+    seams::only_open,
     solve::Point,
     touch::{near, reduce},
     vector::{Vec3, add, length, sub},
@@ -119,6 +120,16 @@ pub(super) fn pairs<'a>(
     with_points.filter(|pair| !pair.near.is_empty()).collect()
 }
 
+/// What a body may touch besides `but`, by its number.
+fn partners_of(pairs: &[Pair], body: usize, but: usize) -> impl Iterator<Item = usize> {
+    let partners = pairs.iter().filter_map(move |pair| match body {
+        _ if pair.a == body => Some(pair.b),
+        _ if pair.b == body => Some(pair.a),
+        _ => None,
+    });
+    partners.filter(move |partner| *partner != but)
+}
+
 /// Velocity of `a` relative to `b` at `x`.
 fn closing_velocity(
     actors: &[Actor<'_>],
@@ -159,9 +170,19 @@ pub(super) fn contacts<'a>(
                 spots.push(spot);
             }
         }
-        only_sticking_out(&a, &b, &mut spots, setting.dx);
+        only_outside(&a, &b, &mut spots, setting.dx);
         choose(&a, &b, &mut spots);
         only_facing(&a, &b, &pair.near, &mut spots, setting.dx);
+        if !spots.is_empty() {
+            let supports = [(pair.a, pair.b), (pair.b, pair.a)].map(|(of, but)| {
+                // A collider is on nothing.
+                let partners = partners_of(pairs, of, but).filter(|_| of < actors.len());
+                let near = partners.map(|n| solid(actors, walls, n));
+                near.collect::<Vec<_>>()
+            });
+            let supports = [&supports[0][..], &supports[1][..]];
+            only_open([&a, &b], supports, &mut spots, setting.dx);
+        }
         let (restitution, friction, holds, sticks) = match pair.b < actors.len() {
             true => {
                 let (e, mu) = (setting.surface)(pair.a, pair.b);

@@ -19,6 +19,7 @@ mod overlap;
 mod passing;
 mod points;
 mod rims;
+mod seams;
 pub mod shape;
 pub mod solve;
 mod surface;

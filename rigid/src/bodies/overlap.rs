@@ -15,7 +15,7 @@ use crate::{mat3::dot, rotation::rotate};
 const DEEP: f64 = 4e-3;
 /// Least component of a point's outward normal against that of the other body: more than round-off has, less than an
 /// edge or a smoothed corner that meets a face.
-const FACING: f64 = 0.3;
+pub(super) const FACING: f64 = 0.3;
 /// Share of the surfaces that lie inside of each other below which what they look to cancels.
 const CANCELS: f64 = 0.1;
 
@@ -83,7 +83,7 @@ fn way_out(a: &Solid<'_>, b: &Solid<'_>, near: &[(Feature, f64)], dx: f64) -> Op
 
 impl Solid<'_> {
     /// How much a point of its surface looks in a direction: the largest component of the outward normals there.
-    fn looks(&self, spot: &Spot, direction: Vec3) -> f64 {
+    pub fn looks(&self, spot: &Spot, direction: Vec3) -> f64 {
         let n = spot.feature.point;
         let Self::Body(shape, body) = self else {
             return 1.0;

@@ -168,3 +168,94 @@ fn edges_that_cross_push_along_their_cross_product() {
         assert!(z > -0.9, "{lean}: {z}");
     }
 }
+
+/// What slides over a seam.
+fn sliders() -> Vec<(&'static str, Vec<Grain>, f64)> {
+    vec![
+        ("plate", block([0.0; 3], 0.05, [10, 10, 2]), 0.05),
+        ("plank", block([0.0; 3], 0.05, [20, 4, 2]), 0.05),
+        ("disk", drum([0.0; 3], 0.3, 0.05, 0.025), 0.05),
+        ("can", drum([0.0; 3], 0.2, 0.2, 0.05), 0.2),
+        ("cube", block([0.0; 3], 0.05, [6, 6, 6]), 0.15),
+    ]
+}
+
+#[test]
+fn what_slides_over_the_seam_of_two_flush_solids_slides_on() {
+    let (speed, g) = (2.0, 9.81);
+    let mut caught = vec![];
+    for (name, grains, half) in sliders() {
+        for on_bodies in [false, true] {
+            for friction in [0.0, 0.3] {
+                // At colliders a step of a ten-thousandth of a cell is none.
+                let steps: &[f64] = if on_bodies { &[0.0] } else { &[0.0, 1e-4 * DX] };
+                for &step in steps {
+                    let mut stage = Stage::new([0.0, 0.0, -g]);
+                    stage.surface = (0.0, friction);
+                    let id = stage.add(&grains);
+                    for (x, height) in [(-1.6, 0.0), (2.4, step)] {
+                        let at = [x + 0.013, 0.0, height - 0.2];
+                        if on_bodies {
+                            let table = stage.add(&block(at, 0.4, [10, 10, 1]));
+                            stage.drives[table] = Drive::Kinematic {
+                                velocity: [0.0; 3],
+                                spin: [0.0; 3],
+                            };
+                        } else {
+                            let shape = ColliderShape::Box {
+                                half_extents: [2.0, 2.0, 0.2],
+                            };
+                            stage.scene.colliders.push(Collider {
+                                friction: Some(friction),
+                                ..Collider::fixed("table", shape, Pose::at(at), Surface::Separate)
+                            });
+                        }
+                    }
+                    stage.bodies[id].com = [-0.2, 0.0, half];
+                    stage.bodies[id].velocity = [speed, 0.0, 0.0];
+                    let (mut highest, mut time) = (0.0_f64, 0.0);
+                    while time < 0.8 {
+                        stage.step(1.0 / 60.0);
+                        time += 1.0 / 60.0;
+                        highest = highest.max(stage.bodies[id].com[2]);
+                    }
+                    let way = stage.bodies[id].com[0] + 0.2;
+                    let expected = match friction > 0.0 {
+                        true => speed * speed / (2.0 * friction * g),
+                        false => speed * time,
+                    };
+                    let case = (name, on_bodies, friction, step);
+                    let slides = (way / expected - 1.0).abs() < 0.01;
+                    if !slides || highest > half + 1e-3 * DX + step {
+                        caught.push(format!("{case:?}: {way} of {expected} m, {highest} high"));
+                    }
+                }
+            }
+        }
+    }
+    assert!(caught.is_empty(), "{caught:#?}");
+}
+
+/// A step that is one, and a wall, stop what slides.
+#[test]
+fn what_slides_is_stopped_by_what_stands_in_its_way() {
+    for height in [0.2 * DX, 0.3] {
+        let mut stage = Stage::new([0.0, 0.0, -9.81]);
+        let id = stage.add(&block([0.0; 3], 0.05, [10, 10, 2]));
+        for (x, top) in [(-1.6, 0.0), (2.4, height)] {
+            let shape = ColliderShape::Box {
+                half_extents: [2.0, 2.0, 0.2],
+            };
+            let at = Pose::at([x, 0.0, top - 0.2]);
+            let table = Collider::fixed("table", shape, at, Surface::Separate);
+            stage.scene.colliders.push(table);
+        }
+        stage.bodies[id].com = [-0.2, 0.0, 0.05];
+        stage.bodies[id].velocity = [1.0, 0.0, 0.0];
+        for _ in 0..60 {
+            stage.step(1.0 / 60.0);
+        }
+        let x = stage.bodies[id].com[0];
+        assert!(x < 0.4 - 0.25 + 1e-3, "{height}: {x}");
+    }
+}
