@@ -165,15 +165,13 @@ impl Solid<'_> {
             solid.near_colliders(surface, colliders, [min, max], due)
         });
         let (solid, state, modulus) = (&*self, &*self.state, self.modulus());
-        let own = &solid.scratch.search.own;
-        let pressed = list.meet(own, |watched, met| {
+        let pressed = list.meet(&solid.scratch.search.own, |watched, met| {
             let n = watched.point as usize;
             let [x, v] = solid.motion(surface, n);
-            let stiffness = modulus * surface.stiffness[n];
             let at = At {
                 x,
                 v,
-                stiffness,
+                stiffness: modulus * surface.stiffness[n],
                 touch: TOUCH * solid.model.dx,
                 overlaps: &state.overlaps,
                 moved,
