@@ -6,9 +6,11 @@
 
 pub mod assets;
 pub mod binding;
+mod components;
 pub mod diagram;
 pub mod files;
 pub mod fill;
+mod floaters;
 pub mod load;
 pub mod materials;
 pub mod neighbours;

@@ -41,7 +41,7 @@ pub fn logit(a: f32) -> f32 {
 
 /// One Gaussian as its format's reader hands it over, apart from colours and features.
 pub struct Parsed {
-    pub position: [f32; 3],
+    pub position: [f64; 3],
     /// Linear.
     pub scale: [f32; 3],
     /// xyzw, of any length.
@@ -49,16 +49,32 @@ pub struct Parsed {
     pub opacity: f32,
 }
 
-/// Decodes `count` rows of `row` bytes in parallel. `decode` fills the spherical harmonics and the features of
+/// What a row has.
+pub struct Widths {
+    /// Its length [byte].
+    pub row: usize,
+    /// Degree of its spherical harmonics.
+    pub sh_degree: u8,
+    /// Length of its feature vector.
+    pub features: usize,
+    /// Whether its position is in double precision, which is kept besides.
+    pub is_exact: bool,
+}
+
+/// Decodes rows in parallel. `decode` fills the spherical harmonics and the features of
 /// one Gaussian and returns the rest; bad Gaussians are left out and counted.
 pub fn decode_rows(
     rows: &[u8],
-    row: usize,
-    sh_degree: u8,
-    feature_dim: usize,
+    widths: &Widths,
     decode: impl Fn(&[u8], &mut [f32], &mut [f32]) -> Parsed + Sync,
 ) -> (Gaussians, ReadReport) {
     const ROWS_PER_TASK: usize = 4096;
+    let &Widths {
+        row,
+        sh_degree,
+        features: feature_dim,
+        is_exact,
+    } = widths;
     let count = rows.len() / row;
     let mut g = Gaussians {
         sh_degree,
@@ -73,9 +89,11 @@ pub fn decode_rows(
     g.opacity = vec![0.0; count];
     g.sh = vec![0.0; count * stride];
     g.feature = vec![0.0; count * feature_dim];
+    let mut exact = vec![[0.0; 3]; if is_exact { count } else { 0 }];
     let mut keep = vec![false; count];
     let tasks = count.div_ceil(ROWS_PER_TASK);
     let features = split(&mut g.feature, feature_dim * ROWS_PER_TASK, tasks);
+    let exacts = split(&mut exact, ROWS_PER_TASK, tasks);
     let reports = rows
         .par_chunks(row * ROWS_PER_TASK)
         .zip(g.position.par_chunks_mut(ROWS_PER_TASK))
@@ -84,16 +102,20 @@ pub fn decode_rows(
         .zip(g.opacity.par_chunks_mut(ROWS_PER_TASK))
         .zip(g.sh.par_chunks_mut(ROWS_PER_TASK * stride))
         .zip(features.into_par_iter())
+        .zip(exacts.into_par_iter())
         .zip(keep.par_chunks_mut(ROWS_PER_TASK))
         .map(
-            |(((((((rows, position), scale), rotation), opacity), sh), feature), keep)| {
+            |((((((((rows, position), scale), rotation), opacity), sh), feature), exact), keep)| {
                 let mut report = ReadReport::default();
                 for (i, bytes) in rows.chunks_exact(row).enumerate() {
                     let sh = &mut sh[i * stride..(i + 1) * stride];
                     let feature = &mut feature[i * feature_dim..(i + 1) * feature_dim];
                     let mut one = decode(bytes, sh, feature);
                     keep[i] = check(&mut one, sh, feature, &mut report);
-                    position[i] = one.position;
+                    position[i] = one.position.map(|x| x as f32);
+                    if let Some(exact) = exact.get_mut(i) {
+                        *exact = one.position;
+                    }
                     scale[i] = one.scale;
                     rotation[i] = one.rotation;
                     opacity[i] = one.opacity;
@@ -120,7 +142,11 @@ pub fn decode_rows(
         retain(&mut g.opacity, &keep, 1);
         retain(&mut g.sh, &keep, stride);
         retain(&mut g.feature, &keep, feature_dim);
+        if is_exact {
+            retain(&mut exact, &keep, 1);
+        }
     }
+    report.exact = exact;
     (g, report)
 }
 
@@ -128,18 +154,23 @@ pub fn decode_rows(
 fn check(one: &mut Parsed, sh: &[f32], feature: &[f32], report: &mut ReadReport) -> bool {
     // Multiplying by zero keeps zeros and turns everything that is not finite into NaN.
     let probe = |values: &[f32]| values.iter().fold(0.0f32, |sum, v| sum + v * 0.0);
-    let numbers = probe(&one.position) + probe(&one.rotation) + probe(sh) + probe(feature);
+    let is_somewhere = one.position.iter().all(|x| x.is_finite());
+    let numbers = probe(&one.rotation) + probe(sh) + probe(feature);
     let length = one
         .rotation
         .iter()
         .map(|q| f64::from(*q) * f64::from(*q))
         .sum::<f64>()
         .sqrt();
-    if numbers.is_nan() || one.opacity.is_nan() || one.scale.iter().any(|s| s.is_nan()) {
+    if !is_somewhere
+        || numbers.is_nan()
+        || one.opacity.is_nan()
+        || one.scale.iter().any(|s| s.is_nan())
+    {
         report.dropped.not_finite += 1;
     } else if length < 1e-12 {
         report.dropped.zero_rotation += 1;
-    } else if one.position.iter().any(|p| p.abs() > MAX_LENGTH)
+    } else if one.position.iter().any(|p| p.abs() > f64::from(MAX_LENGTH))
         || one.scale.iter().any(|s| !(0.0..=MAX_LENGTH).contains(s))
     {
         report.dropped.out_of_range += 1;
@@ -153,7 +184,7 @@ fn check(one: &mut Parsed, sh: &[f32], feature: &[f32], report: &mut ReadReport)
 }
 
 /// `parts` chunks of `size`, also when `size` is 0.
-fn split(mut values: &mut [f32], size: usize, parts: usize) -> Vec<&mut [f32]> {
+fn split<T>(mut values: &mut [T], size: usize, parts: usize) -> Vec<&mut [T]> {
     (0..parts)
         .map(|_| {
             let all = std::mem::take(&mut values);

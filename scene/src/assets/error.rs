@@ -126,7 +126,7 @@ impl fmt::Display for Dropped {
 }
 
 /// What reading an asset found besides the Gaussians returned.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadReport {
     /// Gaussians in the file.
     pub count: usize,
@@ -136,6 +136,8 @@ pub struct ReadReport {
     pub left_out: Vec<usize>,
     /// Scales that were zero (perfectly flat discs) and were raised to [`MIN_SCALE`](super::MIN_SCALE).
     pub flat_scales_raised: usize,
+    /// Positions of the Gaussians as the file has them, asset units, where that is in double precision; else empty.
+    pub exact: Vec<[f64; 3]>,
 }
 
 impl ReadReport {

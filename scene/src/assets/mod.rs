@@ -13,6 +13,7 @@ pub mod splat;
 pub mod tensors;
 
 pub use activate::SH_C0;
+pub(crate) use activate::sigmoid;
 pub use cosplat_sim_core::scene::Gaussians;
 pub use error::{AssetError, Dropped, ReadReport};
 pub use paint::Paint;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{
     AssetError, Gaussians, ReadReport,
-    activate::{Parsed, decode_rows, exp, ln, logit, sigmoid},
+    activate::{Parsed, Widths, decode_rows, exp, ln, logit, sigmoid},
     ply_header::{Element, Encoding, Header, Scalar},
 };
 
@@ -35,13 +35,25 @@ pub fn read(name: &str, bytes: &[u8]) -> Result<(Gaussians, ReadReport), AssetEr
     }
     let ascii = header.encoding == Encoding::Ascii;
     if ascii {
-        vertex.store_as_f32();
+        vertex.store_as_floats();
     }
     let columns = Columns::find(name, &vertex)?;
     let before = &header.elements[..index];
+    let all_f32 = vertex.properties.iter().all(|p| p.scalar == Scalar::F32);
+    let decode = |rows: &[u8], is_little: bool| match (is_little, all_f32) {
+        (true, true) => columns.decode(rows, f32_at, |row, c| f32_at(row, c).into()),
+        (true, false) => {
+            columns.decode(rows, |row, c| number::<true>(row, c) as f32, number::<true>)
+        }
+        (false, _) => columns.decode(
+            rows,
+            |row, c| number::<false>(row, c) as f32,
+            number::<false>,
+        ),
+    };
     let decoded = if ascii {
         // Text becomes binary rows first, so that there is one decoder.
-        columns.decode(&parse_ascii(name, body, before, &vertex)?, f32_at)
+        decode(&parse_ascii(name, body, before, &vertex)?, true)
     } else {
         let mut body = body;
         for element in before {
@@ -49,13 +61,7 @@ pub fn read(name: &str, bytes: &[u8]) -> Result<(Gaussians, ReadReport), AssetEr
             body = take_rows(name, element, body)?.1;
         }
         let rows = take_rows(name, &vertex, body)?.0;
-        let little = header.encoding == Encoding::LittleEndian;
-        let all_f32 = vertex.properties.iter().all(|p| p.scalar == Scalar::F32);
-        match (little, all_f32) {
-            (true, true) => columns.decode(rows, f32_at),
-            (true, false) => columns.decode(rows, number::<true>),
-            (false, _) => columns.decode(rows, number::<false>),
-        }
+        decode(rows, header.encoding == Encoding::LittleEndian)
     };
     super::finish(name, decoded)
 }
@@ -164,27 +170,28 @@ impl Columns {
         &self,
         rows: &[u8],
         value: impl Fn(&[u8], &Column) -> f32 + Sync,
+        place: impl Fn(&[u8], &Column) -> f64 + Sync,
     ) -> (Gaussians, ReadReport) {
-        decode_rows(
-            rows,
-            self.row,
-            self.sh_degree,
-            self.feature.len(),
-            |row, sh, feature| {
-                for (value_out, column) in sh.iter_mut().zip(&self.sh) {
-                    *value_out = value(row, column);
-                }
-                for (value_out, column) in feature.iter_mut().zip(&self.feature) {
-                    *value_out = value(row, column);
-                }
-                Parsed {
-                    position: self.position.each_ref().map(|c| value(row, c)),
-                    scale: self.scale.each_ref().map(|c| exp(value(row, c))),
-                    rotation: self.rotation.each_ref().map(|c| value(row, c)),
-                    opacity: sigmoid(value(row, &self.opacity)),
-                }
-            },
-        )
+        let widths = Widths {
+            row: self.row,
+            sh_degree: self.sh_degree,
+            features: self.feature.len(),
+            is_exact: self.position.iter().any(|c| c.scalar == Scalar::F64),
+        };
+        decode_rows(rows, &widths, |row, sh, feature| {
+            for (value_out, column) in sh.iter_mut().zip(&self.sh) {
+                *value_out = value(row, column);
+            }
+            for (value_out, column) in feature.iter_mut().zip(&self.feature) {
+                *value_out = value(row, column);
+            }
+            Parsed {
+                position: self.position.each_ref().map(|c| place(row, c)),
+                scale: self.scale.each_ref().map(|c| exp(value(row, c))),
+                rotation: self.rotation.each_ref().map(|c| value(row, c)),
+                opacity: sigmoid(value(row, &self.opacity)),
+            }
+        })
     }
 }
 
@@ -196,7 +203,7 @@ fn f32_at(row: &[u8], column: &Column) -> f32 {
 }
 
 #[inline(always)]
-fn number<const LITTLE: bool>(row: &[u8], column: &Column) -> f32 {
+fn number<const LITTLE: bool>(row: &[u8], column: &Column) -> f64 {
     fn bytes<const N: usize, const LITTLE: bool>(row: &[u8], at: usize) -> [u8; N] {
         let mut bytes = [0; N];
         bytes.copy_from_slice(&row[at..at + N]);
@@ -207,18 +214,18 @@ fn number<const LITTLE: bool>(row: &[u8], column: &Column) -> f32 {
     }
     let at = column.offset;
     match column.scalar {
-        Scalar::F32 => f32::from_le_bytes(bytes::<4, LITTLE>(row, at)),
-        Scalar::F64 => f64::from_le_bytes(bytes::<8, LITTLE>(row, at)) as f32,
-        Scalar::I8 => f32::from(row[at].cast_signed()),
-        Scalar::U8 => f32::from(row[at]),
-        Scalar::I16 => f32::from(i16::from_le_bytes(bytes::<2, LITTLE>(row, at))),
-        Scalar::U16 => f32::from(u16::from_le_bytes(bytes::<2, LITTLE>(row, at))),
-        Scalar::I32 => i32::from_le_bytes(bytes::<4, LITTLE>(row, at)) as f32,
-        Scalar::U32 => u32::from_le_bytes(bytes::<4, LITTLE>(row, at)) as f32,
+        Scalar::F32 => f32::from_le_bytes(bytes::<4, LITTLE>(row, at)).into(),
+        Scalar::F64 => f64::from_le_bytes(bytes::<8, LITTLE>(row, at)),
+        Scalar::I8 => row[at].cast_signed().into(),
+        Scalar::U8 => row[at].into(),
+        Scalar::I16 => i16::from_le_bytes(bytes::<2, LITTLE>(row, at)).into(),
+        Scalar::U16 => u16::from_le_bytes(bytes::<2, LITTLE>(row, at)).into(),
+        Scalar::I32 => i32::from_le_bytes(bytes::<4, LITTLE>(row, at)).into(),
+        Scalar::U32 => u32::from_le_bytes(bytes::<4, LITTLE>(row, at)).into(),
     }
 }
 
-/// The rows of `vertex` as little-endian `f32`; the elements before it are passed over.
+/// The rows of `vertex`, little-endian as its layout says; the elements before it are passed over.
 fn parse_ascii(
     file: &str,
     body: &[u8],
@@ -255,23 +262,28 @@ fn parse_ascii(
         return Err(truncated(vertex, expected, left));
     }
     let columns = vertex.properties.len();
-    let mut rows = Vec::with_capacity(vertex.count as usize * columns * 4);
+    let mut rows = Vec::with_capacity(vertex.count as usize * vertex.row);
     for row in 0..vertex.count as usize {
         let Some(line) = lines.next() else {
             return Err(truncated(vertex, expected, left));
         };
         let line = String::from_utf8_lossy(line);
+        let mut found = 0;
         for word in line.split_ascii_whitespace() {
-            let value = word.parse::<f32>().map_err(|_| AssetError::Number {
+            let is_double = (vertex.properties.get(found)).is_some_and(|p| p.scalar == Scalar::F64);
+            let bad = || AssetError::Number {
                 file: file.into(),
                 element: vertex.name.clone(),
                 row,
                 actual: word.chars().take(40).collect(),
-            })?;
-            rows.extend(value.to_le_bytes());
+            };
+            match is_double {
+                true => rows.extend(word.parse::<f64>().map_err(|_| bad())?.to_le_bytes()),
+                false => rows.extend(word.parse::<f32>().map_err(|_| bad())?.to_le_bytes()),
+            }
+            found += 1;
         }
-        if rows.len() != (row + 1) * columns * 4 {
-            let found = (rows.len() / 4 - row * columns).to_string();
+        if found != columns {
             let expected = format!("{columns} values");
             let property = format!("* of row {row}");
             return Err(property_error(
@@ -279,7 +291,7 @@ fn parse_ascii(
                 &vertex.name,
                 &property,
                 &expected,
-                &found,
+                &found.to_string(),
             ));
         }
     }

@@ -79,12 +79,15 @@ impl Element {
         self.properties.iter().position(|p| p.name == name)
     }
 
-    /// Makes the layout that of rows of little-endian `f32`; lists stay marked.
-    pub fn store_as_f32(&mut self) {
-        self.row = 4 * self.properties.len();
-        for (i, property) in self.properties.iter_mut().enumerate() {
-            property.offset = 4 * i;
-            property.scalar = Scalar::F32;
+    /// Makes the layout that of rows of little-endian numbers, all of them `f32` but for those declared as doubles; lists stay marked.
+    pub fn store_as_floats(&mut self) {
+        self.row = 0;
+        for property in &mut self.properties {
+            property.offset = self.row;
+            if property.scalar != Scalar::F64 {
+                property.scalar = Scalar::F32;
+            }
+            self.row += property.scalar.size();
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::{
     AssetError, Gaussians, ReadReport, SH_C0,
-    activate::{Parsed, decode_rows},
+    activate::{Parsed, Widths, decode_rows},
 };
 
 /// Bytes per Gaussian: position 3 x `f32`, linear scale 3 x `f32`, rgba 4 x `u8`, rotation wxyz 4 x `u8`.
@@ -29,7 +29,13 @@ pub fn read(name: &str, bytes: &[u8]) -> Result<(Gaussians, ReadReport), AssetEr
             actual: bytes.len() as u64,
         });
     }
-    super::finish(name, decode_rows(bytes, ROW, 0, 0, decode))
+    let widths = Widths {
+        row: ROW,
+        sh_degree: 0,
+        features: 0,
+        is_exact: false,
+    };
+    super::finish(name, decode_rows(bytes, &widths, decode))
 }
 
 fn decode(row: &[u8], sh: &mut [f32], _: &mut [f32]) -> Parsed {
@@ -39,7 +45,7 @@ fn decode(row: &[u8], sh: &mut [f32], _: &mut [f32]) -> Parsed {
         sh[channel] = (f32::from(row[24 + channel]) / 255.0 - 0.5) / SH_C0;
     }
     Parsed {
-        position: [f(0), f(4), f(8)],
+        position: [f(0), f(4), f(8)].map(f64::from),
         scale: [f(12), f(16), f(20)],
         rotation: [q(1), q(2), q(3), q(0)],
         opacity: f32::from(row[27]) / 255.0,

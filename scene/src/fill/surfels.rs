@@ -3,7 +3,7 @@
 use glam::{Mat3, Quat, Vec3};
 
 use super::{FillReport, grid::Grid};
-use crate::assets::Gaussians;
+use crate::{assets::Gaussians, floaters::floaters};
 
 /// Gaussians with less opacity are invisible.
 const MIN_OPACITY: f32 = 0.02;
@@ -49,15 +49,20 @@ pub fn voxelize(
         .filter(|&i| is_usable(gaussians, i))
         .collect::<Vec<_>>();
     report.skipped = gaussians.len() - usable.len();
-    let (min, max) = core_bounds(gaussians, &usable)?;
-    let usable_count = usable.len();
-    let near = usable
-        .into_iter()
-        .filter(|&i| {
-            (0..3).all(|a| (min[a]..=max[a]).contains(&f64::from(gaussians.position[i][a])))
-        })
-        .collect::<Vec<_>>();
-    report.outliers = usable_count - near.len();
+    if usable.is_empty() {
+        return None;
+    }
+    let centers: Vec<[f64; 3]> = usable
+        .iter()
+        .map(|&i| gaussians.position[i].map(f64::from))
+        .collect();
+    let floating = floaters(&centers);
+    report.outliers = floating.len();
+    let mut left = floating.iter().peekable();
+    let near: Vec<usize> = (0..usable.len())
+        .filter(|n| left.next_if_eq(&n).is_none())
+        .map(|n| usable[n])
+        .collect();
     let grid = choose_grid(gaussians, &near, spacing);
     report.voxel = grid.voxel;
     report.voxels = grid.len();
@@ -75,27 +80,6 @@ fn is_usable(g: &Gaussians, i: usize) -> bool {
         && finite(&g.rotation[i])
         && Quat::from_array(g.rotation[i]).length_squared() > 1e-12
         && g.opacity[i] >= MIN_OPACITY
-}
-
-/// A box around all but stray Gaussians: the inner 99 % along each axis and as much again on either side.
-fn core_bounds(g: &Gaussians, usable: &[usize]) -> Option<([f64; 3], [f64; 3])> {
-    if usable.is_empty() {
-        return None;
-    }
-    let axis = |a: usize| {
-        let mut x = usable.iter().map(|&i| g.position[i][a]).collect::<Vec<_>>();
-        x.sort_unstable_by(f32::total_cmp);
-        let trim = x.len() / 200;
-        let (low, high) = (f64::from(x[trim]), f64::from(x[x.len() - 1 - trim]));
-        (low, high)
-    };
-    let ranges = [axis(0), axis(1), axis(2)];
-    let longest = ranges
-        .iter()
-        .map(|(low, high)| high - low)
-        .fold(0.0, f64::max);
-    let widened = |(low, high): (f64, f64)| (low - 0.5 * longest, high + 0.5 * longest);
-    Some((ranges.map(|r| widened(r).0), ranges.map(|r| widened(r).1)))
 }
 
 fn choose_grid(g: &Gaussians, near: &[usize], spacing: f64) -> Grid {

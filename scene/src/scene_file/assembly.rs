@@ -4,7 +4,7 @@ use cosplat_sim_core::scene::{Aabb, Object, Scene};
 use glam::{DQuat, DVec3};
 
 use super::{
-    edit::{append, bounds, bounds_of, transform},
+    edit::{append, bounds, bounds_of, move_rigidly},
     placement::Rigid,
     regions::RegionSpec,
     sampling::Sampled,
@@ -37,7 +37,7 @@ pub(super) fn push(scene: &mut Scene, part: &Part, sampled: &Sampled, body_from_
     scene.particles.position.extend(moved);
     scene.particles.volume.extend_from_slice(&particles.volume);
     let mut gaussians = sampled.gaussians.clone();
-    transform(&mut gaussians, rotation, 1.0, translation);
+    move_rigidly(&mut gaussians, rotation, translation);
     append(&mut scene.gaussians, &gaussians);
     let shifted = sampled.binding.particle.iter();
     let shifted = shifted.map(|slots| slots.map(|p| p + first_particle as u32));

@@ -7,8 +7,8 @@ use glam::{DQuat, DVec3};
 
 use super::{
     assembly::{Part, default_domain, push},
-    boundaries, checks, contact,
-    edit::{bounds, subset, transform},
+    boundaries, captures, cells, checks, contact,
+    edit::{Unplaced, bounds_of},
     error::{At, Finding, SceneErrors},
     formed,
     ids::ObjectIds,
@@ -17,11 +17,14 @@ use super::{
     probes, regions,
     report::{AssetReport, BuildReport},
     sampling::{self, Body, Looks, Rest, Sampled},
-    select::{Placed, longest_side},
+    select::Placed,
     solver,
     spec::*,
 };
-use crate::assets::{Gaussians, ReadReport, generate, objects::Objects};
+use crate::{
+    assets::{Gaussians, ReadReport, generate, objects::Objects},
+    floaters::core,
+};
 
 /// Reads the asset file that a scene file names.
 pub type Load<'a> =
@@ -103,7 +106,7 @@ pub fn build_with_files(
     builder.check_names();
     SceneErrors::check(std::mem::take(&mut builder.errors))?;
     builder.report_unselected(&assets);
-    let dx = builder.dx()?;
+    let dx = cells::size(file, &builder.parts, &builder.bodies)?;
     let mut scene = builder.assemble(dx);
     let errors = &mut builder.errors;
     scene.colliders = boundaries::build_colliders(file, load_mesh, errors);
@@ -195,11 +198,14 @@ impl<'f> Builder<'f> {
             },
             _ => None,
         };
+        let count = all.len();
         let keep = |&i: &usize| f64::from(all.opacity[i]) >= spec.min_opacity;
-        let kept: Vec<usize> = (0..all.len()).filter(keep).collect();
-        let mut gaussians = subset(&all, &kept);
-        let Some(raw) = bounds(&gaussians) else {
-            let count = all.len();
+        let kept: Vec<usize> = (0..count).filter(keep).collect();
+        let mut gaussians = Unplaced::new(all, read.exact).subset(&kept);
+        let (Some(raw), Some(found)) = (
+            bounds_of(gaussians.position.iter().copied()),
+            core(&gaussians.position),
+        ) else {
             let message = format!(
                 "none of its {count} Gaussians reaches `min_opacity`, which is {}",
                 spec.min_opacity
@@ -207,16 +213,21 @@ impl<'f> Builder<'f> {
             self.error(&spec.at, message);
             return None;
         };
-        let up = self.shape(&spec.placement, &mut gaussians, &spec.at)?;
+        let suspicious = captures::of_file(&gaussians, &found.0).into_iter();
+        let suspicious = suspicious.map(|message| Finding::new(&spec.at, message));
+        self.report.warnings.extend(suspicious);
+        let is_shaped = spec.placement.depends_on_box();
+        self.report_floating(found.1, gaussians.len(), is_shaped, &spec.at);
+        let up = self.shape(&spec.placement, &mut gaussians, &found.0, &spec.at)?;
         let rigid = spec.placement.rigid();
-        transform(&mut gaussians, rigid.rotation, 1.0, rigid.translation);
+        gaussians.transform(rigid.rotation, 1.0, rigid.translation);
         self.report.assets.push(AssetReport {
             name: spec.name.clone(),
             source: spec.source.clone(),
-            gaussians: all.len(),
-            transparent: all.len() - kept.len(),
+            gaussians: count,
+            transparent: count - kept.len(),
             raw_bounds: raw,
-            placed_bounds: bounds(&gaussians).unwrap_or(raw),
+            placed_bounds: bounds_of(gaussians.position.iter().copied()).unwrap_or(raw),
         });
         let index = kept.iter().map(|&i| i as u64).collect();
         let placed = Placed {
@@ -227,10 +238,26 @@ impl<'f> Builder<'f> {
         Some((placed, rigid.rotation * up))
     }
 
-    /// Applies `up`, `scale` or `height`, and `anchor`; the rotation is that of `up`.
-    fn shape(&mut self, placement: &Placement, g: &mut Gaussians, at: &At) -> Option<DQuat> {
-        let raw = bounds(g)?;
-        let factor = placement.factor(&raw);
+    /// Warns about Gaussians that float, where that matters.
+    fn report_floating(&mut self, floating: usize, count: usize, matters: bool, at: &At) {
+        if matters && floating > 0 {
+            let message = format!(
+                "{floating} of its {count} Gaussians float far outside of the rest: \
+                 they count neither for its size and place nor as matter"
+            );
+            self.report.warnings.push(Finding::new(at, message));
+        }
+    }
+
+    /// Applies `up`, `scale` or `height`, and `anchor` to Gaussians whose size a box tells; the rotation is that of `up`.
+    fn shape(
+        &mut self,
+        placement: &Placement,
+        g: &mut Unplaced,
+        size: &Aabb,
+        at: &At,
+    ) -> Option<DQuat> {
+        let factor = placement.factor(size);
         if !(factor.is_finite() && factor > 0.0) {
             self.error(
                 at,
@@ -239,9 +266,9 @@ impl<'f> Builder<'f> {
             return None;
         }
         let up = placement.up.to_world_up();
-        transform(g, up, factor, DVec3::ZERO);
-        let anchor = placement.anchor_of(&bounds(g)?);
-        transform(g, DQuat::IDENTITY, 1.0, -anchor);
+        let corners = [size.min, size.max].map(|x| (up * (DVec3::from(x) * factor)).to_array());
+        let turned = bounds_of(corners.into_iter())?;
+        g.transform(up, factor, -placement.anchor_of(&turned));
         Some(up)
     }
 
@@ -358,8 +385,13 @@ impl<'f> Builder<'f> {
         rotation: DQuat,
         parts: &[Vec<usize>],
     ) -> Vec<(Body, Rigid)> {
-        let mut all = subset(&placed.gaussians, &parts.concat());
-        let Some(up) = self.shape(&spec.placement, &mut all, &spec.at) else {
+        let mut all = placed.gaussians.subset(&parts.concat());
+        let Some((size, floating)) = core(&all.position) else {
+            return Vec::new();
+        };
+        let matters = spec.fidelity != Fidelity::Static || spec.placement.depends_on_box();
+        self.report_floating(floating, all.len(), matters, &spec.at);
+        let Some(up) = self.shape(&spec.placement, &mut all, &size, &spec.at) else {
             return Vec::new();
         };
         let mut first = 0;
@@ -367,12 +399,15 @@ impl<'f> Builder<'f> {
         for part in parts {
             let range: Vec<usize> = (first..first + part.len()).collect();
             first += part.len();
-            let gaussians = subset(&all, &range);
-            let Some(bounds) = bounds(&gaussians) else {
+            let gaussians = all.subset(&range);
+            let Some((bounds, _)) = core(&gaussians.position) else {
                 continue;
             };
+            if let Some(message) = captures::of_body(&gaussians, &bounds) {
+                self.report.warnings.push(Finding::new(&spec.at, message));
+            }
             let body = Body {
-                looks: Looks::Captured(gaussians),
+                looks: Looks::Captured(gaussians.placed()),
                 rest: None,
                 bounds,
                 body_from_asset: up * rotation,
@@ -436,38 +471,6 @@ impl<'f> Builder<'f> {
                 self.report.warnings.push(Finding::new(at, message));
             }
         }
-    }
-
-    /// Grid cell size [m].
-    fn dx(&mut self) -> Result<f64, SceneErrors> {
-        let simulated = |part: &&Part| part.spec.fidelity != Fidelity::Static;
-        let sides = self.parts.iter().filter(simulated);
-        let smallest = sides
-            .map(|p| longest_side(&self.bodies[p.body].bounds))
-            .fold(f64::INFINITY, f64::min);
-        let dx = match self.file.resolution {
-            Resolution::Dx(dx) => dx,
-            // A scene without simulated objects has a grid that nothing uses.
-            Resolution::CellsPerObject(_) if smallest == f64::INFINITY => 0.01,
-            Resolution::CellsPerObject(cells) => smallest / cells,
-        };
-        let mut cells = 0.0;
-        for part in self.parts.iter().filter(simulated) {
-            let b = &self.bodies[part.body].bounds;
-            cells += (0..3)
-                .map(|a| (b.max[a] - b.min[a]) / dx + 1.0)
-                .product::<f64>();
-        }
-        if !(dx > 0.0 && cells < sampling::MAX_CELLS) {
-            let message = format!(
-                "cells of {dx:.3e} m make {cells:.3e} cells in the boxes of the simulated objects, \
-                 expected less than {:.0e}: make them larger",
-                sampling::MAX_CELLS
-            );
-            let at = &self.file.resolution_at;
-            return Err(SceneErrors(vec![Finding::new(at, message)]));
-        }
-        Ok(dx)
     }
 
     fn assemble(&mut self, dx: f64) -> Scene {

@@ -14,6 +14,7 @@ use super::{
     error::{At, Finding, SceneErrors},
     report::BuildReport,
     spec::{Resolution, SceneFile},
+    support::unsupported,
 };
 use crate::fill::FillReport;
 
@@ -67,6 +68,9 @@ pub(super) fn check(
     }
     for (i, shared) in overlaps(scene) {
         warn(at[i], shared);
+    }
+    for (i, falls) in unsupported(scene, &surfaces) {
+        warn(at[i], falls);
     }
     if let Some(at) = &file.particles_per_cell_at
         && let Some(message) = tearing(scene, file.particles_per_cell)

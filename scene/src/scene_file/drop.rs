@@ -7,7 +7,10 @@ use super::{
     error::{Finding, SceneErrors},
     spec::{Axis, SceneFile},
 };
-use crate::assets::{Gaussians, ReadReport};
+use crate::{
+    assets::{Gaussians, ReadReport},
+    floaters::{core, inner_range},
+};
 
 /// What may be chosen about the drop.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,8 +53,8 @@ const BUDGET: f64 = 1e7;
 /// Softest and stiffest material, as the part by which a column of the object's height is compressed at its foot
 /// by its own weight.
 const SAG: (f64, f64) = (0.05, 0.001);
-/// Gaussians below and above these quantiles along an axis may be floaters of the capture.
-const QUANTILES: (f64, f64) = (0.005, 0.995);
+/// How much larger than the object the box is that leaves floaters out, over its height.
+const RIM: f64 = 1e-3;
 
 /// The text of a scene in which the asset, named by `path` as the scene file will find it, falls onto a floor as
 /// one elastic object.
@@ -129,7 +132,7 @@ pub fn guess_up(gaussians: &Gaussians) -> Axis {
             .iter()
             .map(|p| f64::from(sign * p[a]))
             .collect();
-        let (low, high) = robust_range(&heights);
+        let [low, high] = inner_range(&heights);
         let limit = low + 0.05 * (high - low);
         let count = heights.iter().filter(|h| **h <= limit).count();
         (count as f64 / heights.len().max(1) as f64, axis)
@@ -142,20 +145,6 @@ pub fn guess_up(gaussians: &Gaussians) -> Axis {
     } else {
         Axis::NegY
     }
-}
-
-/// Range between [`QUANTILES`]; empty for no values.
-fn robust_range(values: &[f64]) -> (f64, f64) {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let at = |q: f64| {
-        let i = (q * sorted.len() as f64) as usize;
-        sorted.get(i.min(sorted.len().saturating_sub(1))).copied()
-    };
-    (
-        at(QUANTILES.0).unwrap_or(0.0),
-        at(QUANTILES.1).unwrap_or(0.0),
-    )
 }
 
 /// Where the asset goes, measured without its floaters.
@@ -175,28 +164,24 @@ impl Place {
             .iter()
             .map(|p| (rotation * glam::DVec3::from(p.map(f64::from))).to_array())
             .collect();
-        let ranges = [0, 1, 2].map(|a| {
-            let values: Vec<f64> = turned.iter().map(|p| p[a]).collect();
-            robust_range(&values)
-        });
-        let extent = ranges[1].1 - ranges[1].0;
+        let (size, floating) = core(&turned)?;
+        let extent = size.max[1] - size.min[1];
         let scale = options.height / extent;
         if !(1e-6..=1e6).contains(&scale) {
             return None;
         }
         let bottom = options.fall * options.height;
-        let center = |a: usize| -0.5 * scale * (ranges[a].0 + ranges[a].1);
-        let translation = [center(0), bottom - scale * ranges[1].0, center(2)];
+        let center = |a: usize| -0.5 * scale * (size.min[a] + size.max[a]);
+        let translation = [center(0), bottom - scale * size.min[1], center(2)];
+        // A little more, as places are rounded.
+        let rim = RIM * options.height;
         let world = |a: usize, x: f64| scale * x + translation[a];
-        // A tenth more than the quantiles hold is the object's own rim.
-        let keep: [(f64, f64); 3] = std::array::from_fn(|a| {
-            let (min, max) = (world(a, ranges[a].0), world(a, ranges[a].1));
-            let rim = 0.1 * (max - min) + 0.01 * options.height;
-            (min - rim, max + rim)
+        let crop = (floating > 0).then(|| {
+            (
+                std::array::from_fn(|a| world(a, size.min[a]) - rim),
+                std::array::from_fn(|a| world(a, size.max[a]) + rim),
+            )
         });
-        let inside =
-            |p: &[f64; 3]| (0..3).all(|a| (keep[a].0..=keep[a].1).contains(&world(a, p[a])));
-        let crop = (!turned.iter().all(inside)).then(|| (keep.map(|k| k.0), keep.map(|k| k.1)));
         Some(Self {
             up,
             scale,
@@ -324,7 +309,6 @@ mod tests {
         let summary = SceneSummary::new(&scene);
         let object = &summary.objects[0];
         let seen = object.gaussian_box.expect("visible");
-        // The quantiles cut off half a percent at either end.
         assert!((seen.size[1] - 1.0).abs() < 0.03, "{seen:?}");
         assert!((seen.min[1] - 0.15).abs() < 0.02, "{seen:?}");
         let body = object.body.as_ref().expect("simulated");

@@ -1,4 +1,6 @@
 //! Small operations on sets of Gaussians: subset, append, move, box.
+//!
+//! On the way to their places positions are in double precision: what is far from the origin in its file may be near it in the scene.
 
 use cosplat_sim_core::scene::Aabb;
 use glam::{DQuat, DVec3};
@@ -21,15 +23,88 @@ pub(super) fn bounds(gaussians: &Gaussians) -> Option<Aabb> {
     bounds_of(gaussians.position.iter().map(|p| p.map(f64::from)))
 }
 
-/// Rotates, scales, then translates Gaussians. Spherical harmonics stay in the frame they were captured in.
-pub(super) fn transform(g: &mut Gaussians, rotation: DQuat, factor: f64, translation: DVec3) {
+/// Gaussians on the way from their file to their place.
+#[derive(Clone, Debug)]
+pub(super) struct Unplaced {
+    /// All but where they are: their positions are not to be read.
+    rest: Gaussians,
+    /// Where they are.
+    pub position: Vec<[f64; 3]>,
+    /// Whether their file has them in double precision.
+    pub is_exact: bool,
+}
+
+impl Unplaced {
+    /// As they were read, with their positions in double precision where a file has them so.
+    pub fn new(gaussians: Gaussians, exact: Vec<[f64; 3]>) -> Self {
+        let is_exact = !exact.is_empty() && exact.len() == gaussians.len();
+        let position = match is_exact {
+            true => exact,
+            false => gaussians
+                .position
+                .iter()
+                .map(|p| p.map(f64::from))
+                .collect(),
+        };
+        Self {
+            rest: gaussians,
+            position,
+            is_exact,
+        }
+    }
+
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// All of them but where they are.
+    pub fn looks(&self) -> &Gaussians {
+        &self.rest
+    }
+
+    /// Those at these indices.
+    pub fn subset(&self, indices: &[usize]) -> Self {
+        Self {
+            rest: subset(&self.rest, indices),
+            position: indices.iter().map(|&i| self.position[i]).collect(),
+            is_exact: self.is_exact,
+        }
+    }
+
+    /// Rotates, scales, then translates them. Spherical harmonics stay in the frame they were captured in.
+    pub fn transform(&mut self, rotation: DQuat, factor: f64, translation: DVec3) {
+        for p in &mut self.position {
+            *p = (rotation * (DVec3::from(*p) * factor) + translation).to_array();
+        }
+        stretch(&mut self.rest, factor);
+        turn(&mut self.rest, rotation);
+    }
+
+    /// Where they are for good, rounded to single precision.
+    pub fn placed(mut self) -> Gaussians {
+        let rounded = self.position.iter().map(|p| p.map(|x| x as f32));
+        self.rest.position = rounded.collect();
+        self.rest
+    }
+}
+
+/// Rotates, then translates Gaussians. Spherical harmonics stay in the frame they were captured in.
+pub(super) fn move_rigidly(g: &mut Gaussians, rotation: DQuat, translation: DVec3) {
     for p in &mut g.position {
-        let world = rotation * (DVec3::from(p.map(f64::from)) * factor) + translation;
+        let world = rotation * DVec3::from(p.map(f64::from)) + translation;
         *p = world.as_vec3().to_array();
     }
+    turn(g, rotation);
+}
+
+fn stretch(g: &mut Gaussians, factor: f64) {
     for s in &mut g.scale {
         *s = s.map(|s| (f64::from(s) * factor) as f32);
     }
+}
+
+fn turn(g: &mut Gaussians, rotation: DQuat) {
     for q in &mut g.rotation {
         let local = DQuat::from_array(q.map(f64::from));
         *q = (rotation * local).normalize().as_quat().to_array();

@@ -5,9 +5,10 @@
 mod assembly;
 mod boundaries;
 mod build;
+mod captures;
+mod cells;
 mod checks;
 mod clones;
-mod components;
 mod contact;
 mod drop;
 mod edit;
@@ -31,6 +32,7 @@ mod shapes;
 mod solids;
 mod solver;
 mod spec;
+mod support;
 mod view;
 mod words;
 
@@ -68,6 +70,8 @@ impl ObjectSpec {
 
 #[cfg(test)]
 mod boundary_tests;
+#[cfg(test)]
+mod capture_tests;
 #[cfg(test)]
 mod formula_tests;
 #[cfg(test)]

@@ -117,6 +117,11 @@ impl Placement {
         }
     }
 
+    /// Whether where geometry lands depends on its box.
+    pub(super) fn depends_on_box(&self) -> bool {
+        matches!(self.size, Size::Height(_)) || self.anchor != Anchor::Origin
+    }
+
     /// Factor from units to metres for geometry with this box.
     pub fn factor(&self, bounds: &Aabb) -> f64 {
         let height = match self.size {

@@ -3,19 +3,17 @@
 use std::collections::BTreeMap;
 
 use cosplat_sim_core::scene::Aabb;
-use glam::Vec3;
 
 use super::{
-    components,
-    edit::bounds,
+    edit::{Unplaced, bounds_of},
     error::suggest,
     spec::{Link, Select, Split},
 };
-use crate::assets::{Gaussians, objects::Objects};
+use crate::{assets::objects::Objects, components};
 
 /// An asset placed in the world, less its nearly transparent Gaussians.
 pub(super) struct Placed {
-    pub gaussians: Gaussians,
+    pub gaussians: Unplaced,
     /// Index of each Gaussian in the asset.
     pub index: Vec<u64>,
     /// Object of each Gaussian, where a file says them.
@@ -34,7 +32,7 @@ impl Placed {
     /// Positions in `gaussians` that a selection names; `others` are the asset's other selections.
     pub fn select(&self, select: &Select, others: &[&Select]) -> Result<Vec<usize>, String> {
         let all = 0..self.gaussians.len();
-        let position = |i: usize| self.gaussians.position[i].map(f64::from);
+        let position = |i: usize| self.gaussians.position[i];
         let chosen: Vec<usize> = match select {
             Select::Ranges(ranges) => {
                 let inside = |i: u64| ranges.iter().any(|r| (r[0]..r[1]).contains(&i));
@@ -83,7 +81,7 @@ impl Placed {
     /// Why nothing was found, with what would be there.
     fn nothing(&self) -> String {
         let count = self.gaussians.len();
-        let place = bounds(&self.gaussians).map_or(String::new(), |b| {
+        let place = bounds_of(self.gaussians.position.iter().copied()).map_or(String::new(), |b| {
             format!(", which fill the box {:.4?} to {:.4?}", b.min, b.max)
         });
         format!("selects none of the asset's {count} Gaussians{place}")
@@ -143,7 +141,7 @@ impl Placed {
 
     /// Semantic ids, rounded.
     fn ids(&self) -> Result<Vec<u64>, String> {
-        let dim = self.gaussians.feature_dim;
+        let dim = self.gaussians.looks().feature_dim;
         if dim != 1 {
             return Err(format!(
                 "needs an asset with one semantic id per Gaussian (property f_sem_0): \
@@ -151,7 +149,7 @@ impl Placed {
             ));
         }
         let round = |&f: &f32| if f >= 0.0 { f.round() as u64 } else { u64::MAX };
-        Ok(self.gaussians.feature.iter().map(round).collect())
+        Ok(self.gaussians.looks().feature.iter().map(round).collect())
     }
 
     fn components(&self, link: &Link) -> Result<Vec<Vec<usize>>, String> {
@@ -161,10 +159,7 @@ impl Placed {
 
     /// Connected components, largest first.
     fn components_of(&self, chosen: &[usize], link: &Link) -> Result<Vec<Vec<usize>>, String> {
-        let points: Vec<Vec3> = chosen
-            .iter()
-            .map(|&i| self.gaussians.position[i].into())
-            .collect();
+        let points: Vec<[f64; 3]> = chosen.iter().map(|&i| self.gaussians.position[i]).collect();
         let mut parts = match link.distance {
             Some(size) => components::by_cells(&points, size),
             None => components::by_neighbours(&points),

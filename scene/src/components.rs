@@ -4,16 +4,15 @@ use std::collections::HashMap;
 
 use glam::Vec3;
 
-use crate::neighbours::{Neighbours, TOUCHING};
+use crate::{
+    neighbours::{Neighbours, TOUCHING},
+    scene_file::bounds_of,
+};
 
 /// Indices of the points of each component, ascending, components in the order of their first point. Points are connected when
 /// they lie in the same or in touching cells of this size [m].
-pub(super) fn by_cells(points: &[Vec3], size: f64) -> Vec<Vec<usize>> {
-    let cell = |point: &Vec3| {
-        point
-            .to_array()
-            .map(|x| (f64::from(x) / size).floor() as i64)
-    };
+pub(crate) fn by_cells(points: &[[f64; 3]], size: f64) -> Vec<Vec<usize>> {
+    let cell = |point: &[f64; 3]| point.map(|x| (x / size).floor() as i64);
     // Cells are numbered in the order of their first point: the map's own order plays no part.
     let mut cells: HashMap<[i64; 3], usize> = HashMap::new();
     let mut keys = Vec::new();
@@ -39,7 +38,15 @@ pub(super) fn by_cells(points: &[Vec3], size: f64) -> Vec<Vec<usize>> {
 }
 
 /// As [`by_cells`], of points whose neighbours touch: a point far from all others changes nothing between these.
-pub(super) fn by_neighbours(points: &[Vec3]) -> Vec<Vec<usize>> {
+pub(crate) fn by_neighbours(points: &[[f64; 3]]) -> Vec<Vec<usize>> {
+    let Some(bounds) = bounds_of(points.iter().copied()) else {
+        return Vec::new();
+    };
+    // In single precision about their middle: they may be far from the origin.
+    let middle = [0, 1, 2].map(|a| 0.5 * (bounds.min[a] + bounds.max[a]));
+    let relative =
+        |p: &[f64; 3]| Vec3::from_array(std::array::from_fn(|a| (p[a] - middle[a]) as f32));
+    let points: &[Vec3] = &points.iter().map(relative).collect::<Vec<_>>();
     let pairs = Neighbours::new(points, TOUCHING).touching(points);
     let mut touching = vec![Vec::new(); points.len()];
     for (a, b) in pairs {
