@@ -411,7 +411,7 @@ impl ServerPorts {
     /// amid a frame.
     pub fn poll_urgent(
         &mut self,
-        cannot_wait: impl Fn(&[Command]) -> bool,
+        cannot_wait: impl Fn(&[crate::schema::Command]) -> bool,
         answer: impl FnMut(Asked) -> Reply,
     ) {
         self.commands.poll_urgent(cannot_wait, answer);
