@@ -308,20 +308,7 @@ impl Episodes {
                 };
                 let wanted = ((e * before).powi(2) - squares).max(0.0).sqrt();
                 let change = correction(wanted, parting, k, available);
-                for (side, motion) in [&a, &b].into_iter().enumerate() {
-                    let sign = if side == 0 { -1.0 } else { 1.0 };
-                    let impulse = n.map(|n| sign * change.impulse * n);
-                    let field = episode.fields[side];
-                    movers.push(field, motion, x, impulse, change.keep);
-                }
-                for i in 0..3 {
-                    episode.impulse[i] += change.impulse * n[i];
-                }
-                let (size, given) = (change.impulse.abs(), n.map(|n| change.impulse * n));
-                let normal = n.map(|n| n * change.impulse.signum());
-                let received = Received::at(x, normal, size, given);
-                exchanged.push((episode.fields, received));
-                episode.lost += change.lost;
+                exchanged.push(episode.push(movers, [&a, &b], n, &change));
                 let now = parting + k * change.impulse;
                 after = (now * now + squares).max(0.0).sqrt();
                 reached = !wish.elastic || after >= 0.999 * e * before;
@@ -340,6 +327,28 @@ impl Episodes {
 }
 
 impl Episode {
+    /// Gives both what parts them as is asked, along a normal, and returns what it gave.
+    fn push(
+        &mut self,
+        movers: &mut dyn Movers,
+        motions: [&RigidMotion; 2],
+        normal: [f64; 3],
+        change: &Correction,
+    ) -> PairExchange {
+        let given = normal.map(|n| change.impulse * n);
+        for ((motion, field), sign) in motions.into_iter().zip(self.fields).zip([-1.0, 1.0]) {
+            let impulse = given.map(|j| sign * j);
+            movers.push(field, motion, self.point, impulse, change.keep);
+        }
+        for i in 0..3 {
+            self.impulse[i] += given[i];
+        }
+        self.lost += change.lost;
+        let out = normal.map(|n| n * change.impulse.signum());
+        let received = Received::at(self.point, out, change.impulse.abs(), given);
+        (self.fields, received)
+    }
+
     /// Whether they have touched for so long no more that they may have parted.
     fn has_come_apart(&self) -> bool {
         self.quiet > 0 && self.quiet.is_multiple_of(QUIET)

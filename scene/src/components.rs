@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use glam::Vec3;
 
 use crate::{
+    bounds::bounds_of,
     neighbours::{Neighbours, TOUCHING},
-    scene_file::bounds_of,
 };
 
 /// Indices of the points of each component, ascending, components in the order of their first point. Points are connected when

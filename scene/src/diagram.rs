@@ -5,7 +5,8 @@ use glam::{DQuat, DVec3};
 
 use crate::{
     assets::{Gaussians, SH_C0},
-    scene_file::{append, bounds_of},
+    bounds::bounds_of,
+    scene_file::append,
 };
 
 /// Strokes per line.

@@ -2,7 +2,7 @@
 
 use cosplat_sim_core::scene::Aabb;
 
-use crate::{components::by_cells, scene_file::bounds_of};
+use crate::{bounds::bounds_of, components::by_cells};
 
 /// Centres below and above these quantiles along an axis may be floaters.
 const QUANTILES: [f64; 2] = [0.005, 0.995];

@@ -6,6 +6,7 @@
 
 pub mod assets;
 pub mod binding;
+mod bounds;
 mod components;
 pub mod diagram;
 pub mod files;

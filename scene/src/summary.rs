@@ -6,7 +6,7 @@ use cosplat_sim_core::{
 };
 use serde::Serialize;
 
-use crate::scene_file::bounds_of;
+use crate::bounds::bounds_of;
 
 mod precision;
 mod surroundings;

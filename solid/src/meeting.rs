@@ -3,7 +3,7 @@
 use super::{
     bonds::{Bond, Bound, Hold, binds},
     grip::{Grip, NOTHING, OBJECTS},
-    overlap::Overlaps,
+    overlaps::Overlaps,
     penalty::Spring,
 };
 use crate::{

@@ -3,13 +3,12 @@
 //! What a point is in when its solid is put there presses on it from that depth on, as if its surface lay there. That depth gets less as
 //! the point comes out, and at a limited speed besides, so that what overlaps is led apart.
 
-use serde::{Deserialize, Serialize};
-
 use super::{
     advance::Solid,
     bonds::{TOUCH, binds},
     contact::ContactSurface,
     grip::Grip,
+    overlaps::Overlap,
 };
 use crate::{bodies::actor::Actor, colliders::Placed};
 
@@ -24,28 +23,6 @@ const LAST: f64 = 0.1;
 /// change, and what it is pressed with then turns: with 0.25 a block came out of another of its width at 0.5 m/s [cells].
 const HARD: f64 = 0.02;
 
-/// A point of a solid that was put into something.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Overlap {
-    /// Its number.
-    pub point: u32,
-    /// What it is in, as a [`Grip`] names it.
-    pub with: u32,
-    /// Depth up to which that does not press on it [m].
-    pub depth: f64,
-    /// How fast that gets less [m/s].
-    pub speed: f64,
-}
-
-/// All such points of a solid.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Overlaps {
-    /// Whether they have yet to be looked for: the solid was put where it is.
-    pub are_due: bool,
-    /// By point, then by what it is in.
-    pub all: Vec<Overlap>,
-}
-
 /// What points of a solid may be in.
 pub(crate) struct Others<'a> {
     pub colliders: &'a [Placed<'a>],
@@ -56,7 +33,7 @@ pub(crate) struct Others<'a> {
 
 impl Others<'_> {
     /// All that presses on points, as grips name it, ascending; what binds holds them where they are.
-    fn pressing(&self) -> Vec<u32> {
+    fn partners(&self) -> Vec<u32> {
         let walls = self.colliders.iter().filter(|placed| !binds(placed));
         let walls = walls.map(|placed| placed.id as u32);
         let objects = self.objects.iter().map(|&object| Grip::on_object(object));
@@ -74,36 +51,6 @@ impl Others<'_> {
         let mut bodies = self.bodies.iter().zip(self.objects);
         let body = bodies.find(|(_, object)| Grip::on_object(**object) == with);
         body.map_or(f64::NEG_INFINITY, |(actor, _)| actor.depth(x))
-    }
-}
-
-impl Overlaps {
-    /// Of a solid that was put where it is.
-    pub const DUE: Self = Self {
-        are_due: true,
-        all: vec![],
-    };
-
-    /// Depth up to which something does not press on a point [m].
-    #[inline(always)]
-    pub fn depth(&self, point: usize, with: u32) -> f64 {
-        if self.all.is_empty() {
-            return 0.0;
-        }
-        let place = |one: &Overlap| (one.point, one.with);
-        let found = self.all.binary_search_by_key(&(point as u32, with), place);
-        found.map_or(0.0, |n| self.all[n].depth)
-    }
-
-    /// Whether they are of so many points, in order, and depths are lengths.
-    pub fn are_sound(&self, points: usize) -> bool {
-        let place = |one: &Overlap| (one.point, one.with);
-        let is_sound = |one: &Overlap| {
-            let numbers = [one.depth, one.speed];
-            let are_sound = numbers.iter().all(|x| x.is_finite() && *x >= 0.0);
-            (one.point as usize) < points && are_sound
-        };
-        self.all.iter().all(is_sound) && self.all.is_sorted_by(|a, b| place(a) < place(b))
     }
 }
 
@@ -138,11 +85,11 @@ impl Solid<'_> {
     }
 
     fn find_overlaps(&self, surface: &ContactSurface, others: &Others<'_>) -> Vec<Overlap> {
-        let (pressing, mut found) = (others.pressing(), vec![]);
+        let (partners, mut found) = (others.partners(), vec![]);
         let clusters = surface.clusters.iter();
         for point in clusters.flat_map(|cluster| cluster.points.clone()) {
             let x = self.place(surface, point);
-            let overlaps = pressing.iter().map(|&with| Overlap {
+            let overlaps = partners.iter().map(|&with| Overlap {
                 point: point as u32,
                 with,
                 depth: others.depth(x, with),

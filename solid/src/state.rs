@@ -9,7 +9,7 @@ use super::{
     memory::BlockMemory,
     model::{CellPoint, SolidModel, cell_of_number},
     nodes::{NODES, NodeBlock, Planes, place, read, write},
-    overlap::Overlaps,
+    overlaps::Overlaps,
 };
 use crate::{
     mat3::{Mat3, cross, dot},

@@ -192,7 +192,7 @@ fn a_full_disk_is_said_with_the_name_of_the_file() {
 }
 
 #[test]
-fn a_session_that_a_limit_of_file_sizes_keeps_from_being_made_says_so() {
+fn a_limit_of_file_sizes_that_stops_a_session_is_named() {
     let stage = Stage::new();
     let scene = stage.path("scene.toml");
     std::fs::write(&scene, SMALL_SCENE).expect("the stage's folder is writable");

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 use serde_json::Value;
 
 use crate::{
-    doctor::{Message, rewrite, rewrite_scene},
+    doctor::{rewrite, rewrite_scene},
     stage::{Process, Stage, wait_for_status, watchdog},
 };
 
@@ -47,23 +47,18 @@ fn a_recording_without_what_can_be_compared_is_not_verified() {
     assert_eq!(outcome["runs"][0]["objects_compared"], 6, "{outcome}");
     assert!(said.contains("can be verified"), "{said}");
 
-    let less: [(&str, fn(&Message) -> bool, &str); 4] = [
-        (
-            "frames",
-            |m| !m.topic.starts_with("/gaussians") && m.topic != "/places",
-            "no frame",
-        ),
-        ("places", |m| m.topic != "/places", "no frame"),
-        (
-            "objects",
-            |m| m.topic != "/objects",
-            "none of its 2 objects",
-        ),
-        ("messages", |_| false, "no frame"),
+    // Beginnings of topics that are left out.
+    let less: [(&str, &[&str], &str); 4] = [
+        ("frames", &["/gaussians", "/places"], "no frame"),
+        ("places", &["/places"], "no frame"),
+        ("objects", &["/objects"], "none of its 2 objects"),
+        ("messages", &["/"], "no frame"),
     ];
-    for (what, keeps, words) in less {
+    for (what, without, words) in less {
         rewrite(&whole, &stage.path("less.mcap"), nothing, |message| {
-            keeps(message)
+            !without
+                .iter()
+                .any(|start| message.topic.starts_with(*start))
         });
         let (code, outcome, said) = verify(&stage, "less.mcap");
         assert_eq!(code, Some(1), "without {what}: {outcome}");

@@ -36,9 +36,9 @@ use crate::{
     Domain, LimitReached, Service,
     limits::SERVER_FILES,
     schema::{
-        Ack, AppliedCommand, ChangesHeader, Command, CommandHeader, Contact, ContactsHeader,
-        FrameHeader, GaussianState, Hello, JournalHeader, MAX_COMMANDS, ObjectState, ObjectsHeader,
-        Status, StepDone, StepRequest,
+        Ack, AppliedCommand, ChangesHeader, CommandHeader, Contact, ContactsHeader, FrameHeader,
+        GaussianState, Hello, JournalHeader, MAX_COMMANDS, ObjectState, ObjectsHeader, Status,
+        StepDone, StepRequest,
     },
     session::{self, EVENT_SAMPLE, PubSub, SERVER_ROLE, SessionName},
     shm,

@@ -178,7 +178,7 @@ fn contacts_arrive_and_the_strongest_come_first() {
 }
 
 #[test]
-fn a_participant_whose_server_has_gone_does_not_wait_for_another() {
+fn who_lost_its_server_does_not_wait_for_another() {
     let domain = TestDomain::new();
     let mut ports = serve(&domain, "gone");
     let client = Client::connect(&domain, "gone", "test", PATIENCE).expect("attached");

@@ -309,7 +309,7 @@ fn an_answer_counts_its_steps_and_their_time() {
 }
 
 #[test]
-fn a_session_with_named_participants_stands_when_the_last_has_left() {
+fn a_session_stands_when_its_last_named_participant_has_left() {
     let leave = |header: &mut StepRequest| header.kind = wire::STEP_DETACH;
     for (named, stands) in [(&["arm"][..], true), (&[], false)] {
         let mut table = Table::new(named, None, Policy::Wait);

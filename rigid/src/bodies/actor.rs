@@ -93,3 +93,10 @@ pub struct Setting<'a> {
     /// Whether the step has to end before it is done.
     pub interruption: &'a Interruption<'a>,
 }
+
+/// Constant acceleration and torque of a body during a part of a step.
+#[derive(Clone, Copy)]
+pub(super) struct Load {
+    pub acceleration: Vec3,
+    pub torque: Vec3,
+}

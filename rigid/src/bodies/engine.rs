@@ -5,7 +5,7 @@ use std::{cell::Cell, collections::HashMap};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    actor::{Actor, Drive, SLOP, Setting},
+    actor::{Actor, Drive, Load, SLOP, Setting},
     body::{Body, Inertia},
     feature::{Feature, Solid, gap},
     impact_time::{SearchEffort, first_contact},
@@ -97,13 +97,6 @@ fn note(
         other,
         received: Received::at(place, point.normal, part * point.normal_impulse, impulse),
     });
-}
-
-/// Constant acceleration and torque of a body during a part of a step.
-#[derive(Clone, Copy)]
-pub(super) struct Load {
-    pub acceleration: Vec3,
-    pub torque: Vec3,
 }
 
 /// Moves all bodies by `dt` [s]. Momentum only changes by gravity, drives and walls; kinetic and potential energy

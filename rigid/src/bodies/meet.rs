@@ -148,6 +148,25 @@ fn closing_velocity(
     sub(of(a), of(b))
 }
 
+/// Restitution and friction of a pair, whether it holds what would leave, and whether it sticks.
+fn surface(
+    actors: &[Actor<'_>],
+    walls: &[Placed<'_>],
+    pair: &Pair,
+    setting: &Setting<'_>,
+) -> (f64, f64, bool, bool) {
+    if pair.b < actors.len() {
+        let (restitution, friction) = (setting.surface)(pair.a, pair.b);
+        return (restitution, friction, false, false);
+    }
+    let wall = walls[pair.b - actors.len()];
+    let contact = wall.against((setting.friction)(pair.a)).contact();
+    let sticks = contact.surface == Surface::Sticky;
+    let holds = contact.surface != Surface::Separate;
+    let restitution = if sticks { 0.0 } else { contact.restitution };
+    (restitution, contact.friction, holds, sticks)
+}
+
 /// Points that touch, but for those that come faster than `bounce` of pairs that are not there yet.
 pub(super) fn contacts<'a>(
     actors: &[Actor<'a>],
@@ -183,20 +202,7 @@ pub(super) fn contacts<'a>(
             let supports = [&supports[0][..], &supports[1][..]];
             only_open([&a, &b], supports, &mut spots, setting.dx);
         }
-        let (restitution, friction, holds, sticks) = match pair.b < actors.len() {
-            true => {
-                let (e, mu) = (setting.surface)(pair.a, pair.b);
-                (e, mu, false, false)
-            }
-            false => {
-                let wall = walls[pair.b - actors.len()];
-                let contact = wall.against((setting.friction)(pair.a)).contact();
-                let sticks = contact.surface == Surface::Sticky;
-                let holds = contact.surface != Surface::Separate;
-                let e = if sticks { 0.0 } else { contact.restitution };
-                (e, contact.friction, holds, sticks)
-            }
-        };
+        let (restitution, friction, holds, sticks) = surface(actors, walls, pair, setting);
         for spot in reduce(&a, &b, spots, -SLOP * setting.dx) {
             let second = actors.get(pair.b).map(|actor| actor.body.com);
             let wall = match second {

@@ -1,8 +1,7 @@
 //! What moves past each other within a step: points of contact follow it.
 
 use super::{
-    actor::{Actor, Drive},
-    engine::Load,
+    actor::{Actor, Drive, Load},
     meet::{Contact, is_free},
     vector::{Vec3, add, along, scaled, sub},
 };

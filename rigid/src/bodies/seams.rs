@@ -12,7 +12,7 @@ use crate::mat3::dot;
 
 /// How far off a seam it is looked for what covers it, and how much a flush solid may stand above the other [cells]: more than bodies
 /// overlap by.
-const BESIDE: f64 = 1e-2;
+const ASIDE: f64 = 1e-2;
 const LEVEL: f64 = 2.0 * SLOP;
 /// Sine of the angle between two normals below which they are those of one face.
 const ALIKE: f64 = 1e-3;
@@ -28,7 +28,7 @@ struct Side<'a> {
 impl Side<'_> {
     /// Whether the obstacle's surface at a spot goes on from that of a support that is touched there, and is covered by it.
     fn is_covered(&self, spot: &Spot, support: &Solid<'_>, dx: f64) -> bool {
-        let (beside, out) = (BESIDE * dx, spot.normal.map(|n| self.sign * n));
+        let (beside, out) = (ASIDE * dx, spot.normal.map(|n| self.sign * n));
         // At the seam itself the support ends, and may be nearest by its side.
         let back = along(spot.x, beside, out);
         let up = support.normal(back);

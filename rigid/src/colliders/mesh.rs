@@ -129,11 +129,17 @@ impl Mesh {
         Some((hit.time_of_impact, array(normal * facing)))
     }
 
-    /// Its corners, and the triangles between them; none where there are none.
-    pub fn triangles(&self) -> Option<(Vec<[f64; 3]>, &[[u32; 3]])> {
-        let surface = self.surface.as_ref()?;
-        let points = surface.vertices().iter().map(|x| array(*x));
-        Some((points.collect(), surface.indices()))
+    /// Its corners [m], in its own frame.
+    pub fn corners(&self) -> Vec<[f64; 3]> {
+        let surface = self.surface.iter();
+        let points = surface.flat_map(|surface| surface.vertices());
+        points.map(|x| array(*x)).collect()
+    }
+
+    /// Its triangles, each by the places of its corners in their list.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        let surface = self.surface.as_ref();
+        surface.map_or(&[], |surface| surface.indices())
     }
 
     /// Radius of a ball about the origin that holds it.

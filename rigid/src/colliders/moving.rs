@@ -76,14 +76,14 @@ impl Motion {
 }
 
 impl Placed<'_> {
-    fn from_origin(&self, x: [f64; 3]) -> [f64; 3] {
+    fn arm(&self, x: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|a| x[a] - self.start.translation[a])
     }
 
     /// Velocity with which the collider's matter at a world point goes straight to where it is at the end of the substep [units/s].
     pub fn velocity(&self, x: [f64; 3]) -> [f64; 3] {
         match self.turns() {
-            true => self.ahead.velocity(self.from_origin(x)),
+            true => self.ahead.velocity(self.arm(x)),
             false => self.ahead.linear,
         }
     }
@@ -93,7 +93,7 @@ impl Placed<'_> {
     pub fn past_velocity(&self, x: [f64; 3]) -> [f64; 3] {
         match self.past.angular == [0.0; 3] {
             true => self.past.linear,
-            false => self.past.velocity(self.from_origin(x)),
+            false => self.past.velocity(self.arm(x)),
         }
     }
 
@@ -104,7 +104,7 @@ impl Placed<'_> {
 
     /// Velocity of the collider's matter at a world point, at the start of the substep [units/s].
     pub fn velocity_now(&self, x: [f64; 3]) -> [f64; 3] {
-        let turn = cross(self.ahead.angular, self.from_origin(x));
+        let turn = cross(self.ahead.angular, self.arm(x));
         std::array::from_fn(|a| self.ahead.linear[a] + turn[a])
     }
 
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_the_velocity_of_a_collider_is_where_its_matter_is_in_the_end() {
+    fn what_has_a_colliders_velocity_ends_where_its_matter_does() {
         let x = [1.4, 0.2, -0.9];
         for t in [1e-7, 1e-3, 0.05] {
             disc(t, t, |placed, carry| {
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn at_a_moment_without_length_colliders_move_as_they_did_before_it() {
+    fn at_a_moment_without_length_colliders_move_as_before() {
         let x = [1.4, 0.2, -0.9];
         disc(0.0, 1e-3, |placed, carry| {
             let from = carry(x, -1e-3);

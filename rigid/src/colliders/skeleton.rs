@@ -148,9 +148,7 @@ fn of_cylinder(radius: f64, half_height: f64) -> Skeleton {
 
 /// Edges at which triangles meet at an angle, outwards where the mesh has an inside, and those of its border.
 fn of_mesh(mesh: &Mesh) -> Skeleton {
-    let Some((points, triangles)) = mesh.triangles() else {
-        return Skeleton::default();
-    };
+    let (points, triangles) = (mesh.corners(), mesh.triangles());
     // By the ends of an edge: the triangles there, each by the corner that is not of the edge.
     let mut edges: BTreeMap<[u32; 2], Vec<(usize, u32)>> = BTreeMap::new();
     for (n, t) in triangles.iter().enumerate() {

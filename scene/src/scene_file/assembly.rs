@@ -3,8 +3,10 @@
 use cosplat_sim_core::scene::{Aabb, Object, Scene};
 use glam::{DQuat, DVec3};
 
+use crate::bounds::bounds_of;
+
 use super::{
-    edit::{append, bounds, bounds_of, move_rigidly},
+    edit::{append, bounds, move_rigidly},
     placement::Rigid,
     regions::RegionSpec,
     sampling::Sampled,

@@ -9,9 +9,10 @@ use cosplat_sim_core::scene::{
 };
 use glam::DVec3;
 
+use crate::bounds::bounds_of;
+
 use super::{
     build::LoadMesh,
-    edit::bounds_of,
     error::{Finding, suggest},
     ids::ObjectIds,
     limits as l,

@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use super::{
     assembly::{Part, default_domain, push},
     boundaries, captures, cells, checks, contact,
-    edit::{Unplaced, bounds_of},
+    edit::Unplaced,
     error::{At, Finding, SceneErrors},
     formed,
     ids::ObjectIds,
@@ -23,6 +23,7 @@ use super::{
 };
 use crate::{
     assets::{Gaussians, ReadReport, generate, objects::Objects},
+    bounds::bounds_of,
     floaters::core,
 };
 

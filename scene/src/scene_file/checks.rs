@@ -10,13 +10,12 @@ use cosplat_sim_core::{
 };
 
 use super::{
-    edit::bounds_of,
     error::{At, Finding, SceneErrors},
     report::BuildReport,
     spec::{Resolution, SceneFile},
     support::unsupported,
 };
-use crate::fill::FillReport;
+use crate::{bounds::bounds_of, fill::FillReport};
 
 /// Part of an object's particles that may lie inside another object before it is called overlap.
 const TOUCHING: f64 = 0.03;

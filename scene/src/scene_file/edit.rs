@@ -5,18 +5,7 @@
 use cosplat_sim_core::scene::Aabb;
 use glam::{DQuat, DVec3};
 
-use crate::assets::Gaussians;
-
-/// Box of points; none for no points.
-pub(crate) fn bounds_of(points: impl Iterator<Item = [f64; 3]>) -> Option<Aabb> {
-    points.fold(None, |found, p| {
-        let found = found.unwrap_or(Aabb { min: p, max: p });
-        Some(Aabb {
-            min: std::array::from_fn(|i| found.min[i].min(p[i])),
-            max: std::array::from_fn(|i| found.max[i].max(p[i])),
-        })
-    })
-}
+use crate::{assets::Gaussians, bounds::bounds_of};
 
 /// Box of Gaussian centres; none for no Gaussians.
 pub(super) fn bounds(gaussians: &Gaussians) -> Option<Aabb> {

@@ -8,10 +8,11 @@ use cosplat_sim_core::{
 };
 use glam::{DQuat, DVec3};
 
+use crate::bounds::bounds_of;
+
 use super::{
     boundaries::placed,
     build::LoadMesh,
-    edit::bounds_of,
     placement::Rigid,
     sampling::{Body, Looks, Numerics},
     select::longest_side,

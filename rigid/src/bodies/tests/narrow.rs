@@ -93,7 +93,7 @@ fn bodies() -> Vec<(&'static str, Vec<Grain>, f64)> {
 }
 
 #[test]
-fn flat_bodies_lie_on_what_is_narrower_than_their_points_are_apart() {
+fn flat_bodies_lie_on_what_is_narrower_than_their_points() {
     for (body, grains, exact) in bodies() {
         for kind in 0.. {
             let mut name = "";

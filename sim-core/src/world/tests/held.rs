@@ -54,7 +54,7 @@ fn quarters(scene: Scene, frames: usize) -> [f64; 2] {
 
 /// At high ends it had 1e7 times the energy after 0.4 s, at low ones not.
 #[test]
-fn energy_of_what_is_held_at_any_end_stays_and_is_that_of_its_mirror_image() {
+fn what_is_held_at_any_end_has_the_energy_of_its_mirror_image() {
     for (cells, jitter, frames) in [
         ([4, 2], 0.0, 40),
         ([4, 1], 0.0, 40),
