@@ -1,10 +1,10 @@
 //! The `cosplat` command line, one file per subcommand; a library, so that benchmarks run scenes by the same code.
 
 mod bench;
-mod branch;
+pub mod branch;
 mod camera_path;
 pub mod child;
-mod compact;
+pub mod compact;
 pub mod ctl;
 mod demo;
 mod explain;
@@ -12,13 +12,13 @@ mod export;
 #[cfg(feature = "features")]
 mod features;
 mod import;
-mod inspect;
+pub mod inspect;
 pub mod record;
-mod recover;
+pub mod recover;
 mod replay;
 pub mod serve;
 pub mod simulate;
-mod verify;
+pub mod verify;
 pub mod view;
 pub mod viewpoint;
 mod web;

@@ -6,7 +6,7 @@
 
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
@@ -101,7 +101,14 @@ impl NewFile {
             }
             // One that may not be written is not replaced either.
             let file = File::options().append(true).open(&own)?;
-            if !found.is_file() || is_handle(&own) {
+            if !found.is_file() {
+                let place = Place::Own(own);
+                return Ok(Self { file, place });
+            }
+            if is_handle(&own) {
+                // Behind what is there, but not at the end alone: formats go back in what they have written.
+                let mut file = File::options().write(true).open(&own)?;
+                file.seek(SeekFrom::End(0))?;
                 let place = Place::Own(own);
                 return Ok(Self { file, place });
             }

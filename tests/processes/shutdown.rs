@@ -122,7 +122,7 @@ version = 1
 dx = 0.05
 frame_rate = 0.001
 objects = [{ name = "bar", shape = { kind = "box", size = [0.4, 0.2, 0.2] }, translation = [0, 0.2, 0], material = "steel" }]
-colliders = [{ name = "floor" }]
+colliders = [{ name = "floor", normal = [0, 1, 0] }]
 "#;
 
 #[test]

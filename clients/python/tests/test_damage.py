@@ -322,13 +322,13 @@ def test_a_gateway_that_talks_nonsense_is_told_from_one(domain: Domain, answer: 
     with gateway_that_says(answer.encode() + b"\n") as address:
         asks: list[Callable[[Remote], object]] = [lambda r: r.send(Pause()), lambda r: r.hello(), lambda r: r.scene()]
         for ask in asks:
-            with Remote(*address) as gateway:
+            with Remote(*address, token="0" * 32) as gateway:
                 try:
                     ask(gateway)
                 except CosplatError as error:
                     assert isinstance(error, Malformed | Unanswered) or "error" in answer
         with pytest.raises(CosplatError):
-            remote.connect(*address, domain=domain)
+            remote.connect(*address, token="0" * 32, domain=domain)
 
 
 @pytest.mark.parametrize("line", [DEEP, "5", '{"id": [], "point": {}, "metrics": {}}', '{"id": "1", "point": 5, "metrics": {}}'])

@@ -76,7 +76,7 @@ def test_a_simulation_that_fails_is_a_row(tmp_path: Path, caplog: pytest.LogCapt
     table = tmp_path / "table.jsonl"
     good, bad = sweep(SCENE, {"dx": [0.05, -1]}, duration=0.1, table=table)
     assert good.error is None and bad.metrics == {}
-    assert bad.error and "scene.toml has 1 error(s)" in bad.error and "dx" in bad.error and "/" not in bad.error
+    assert bad.error and "scene.toml has 1 error:" in bad.error and "dx" in bad.error and "/" not in bad.error
     assert "sweep: 2 of 2 simulations are done" in caplog.text
     # It fails the same way every time.
     assert sweep(SCENE, {"dx": [-1]}, duration=0.1, table=table, program="/bin/false") == [bad]

@@ -75,7 +75,7 @@ pub const COMMAND_REDO: u32 = 29;
 pub const COMMAND_CANCEL: u32 = 30;
 
 /// Kinds of commands with their names, for people and for recordings.
-const COMMAND_NAMES: [(u32, &str); 29] = [
+const COMMAND_NAMES: [(u32, &str); 30] = [
     (COMMAND_IMPULSE, "impulse"),
     (COMMAND_IMPULSE_AT, "impulse_at"),
     (COMMAND_SET_VELOCITY, "set_velocity"),
@@ -105,6 +105,7 @@ const COMMAND_NAMES: [(u32, &str); 29] = [
     (COMMAND_BRING_IN, "bring_in"),
     (COMMAND_UNDO, "undo"),
     (COMMAND_REDO, "redo"),
+    (COMMAND_CANCEL, "cancel"),
 ];
 
 /// Name of a kind of command, `unknown` where this version has none.

@@ -32,10 +32,10 @@ fn too_little_shared_memory_is_refused_with_both_numbers() {
     let domain = TestDomain::new();
     let mut child = Process::start(&wrapper, &domain, "cramped", "small");
     let refusal = child.hear().expect("an answer");
-    // 8 frames of 64 MiB, and 17 MiB for answers and the other streams, do not fit into 30 MiB.
+    // 8 frames of 64 MiB, and 19 MiB for answers and the other streams, do not fit into 30 MiB.
     assert!(refusal.contains("shared memory is too small"), "{refusal}");
     assert!(
-        refusal.contains("529 MiB required, 29 MiB available"),
+        refusal.contains("531 MiB required, 29 MiB available"),
         "{refusal}"
     );
     // Frames of 1 MiB do, though not as many as usual, and every page is really there.

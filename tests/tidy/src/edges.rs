@@ -14,7 +14,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "sim-core",
         &["cosplat-matter", "cosplat-rigid", "cosplat-solid"],
     ),
-    ("reference", &["cosplat-sim-core"]),
+    ("reference", &["cosplat-sim-core", "cosplat-solid"]),
     (
         "scene",
         &["cosplat-files", "cosplat-sim-core", "cosplat-reference"],

@@ -43,6 +43,8 @@ class UsdWriter:
         self._path = path
         # A name that nobody can foretell: what is there under it is ours.
         self._partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.unfinished{path.suffix}")
+        # The system says what is in the way; USD says only that something is.
+        self._partial.open("xb").close()
         self._stage: Any = Usd.Stage.CreateNew(str(self._partial))
         self._frame_rate = frame_rate
         self._stage.SetTimeCodesPerSecond(frame_rate)
