@@ -9,6 +9,7 @@
 
 mod chart;
 mod faults;
+mod golden;
 mod kernel;
 mod lockstep;
 mod machine;
@@ -47,6 +48,7 @@ struct Cli {
 enum What {
     Documents(Documents),
     Faults(faults::Args),
+    Golden(golden::Args),
     Kernel(kernel::Args),
     Lockstep(lockstep::Args),
     Precision(precision::Args),
@@ -59,13 +61,23 @@ enum What {
     Web(web::Args),
     // What measurements start as processes of their own.
     #[command(hide = true)]
+    Branch(cosplat::branch::Args),
+    #[command(hide = true)]
+    Compact(cosplat::compact::Args),
+    #[command(hide = true)]
     Ctl(cosplat::ctl::Args),
     #[command(hide = true)]
+    Inspect(cosplat::inspect::Args),
+    #[command(hide = true)]
     Record(cosplat::record::Args),
+    #[command(hide = true)]
+    Recover(cosplat::recover::Args),
     #[command(hide = true)]
     Serve(cosplat::serve::Args),
     #[command(hide = true)]
     Simulate(cosplat::simulate::Args),
+    #[command(hide = true)]
+    Verify(cosplat::verify::Args),
     #[command(hide = true)]
     View(cosplat::view::Args),
 }
@@ -110,6 +122,7 @@ fn main() -> ExitCode {
     cosplat::exit_code(prepared.and_then(|()| match Cli::parse().what {
         What::Documents(args) => documents(&args.folder),
         What::Faults(args) => faults::run(&args),
+        What::Golden(args) => golden::run(&args),
         What::Kernel(args) => kernel::run(&args),
         What::Lockstep(args) => lockstep::run(&args),
         What::Precision(args) => precision::run(&args),
@@ -120,10 +133,15 @@ fn main() -> ExitCode {
         What::Transport(args) => transport::run(&args),
         What::Validate(args) => validate::run(&args),
         What::Web(args) => web::run(&args),
+        What::Branch(args) => cosplat::branch::run(&args),
+        What::Compact(args) => cosplat::compact::run(&args),
         What::Ctl(args) => cosplat::ctl::run(&args),
+        What::Inspect(args) => cosplat::inspect::run(&args),
         What::Record(args) => cosplat::record::run(&args),
+        What::Recover(args) => cosplat::recover::run(&args),
         What::Serve(args) => cosplat::serve::run(&args),
         What::Simulate(args) => cosplat::simulate::run(&args),
+        What::Verify(args) => cosplat::verify::run(&args),
         What::View(args) => cosplat::view::run(&args),
     }))
 }

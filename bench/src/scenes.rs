@@ -46,7 +46,10 @@ pub struct Args {
 }
 
 /// Scene files that the arguments name with their texts, in the order of their names.
-fn files(paths: &[PathBuf]) -> anyhow::Result<Vec<(PathBuf, String)>> {
+///
+/// # Errors
+/// When a file or folder cannot be read, a file is not TOML, or a folder holds no scene.
+pub fn files(paths: &[PathBuf]) -> anyhow::Result<Vec<(PathBuf, String)>> {
     let mut found = Vec::new();
     for path in paths {
         if !path.is_dir() {
@@ -89,7 +92,10 @@ fn is_scene(path: &Path, text: &str) -> anyhow::Result<bool> {
 }
 
 /// The scene of a file with this text, whose captures lie beside it or in `data`.
-fn load(path: &Path, text: &str, data: Option<&Path>) -> anyhow::Result<LoadedScene> {
+///
+/// # Errors
+/// When the scene cannot be loaded.
+pub fn load(path: &Path, text: &str, data: Option<&Path>) -> anyhow::Result<LoadedScene> {
     let beside = load_text(text.to_owned(), path);
     let (Err(_), Some(data), Some(name)) = (&beside, data, path.file_name()) else {
         return Ok(beside?);

@@ -205,3 +205,58 @@ fn finer_grids_cost_more_and_err_less() {
     let command = lines[0]["command"].as_str().expect("a command");
     assert!(command.starts_with("cosplat simulate scenes/precision/bar.toml"));
 }
+
+/// Folder of captured splats, which three shipped scenes need.
+fn captures() -> Option<std::path::PathBuf> {
+    let given = std::env::var_os("COSPLAT_TEST_DATA");
+    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data");
+    let folder = given.map_or_else(|| beside.into(), std::path::PathBuf::from);
+    if folder.exists() {
+        return Some(folder);
+    }
+    assert!(
+        std::env::var_os("COSPLAT_REQUIRE_ALL").is_none(),
+        "{} does not exist",
+        folder.display()
+    );
+    eprintln!("SKIPPED: {} does not exist", folder.display());
+    None
+}
+
+#[test]
+fn shipped_scenes_give_the_results_on_record() {
+    let Some(data) = captures() else { return };
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    let golden = |record: &str| {
+        Command::new(env!("CARGO_BIN_EXE_cosplat-bench"))
+            .current_dir(root)
+            .args(["golden", "--record", record])
+            .env("COSPLAT_TEST_DATA", &data)
+            .output()
+            .expect("cosplat runs")
+    };
+    let output = golden("scenes/golden.csv");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success(),
+        "results moved; when that is meant, record them with `cosplat bench golden --write` and say why:\n{said}"
+    );
+}
+
+#[test]
+fn a_moved_result_is_told_with_what_was_on_record() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let record = folder.path().join("golden.csv");
+    let hash = "0123456789abcdef";
+    let text = format!("scene,frames,substeps,state_hash\nscenes/falling_block.toml,12,1,{hash}\n");
+    std::fs::write(&record, text).expect("the record");
+    let output = Command::new(env!("CARGO_BIN_EXE_cosplat-bench"))
+        .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+        .args(["golden", "scenes/falling_block.toml", "--record"])
+        .arg(&record)
+        .output()
+        .expect("cosplat runs");
+    assert!(!output.status.success());
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains(hash), "{said}");
+}

@@ -7,6 +7,7 @@
 mod commands;
 mod grid;
 mod motion;
+pub mod solid;
 mod substep;
 mod time_step;
 

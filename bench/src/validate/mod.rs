@@ -16,7 +16,7 @@ use anyhow::bail;
 use case::{Group, Runs, Size};
 
 use crate::{machine::Run, page, progress};
-use cosplat_console::say;
+use cosplat_console::{note, say};
 
 /// Run cases with a known answer and hold the results against it.
 #[derive(clap::Args)]
@@ -36,6 +36,9 @@ pub struct Args {
     /// Replace the table in DIR/validation.md and the rows in DIR/validation, of all cases at full size.
     #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "docs", conflicts_with_all = ["cases", "list", "quick"])]
     write: Option<PathBuf>,
+    /// Say which rows differ from those on record in DIR/validation.
+    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "docs", conflicts_with_all = ["list", "quick", "write"])]
+    against: Option<PathBuf>,
 }
 
 impl Args {
@@ -47,6 +50,7 @@ impl Args {
             quick: false,
             json: false,
             write: Some(folder.to_owned()),
+            against: None,
         }
     }
 }
@@ -121,6 +125,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             )],
         )?;
         report::write_rows(&folder.join(report::ROWS), &results)?;
+    }
+    if let Some(folder) = &args.against {
+        let moved = report::moved(&folder.join(report::ROWS), &results)?;
+        let rows: usize = results.iter().map(|(_, rows, _)| rows.len()).sum();
+        for row in &moved {
+            note!("{row}");
+        }
+        note!("{} of {rows} rows are not as on record", moved.len());
     }
     let surprises: Vec<String> = results
         .iter()

@@ -236,6 +236,35 @@ pub fn write_rows(folder: &Path, results: &[Result<'_>]) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Rows that are not as on record in the files of their groups, each as a sentence.
+///
+/// # Errors
+/// When a file cannot be read.
+pub fn moved(folder: &Path, results: &[Result<'_>]) -> anyhow::Result<Vec<String>> {
+    let mut moved = Vec::new();
+    for (group, rows, _) in results {
+        let path = folder.join(format!("{}.csv", group.name));
+        let record =
+            fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        for row in rows {
+            let fields = fields(row);
+            let [line, quantity] =
+                [&fields[..], &fields[..2]].map(|fields| csv(&[], &[fields.to_vec()]));
+            let [line, quantity] = [line, quantity].map(|text| text.trim().to_owned());
+            if record.lines().any(|recorded| recorded == line) {
+                continue;
+            }
+            let beginning = format!("{quantity},");
+            let before = record
+                .lines()
+                .find(|recorded| recorded.starts_with(&beginning));
+            let before = before.unwrap_or("not on record");
+            moved.push(format!("{}: {line}\n  before: {before}", group.name));
+        }
+    }
+    Ok(moved)
+}
+
 const HEADER: [&str; 8] = [
     "claim",
     "quantity",

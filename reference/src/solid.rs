@@ -1,0 +1,243 @@
+//! An elastic solid on a grid of its own, in double precision: a dense loop over cells, points and nodes.
+//!
+//! Nodes are a full array of the solid's box. It takes volumes of points and which light nodes follow which from the model of the fast
+//! solver, and shares the stress of laws with it. Shape functions, masses, forces and steps are written here from their equations:
+//!
+//! ```text
+//! m_i = sum_p N_i(X_p) rho V_p             F_p = I + sum_i u_i (x) grad N_i(X_p)
+//! f_i = -sum_p V_p P(F_p) grad N_i(X_p)    v_i += k (f_i / m_i + g)    u_i += dt v_i
+//! ```
+
+use cosplat_sim_core::{
+    mat3::Mat3,
+    materials::{Law, hencky_piola::elastic_piola},
+};
+use cosplat_solid::{
+    kernel::SolidLaw,
+    model::{SolidModel, gauss_point},
+    nodes::NODES,
+};
+
+/// A solid in motion, SI units, world frame. Indices of nodes count z first, then y, then x.
+#[derive(Clone, Debug)]
+pub struct ReferenceSolid {
+    dx: f64,
+    law: SolidLaw,
+    /// Axes of the grid in the world, as columns.
+    axes: Mat3<f64>,
+    /// Nodes along each axis.
+    counts: [usize; 3],
+    /// Place of each quadrature point from the node (0, 0, 0) [cells], along the axes of the grid, and its rest volume [m^3].
+    points: Vec<([f64; 3], f64)>,
+    /// Light nodes, each with the nodes that it follows and their weights.
+    followers: Vec<(usize, Vec<(usize, f64)>)>,
+    /// Mass of every node [kg]; 0 without matter, and of those that follow others.
+    pub mass: Vec<f64>,
+    /// Displacement of every node from rest [m].
+    pub displacement: Vec<[f64; 3]>,
+    /// Velocity of every node [m/s].
+    pub velocity: Vec<[f64; 3]>,
+}
+
+/// The quadratic B-spline about 0 and its slope, of a distance [cells].
+fn spline(r: f64) -> (f64, f64) {
+    let far = 1.5 - r.abs();
+    match r.abs() {
+        a if a <= 0.5 => (0.75 - r * r, -2.0 * r),
+        a if a <= 1.5 => (0.5 * far * far, -far * r.signum()),
+        _ => (0.0, 0.0),
+    }
+}
+
+impl ReferenceSolid {
+    /// Matter of one elastic law on the grid of a model, at rest.
+    ///
+    /// # Panics
+    /// When the model holds no matter.
+    pub fn new(model: &SolidModel, law: SolidLaw) -> Self {
+        let places: Vec<[i32; 3]> = model.nodes().map(|slot| place(model, slot)).collect();
+        let bound = |pick: fn(i32, i32) -> i32| -> [i32; 3] {
+            let all = places.iter().copied();
+            all.reduce(|a, b| std::array::from_fn(|n| pick(a[n], b[n])))
+                .expect("a model holds matter")
+        };
+        let (low, high) = (bound(i32::min), bound(i32::max));
+        let counts: [usize; 3] = std::array::from_fn(|a| (high[a] - low[a] + 1) as usize);
+        let mut points = Vec::new();
+        for block in &model.point_blocks {
+            let first = place(model, NODES * block.nodes[0] as usize);
+            for cell in &model.cells[block.cells.clone()] {
+                let number = usize::from(cell.number);
+                let inside = [number / 16, number / 4 % 4, number % 4];
+                for (n, &volume) in cell.volumes.iter().enumerate() {
+                    let d = gauss_point(n);
+                    // The middle of the three nodes of a cell is at its centre.
+                    let at = std::array::from_fn(|a| {
+                        f64::from(first[a] - low[a]) + inside[a] as f64 + 1.0 + d[a]
+                    });
+                    points.push((at, f64::from(volume) * model.dx.powi(3)));
+                }
+            }
+        }
+        let nodes = counts.iter().product();
+        let mut solid = Self {
+            dx: model.dx,
+            law,
+            axes: model.lattice.world_from_lattice,
+            counts,
+            points,
+            followers: Vec::new(),
+            mass: vec![0.0; nodes],
+            displacement: vec![[0.0; 3]; nodes],
+            velocity: vec![[0.0; 3]; nodes],
+        };
+        for (at, volume) in solid.points.clone() {
+            for (node, weight, _) in solid.stencil(at) {
+                solid.mass[node] += weight * law.density * volume;
+            }
+        }
+        let index = |slot: u32| {
+            let at = place(model, slot as usize);
+            solid.index(std::array::from_fn(|a| (at[a] - low[a]) as usize))
+        };
+        let of_outer = model.extension.outer.iter().map(|&outer| {
+            let inner = model.extension.borne_by(outer);
+            let inner = inner.map(|(inner, e)| (index(inner), f64::from(e)));
+            (index(outer), inner.collect())
+        });
+        solid.followers = of_outer.collect();
+        for (outer, inner) in &solid.followers {
+            for (inner, e) in inner {
+                solid.mass[*inner] += e * solid.mass[*outer];
+            }
+        }
+        for (outer, _) in &solid.followers {
+            solid.mass[*outer] = 0.0;
+        }
+        solid
+    }
+
+    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
+        (x * self.counts[1] + y) * self.counts[2] + z
+    }
+
+    /// Index of a node of the model that the solid was made of.
+    pub fn index_of(&self, model: &SolidModel, slot: usize) -> usize {
+        let places = || model.nodes().map(|slot| place(model, slot));
+        let at = place(model, slot);
+        self.index(std::array::from_fn(|a| {
+            let low = places().map(|place| place[a]).min().unwrap_or(at[a]);
+            (at[a] - low) as usize
+        }))
+    }
+
+    /// Nodes about a place [cells], each with its weight and the gradient of that [1/m].
+    fn stencil(&self, at: [f64; 3]) -> Vec<(usize, f64, [f64; 3])> {
+        let mut found = Vec::with_capacity(27);
+        for x in 0..self.counts[0] {
+            for y in 0..self.counts[1] {
+                for z in 0..self.counts[2] {
+                    let n = [x, y, z];
+                    let of: [(f64, f64); 3] = std::array::from_fn(|a| spline(at[a] - n[a] as f64));
+                    let weight = of[0].0 * of[1].0 * of[2].0;
+                    if weight > 0.0 {
+                        let along = [
+                            of[0].1 * of[1].0 * of[2].0,
+                            of[0].0 * of[1].1 * of[2].0,
+                            of[0].0 * of[1].0 * of[2].1,
+                        ];
+                        let gradient = self.axes.mul_vec(along.map(|slope| slope / self.dx));
+                        found.push((self.index(n), weight, gradient));
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Deformation gradient about some nodes.
+    fn gradient(&self, stencil: &[(usize, f64, [f64; 3])]) -> Mat3<f64> {
+        let mut f = Mat3::identity();
+        for (node, _, slope) in stencil {
+            for a in 0..3 {
+                for b in 0..3 {
+                    f.0[a][b] += self.displacement[*node][a] * slope[b];
+                }
+            }
+        }
+        f
+    }
+
+    /// Force of the stress on every node [N]; none on those that follow others, whose forces those bear.
+    pub fn forces(&self) -> Vec<[f64; 3]> {
+        let SolidLaw {
+            law, lambda, mu, ..
+        } = self.law;
+        let mut forces = vec![[0.0; 3]; self.mass.len()];
+        for (at, volume) in &self.points {
+            let stencil = self.stencil(*at);
+            let stress = elastic_piola(law, &self.gradient(&stencil), lambda, mu).stress;
+            for (node, _, slope) in &stencil {
+                let pull = stress.mul_vec(*slope);
+                for a in 0..3 {
+                    forces[*node][a] -= volume * pull[a];
+                }
+            }
+        }
+        for (outer, inner) in &self.followers {
+            let force = std::mem::take(&mut forces[*outer]);
+            for (inner, e) in inner {
+                for a in 0..3 {
+                    forces[*inner][a] += e * force[a];
+                }
+            }
+        }
+        forces
+    }
+
+    /// Forces and gravity [m/s^2] act for `kick` [s], then nodes move for `drift` [s].
+    pub fn substep(&mut self, kick: f64, drift: f64, gravity: [f64; 3]) {
+        let forces = self.forces();
+        for (node, force) in forces.iter().enumerate() {
+            if self.mass[node] > 0.0 {
+                for a in 0..3 {
+                    self.velocity[node][a] += kick * (force[a] / self.mass[node] + gravity[a]);
+                    self.displacement[node][a] += drift * self.velocity[node][a];
+                }
+            }
+        }
+        self.follow();
+    }
+
+    /// Moves light nodes to where those that they follow say.
+    pub fn follow(&mut self) {
+        for (outer, inner) in &self.followers {
+            for values in [&mut self.displacement, &mut self.velocity] {
+                values[*outer] = std::array::from_fn(|a| {
+                    inner.iter().map(|(inner, e)| e * values[*inner][a]).sum()
+                });
+            }
+        }
+    }
+
+    /// Kinetic energy [J].
+    pub fn kinetic_energy(&self) -> f64 {
+        let nodes = self.mass.iter().zip(&self.velocity);
+        nodes
+            .map(|(m, v)| 0.5 * m * v.iter().map(|v| v * v).sum::<f64>())
+            .sum()
+    }
+
+    /// Whether the law is one of those that the oracle knows: elastic, and with a Piola stress or on Hencky strain.
+    pub fn knows(law: Law) -> bool {
+        law.may_be_solid() && !law.is_plastic()
+    }
+}
+
+/// Place of a node of a model among all nodes of its grid.
+fn place(model: &SolidModel, slot: usize) -> [i32; 3] {
+    model.node_position(slot).map(|x| x.round() as i32)
+}
+
+#[cfg(test)]
+mod tests;
