@@ -138,7 +138,7 @@ fn edges_that_cross_push_along_their_cross_product() {
             half_extents: [half, 2.0, half],
         };
         let pose = Pose {
-            rotation: from_rotation_vector([0.0, 0.785_398_163, 0.0]),
+            rotation: from_rotation_vector([0.0, std::f64::consts::FRAC_PI_4, 0.0]),
             ..Pose::IDENTITY
         };
         let mut rail = Collider::fixed("rail", rail, pose, Surface::Separate);
