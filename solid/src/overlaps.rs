@@ -1,4 +1,4 @@
-//! What points of a solid were put into, as a solid keeps it: [`overlap`](super::overlap) says how it goes on.
+//! What points of a solid were put into, as a solid keeps it: `overlap.rs` says how it goes on.
 
 use serde::{Deserialize, Serialize};
 

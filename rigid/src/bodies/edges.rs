@@ -27,6 +27,8 @@ const ASIDE: f64 = 1e-4;
 /// How far off a collider's surface it is looked whether that faces a body [cells], and the least part of it that must be outside: all of
 /// it, but for what fields of distances are off.
 const OFF: f64 = 1e-2;
+/// Rounding of distances, in depths of the body.
+const ROUND_OFF: f64 = 1e-9;
 const STRAIGHT: f64 = 0.9;
 
 /// A part of a collider that sticks out, by its number in the skeleton.
@@ -200,6 +202,17 @@ impl<'a> Beside<'a> {
         self.other.distance(place.x) - place.radius - self.wall.skin()
     }
 
+    /// Whether the surface about a place is in the body if the gap says so: at least half as deep. What is round about an axis ends with
+    /// that. A body on its end is near the axis, and far from what is round.
+    fn is_met(&self, place: &Place, gap: f64) -> bool {
+        if place.radius == 0.0 || gap >= 0.0 {
+            return true;
+        }
+        let out = place.radius + self.wall.skin();
+        let surface = along(place.x, -out, self.normal(place));
+        self.other.distance(surface) <= 0.5 * gap + ROUND_OFF * self.size()
+    }
+
     /// Outward normal of the body at a place; where an edge lies on an edge, that across both.
     fn normal(&self, place: &Place) -> Vec3 {
         match place.tangent {
@@ -276,14 +289,16 @@ pub(super) fn near_parts(wall: &Placed<'_>, other: &Solid<'_>, margin: f64) -> V
     if spacing.is_none() {
         numbers.extend((0..skeleton.rims.len() as u32).map(|n| corners + 2 * lines + n));
     }
-    let found = numbers.into_iter().map(|point| {
+    let found = numbers.into_iter().filter_map(|point| {
+        let place = beside.place(beside.part(point));
+        let gap = beside.gap(&place);
         let feature = Feature {
             second: true,
             point,
         };
-        (feature, beside.gap(&beside.place(beside.part(point))))
+        (gap <= margin && beside.is_met(&place, gap)).then_some((feature, gap))
     });
-    found.filter(|(_, gap)| *gap <= margin).collect()
+    found.collect()
 }
 
 /// Leaves of the spots of a body and a collider those where their surfaces face each other, each once, as long as there are any.
