@@ -127,7 +127,7 @@ impl Grid {
                 let obeyed = obeyed.unwrap_or(Attached::free(node.velocity));
                 let ends = boundaries.ends(*index, nearest, dt, dx, &obeyed, &seen);
                 let nearest = ends.as_deref().unwrap_or(nearest);
-                boundaries.constrain(x, nearest, dt, dx, &obeyed)
+                boundaries.constrain(x, nearest, dt, dx, &obeyed, &mut |_| ())
             })
             .collect();
         for ((_, node), velocity) in self.nodes.iter_mut().zip(velocities) {

@@ -246,7 +246,7 @@ fn touch_after(
                 to: particles.position[p],
                 v: particles.velocity[p],
             };
-            if let Some(touched) = touch.after(p as u32, way) {
+            if let Some(touched) = touch.after(p as u32, way, &mut |_| ()) {
                 particles.position[p] = touched.x;
                 particles.velocity[p] = touched.v;
                 particles.set_affine(p, touched.affine);

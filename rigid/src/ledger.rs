@@ -2,7 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::{colliders::springs::Given, mat3::length};
+use crate::{
+    colliders::{VelocityChange, springs::Given},
+    mat3::{dot, length},
+};
 
 /// A pair that touched during a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,6 +55,20 @@ impl Received {
         }
     }
 
+    /// What a collider gave to a mass whose velocity it changed. Its weight is the size of the whole impulse: a surface that
+    /// holds on to matter may give nothing along its normal.
+    pub fn of_change(mass: f64, given: &VelocityChange) -> Self {
+        let impulse = given.change.map(|v| mass * v);
+        let normal_impulse = dot(impulse, given.normal);
+        let weight = length(impulse);
+        Self {
+            impulse,
+            normal_impulse: given.normal.map(|n| normal_impulse * n),
+            weight,
+            moment: given.point.map(|x| weight * x),
+        }
+    }
+
     /// The same where giver and receiver change places.
     pub fn opposite(&self) -> Self {
         Self {
@@ -89,6 +106,41 @@ impl Received {
             self.moment[a] += more.moment[a];
         }
         self.weight += more.weight;
+    }
+}
+
+/// What colliders gave to the matter of one block of nodes or particles; few do.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ColliderImpulses(Vec<(usize, Received)>);
+
+impl ColliderImpulses {
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    /// Adds what a collider changed of the velocity of a mass.
+    pub fn add(&mut self, mass: f64, given: &VelocityChange) {
+        self.take(given.collider, &Received::of_change(mass, given));
+    }
+
+    /// Adds all of another.
+    pub fn merge(&mut self, other: &Self) {
+        for (collider, received) in &other.0 {
+            self.take(*collider, received);
+        }
+    }
+
+    fn take(&mut self, collider: usize, received: &Received) {
+        match self.0.iter_mut().find(|(known, _)| *known == collider) {
+            Some((_, sum)) => sum.add(received, 1.0),
+            None => self.0.push((collider, *received)),
+        }
+    }
+
+    /// Colliders by their numbers, and what they gave.
+    pub fn iter(&self) -> impl Iterator<Item = &(usize, Received)> {
+        self.0.iter()
     }
 }
 
@@ -158,19 +210,6 @@ impl Ledger {
         }
     }
 
-    /// Impulse that an object received from all others [N s].
-    pub fn received(&self, object: usize) -> [f64; 3] {
-        let mut sum = Received::default();
-        for ((other, first), received) in &self.pairs {
-            if *first == object {
-                sum.add(received, 1.0);
-            } else if *other == ContactPartner::Object(object) {
-                sum.add(received, -1.0);
-            }
-        }
-        sum.impulse
-    }
-
     /// The pairs: of objects, then with colliders.
     pub fn contacts(&self) -> Vec<Contact> {
         let contacts = self.pairs.iter().map(|(&(other, object), sum)| {
@@ -212,8 +251,6 @@ mod tests {
             &Received::at([3.0, 2.0, 3.0], up.map(|n| -n), 1.0, [0.0, -1.0, 0.0]),
         );
         ledger.add(1, ContactPartner::Collider(0), &some);
-        assert_eq!(ledger.received(3), [0.5, 3.0, 0.0]);
-        assert_eq!(ledger.received(1), [0.0, -1.0, 0.0]);
         let contacts = ledger.contacts();
         assert_eq!(contacts.len(), 2);
         assert_eq!(
@@ -221,6 +258,7 @@ mod tests {
             (1, ContactPartner::Object(3))
         );
         assert_eq!(contacts[0].impulse, [-0.5, -3.0, 0.0]);
+        assert_eq!(contacts[1].impulse, some.impulse);
         assert_eq!(contacts[0].normal, [0.0, -1.0, 0.0]);
         assert_eq!(contacts[0].point, [5.0 / 3.0, 2.0, 3.0]);
         assert_eq!(contacts[1].other, ContactPartner::Collider(0));

@@ -33,7 +33,7 @@ use crate::{
     model::Model,
     state::{State, Workspace},
 };
-use contact::contact;
+use contact::{book_colliders, contact};
 use grid::{NodeInput, field_passes, grid_pass};
 use guard::{check_travel, collect_extremes, larger, offset_velocities, travel};
 use particles::{gather, scatter};
@@ -87,6 +87,12 @@ pub(crate) fn substep(
     let ends = segment.ends(schedule, matter.drift, travel);
     let deformation = gather(at, &next, ends, matter, motion, workspace, tally);
     book_springs(&given, &mut moving.in_contact.ledger);
+    book_colliders(
+        &given,
+        &matter.particles,
+        &workspace.grid,
+        moving.in_contact,
+    );
     // Guard: nothing may be inside out, or nowhere.
     bounds.and(deformation)?;
     offset_velocities(at, motion);

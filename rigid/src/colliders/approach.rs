@@ -58,6 +58,8 @@ pub(super) struct Reaction {
     pub normal: [f64; 3],
     /// How much farther matter may go against the normal [units].
     pub clearance: f64,
+    /// Point of the surface that is nearest to the node [units].
+    pub point: [f64; 3],
 }
 
 /// Half the spacing of particles of a rest volume, as far as it counts.
@@ -117,6 +119,7 @@ impl Placed<'_> {
             contact: self.contact(),
             normal: found.normal,
             clearance: f64::INFINITY,
+            point: std::array::from_fn(|a| x[a] - found.value * found.normal[a]),
         };
         let gap = f64::from(nearest.gap);
         let normal = nearest.normal.map(f64::from);

@@ -22,14 +22,38 @@
 //! Friction moves a line from where it is towards where it would be attached, along the surface, at most until the
 //! coefficient times the momentum that presses has gone to the surface.
 
-use super::face::{Face, HeldLine, NEAR, Nodes, Owner};
+use super::{
+    constrain::VelocityChange,
+    face::{Face, HeldLine, NEAR, Nodes, Owner},
+};
 
 /// What boundaries along the axes made of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Attached {
     /// Its velocity.
     pub velocity: [f64; 3],
-    owners: [Option<Owner>; 6],
+    owners: [Option<Plane>; 6],
+}
+
+/// Whose face it is, and where.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Plane {
+    owner: Owner,
+    axis: usize,
+    side: i32,
+    /// Along the axis [cells].
+    at: f64,
+}
+
+impl Plane {
+    fn of(face: &Face) -> Self {
+        Self {
+            owner: face.owner,
+            axis: face.axis,
+            side: face.side,
+            at: f64::from(face.target) - f64::from(face.side) * face.eta,
+        }
+    }
 }
 
 impl Attached {
@@ -44,13 +68,51 @@ impl Attached {
     /// What a face alone has changed.
     pub fn to(face: &Face, velocity: [f64; 3]) -> Self {
         let mut found = Self::free(velocity);
-        found.owners[0] = Some(face.owner);
+        found.owners[0] = Some(Plane::of(face));
         found
+    }
+
+    fn planes(&self) -> impl Iterator<Item = &Plane> {
+        self.owners.iter().flatten()
     }
 
     /// Whether something is obeyed already.
     pub fn obeys(&self, owner: Owner) -> bool {
-        self.owners.contains(&Some(owner))
+        self.planes().any(|plane| plane.owner == owner)
+    }
+
+    /// What colliders changed of a node that would have had the velocity `free`: each what is along its normal, and all the
+    /// same part of what is across all of them. What held regions changed is left out.
+    pub fn changes(
+        &self,
+        index: [i32; 3],
+        free: [f64; 3],
+        cell: f64,
+    ) -> impl Iterator<Item = VelocityChange> {
+        let change: [f64; 3] = std::array::from_fn(|q| self.velocity[q] - free[q]);
+        let share = move |plane: &Plane, q: usize| {
+            let along = self.planes().filter(|other| other.axis == q).count();
+            match along {
+                0 => 1.0 / self.planes().count() as f64,
+                _ if plane.axis == q => 1.0 / along as f64,
+                _ => 0.0,
+            }
+        };
+        let planes = self.planes().filter(move |_| change != [0.0; 3]);
+        planes.filter_map(move |plane| {
+            let Owner::Body(collider) = plane.owner else {
+                return None;
+            };
+            let (mut point, mut normal) = (index.map(|i| f64::from(i) * cell), [0.0; 3]);
+            point[plane.axis] = plane.at * cell;
+            normal[plane.axis] = f64::from(plane.side);
+            Some(VelocityChange {
+                collider,
+                point,
+                normal,
+                change: std::array::from_fn(|q| share(plane, q) * change[q]),
+            })
+        })
     }
 }
 
@@ -201,7 +263,7 @@ impl<'a> FacesAt<'a> {
             if !face.releases {
                 *of = Some(face);
                 if face.has(index) {
-                    found.owners[count] = Some(face.owner);
+                    found.owners[count] = Some(Plane::of(face));
                     count += 1;
                 }
             } else if face.has(index) && unilateral[face.axis].is_none() {
@@ -218,7 +280,7 @@ impl<'a> FacesAt<'a> {
             };
             *of = of.filter(|(face, _)| alone(face));
             if let Some((face, _)) = of {
-                found.owners[count] = Some(face.owner);
+                found.owners[count] = Some(Plane::of(face));
                 count += 1;
             }
         }

@@ -25,6 +25,7 @@ pub mod touch;
 pub use approach::GapSample;
 pub use attach::{Attached, attached, attached_line};
 pub use commanded::{CommandedForce, Loaded};
+pub use constrain::VelocityChange;
 pub use edge::reconstructs_surface;
 pub use face::{Face, Nodes, Owner};
 pub use moving::turned;
@@ -554,7 +555,7 @@ impl NodeConditions<'_> {
 
     /// Velocity that a node at `x` may have in a substep of `dt` when forces and what it obeys already would give it
     /// another: every other collider in order with its friction, then projections until all are obeyed at once. `nearest` is
-    /// per collider.
+    /// per collider; `record` is told what colliders change, not held regions.
     pub fn constrain(
         &self,
         x: [f64; 3],
@@ -562,6 +563,7 @@ impl NodeConditions<'_> {
         dt: f64,
         cell: f64,
         obeyed: &Attached,
+        record: &mut impl FnMut(VelocityChange),
     ) -> [f64; 3] {
         let holds = |held: &&FixedRegion| held.holds(x) && !obeyed.obeys(Owner::Region(held.id));
         if let Some(held) = self.regions.iter().rev().find(holds) {
@@ -569,7 +571,7 @@ impl NodeConditions<'_> {
         }
         let free = |(body, _): &(&Placed<'_>, &GapSample)| !obeyed.obeys(Owner::Body(body.id));
         let acting = self.bodies.iter().zip(nearest).filter(free);
-        constrain::constrain(acting, x, obeyed.velocity, dt, cell)
+        constrain::constrain(acting, x, obeyed.velocity, dt, cell, record)
     }
 }
 

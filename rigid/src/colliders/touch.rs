@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::{
     Boundaries, ON_FACE, Paths, Placed, Substep,
+    constrain::VelocityChange,
     contact::Contact,
     friction::Frictions,
     rules::{Pins, Pushes, Rules},
@@ -70,6 +71,16 @@ impl Ghost<'_> {
         let relative = std::array::from_fn(|a| v[a] - u[a]);
         let allowed = contact.resolve(relative, self.normal);
         std::array::from_fn(|a| u[a] + allowed[a])
+    }
+
+    /// What the wall made of the velocity of the particle.
+    pub fn changed(&self, change: [f64; 3]) -> VelocityChange {
+        VelocityChange {
+            collider: self.wall.id,
+            point: self.point,
+            normal: self.normal,
+            change,
+        }
     }
 }
 
@@ -180,8 +191,14 @@ impl<'a> ParticleConditions<'a> {
         found
     }
 
-    /// What becomes of a particle that the grid moves along `way`; none when nothing acts on it.
-    pub fn after(&self, id: u32, mut way: Way) -> Option<ConditionedParticle> {
+    /// What becomes of a particle that the grid moves along `way`; none when nothing acts on it. `record` is told what
+    /// colliders change of its velocity.
+    pub fn after(
+        &self,
+        id: u32,
+        mut way: Way,
+        record: &mut impl FnMut(VelocityChange),
+    ) -> Option<ConditionedParticle> {
         if let Some(pushes) = &self.pushes {
             pushes.settle(id, way.v, self.unit);
         }
@@ -199,8 +216,16 @@ impl<'a> ParticleConditions<'a> {
         for _ in 0..ROUNDS {
             let mut again = false;
             for body in &self.bodies {
-                if body.stop(&mut way, self.now.dt, self.cell) {
-                    again = true;
+                let before = way.v;
+                again |= body.stop(&mut way, self.now.dt, self.cell);
+                if way.v != before {
+                    let near = body.distance(way.to);
+                    record(VelocityChange {
+                        collider: body.id,
+                        point: std::array::from_fn(|a| way.to[a] - near.value * near.normal[a]),
+                        normal: near.normal,
+                        change: std::array::from_fn(|a| way.v[a] - before[a]),
+                    });
                 }
             }
             touched |= again;

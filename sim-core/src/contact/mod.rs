@@ -104,13 +104,17 @@ pub(crate) fn meet(
     let mut exchanged = by_pair(&sites.sites, &solved);
     let mut fields = Fields { grid, largest: 0 };
     episodes.take_in(&fields, &exchanged, meeting.frame_velocity, meeting.dt);
-    for (n, block) in solved.into_iter().flat_map(|place| place.blocks) {
+    let blocks = solved
+        .into_iter()
+        .flat_map(|place| place.blocks.into_iter().zip(place.given));
+    for ((n, block), given) in blocks {
         for node in block.0.iter().flat_map(|row| row.0.chunks_exact(4)) {
             for v in &node[..3] {
                 fields.largest = fields.largest.max(v.abs().to_bits());
             }
         }
         fields.grid.velocities[n] = block;
+        fields.grid.given_to_nodes[n].merge(&given);
     }
     // Twice what gravity adds in a substep: bodies at rest on each other do not bounce.
     let resting = 2.0 * meeting.gravity * meeting.dt;

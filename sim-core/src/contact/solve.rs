@@ -7,12 +7,13 @@ use super::{
     sites::{ContactBlock, ContactBlocks, Node, read},
 };
 use crate::{
+    colliders::VelocityChange,
     episodes::PairExchange,
     grid::{
         Grid, Velocities,
         approach::{BlockConstraints, BoundaryConditions},
     },
-    ledger::Received,
+    ledger::{ColliderImpulses, Received},
     mat3::dot,
 };
 
@@ -66,6 +67,8 @@ pub(super) struct Solved {
     pub blocks: Vec<(usize, Velocities)>,
     /// Per site of the place.
     pub exchanged: Vec<Received>,
+    /// What colliders gave, like `blocks` [mass units, cells, s].
+    pub given: Vec<ColliderImpulses>,
 }
 
 /// What acts besides contact.
@@ -122,6 +125,7 @@ fn solve_place(
     if !presses {
         return Solved {
             blocks: vec![],
+            given: vec![],
             exchanged: vec![Received::default(); sites.len()],
         };
     }
@@ -145,17 +149,25 @@ fn solve_place(
         .iter()
         .map(|site| vec![AccumulatedImpulse::default(); site.range().len()])
         .collect();
+    let mut given = vec![ColliderImpulses::default(); blocks.len()];
     for _ in 0..sweeps {
         let mut touched = 0_u64;
         for ((site, friction), held) in sites.iter().zip(friction).zip(&mut held) {
             let nodes = &nodes[site.range()];
             touched |= press(site, nodes, *friction, &mut blocks, held);
         }
-        for ((_, block), conditions) in blocks.iter_mut().zip(&conditions) {
-            if let Some(conditions) = conditions {
-                for at in (0..64).filter(|at| touched >> at & 1 == 1) {
-                    constrain(block, at, conditions, around.frame_velocity);
-                }
+        for (((n, block), conditions), given) in blocks.iter_mut().zip(&conditions).zip(&mut given)
+        {
+            let Some(conditions) = conditions else {
+                continue;
+            };
+            for at in (0..64).filter(|at| touched >> at & 1 == 1) {
+                let (_, mass) = read(block, at);
+                let anchors = around.acting.anchors;
+                let mass = anchors.matter(*n, &grid.nodes[*n], at, mass);
+                constrain(block, at, conditions, around.frame_velocity, |change| {
+                    given.add(mass, &change);
+                });
             }
         }
         if touched == 0 {
@@ -167,6 +179,7 @@ fn solve_place(
     Solved {
         exchanged: exchanged.collect(),
         blocks,
+        given,
     }
 }
 
@@ -219,15 +232,17 @@ fn push(block: &mut Velocities, at: usize, impulse: [f64; 3], per_mass: f64) {
     }
 }
 
-/// Gives a node a velocity that boundaries allow.
+/// Gives a node a velocity that boundaries allow; `record` is told what colliders change.
 fn constrain(
     block: &mut Velocities,
     at: usize,
     conditions: &BlockConstraints<'_>,
     frame_velocity: [f64; 3],
+    mut record: impl FnMut(VelocityChange),
 ) {
     let (v, _) = read(block, at);
-    let v = conditions.constrain(at, std::array::from_fn(|a| v[a] + frame_velocity[a]));
+    let v = std::array::from_fn(|a| v[a] + frame_velocity[a]);
+    let v = conditions.constrain(at, v, &mut record);
     let node = &mut block.0[at / 4].0[4 * (at % 4)..][..3];
     for a in 0..3 {
         node[a] = (v[a] - frame_velocity[a]) as f32;

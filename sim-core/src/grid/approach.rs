@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     colliders::{
-        Attached, NODES_REACH, NodeConditions, Nodes, Placed,
+        Attached, NODES_REACH, NodeConditions, Nodes, Placed, VelocityChange,
         approach::{GapSample, RADIUS_MAX, RANGE},
     },
     particles::{BLOCK, Block, NO_PARTICLE, Particles, position_in_cells},
@@ -424,33 +424,48 @@ impl BlockConstraints<'_> {
         self.conditions.speed(first, last)
     }
 
-    /// Velocity that the node `at`, 0..64 with z fastest, may have when forces alone would give it `v` [cells/s].
-    pub fn constrain(&self, at: usize, v: [f64; 3]) -> [f64; 3] {
+    /// Velocity that the node `at`, 0..64 with z fastest, may have when forces alone would give it `v` [cells/s]; `record` is
+    /// told what colliders change.
+    pub fn constrain(
+        &self,
+        at: usize,
+        v: [f64; 3],
+        record: &mut impl FnMut(VelocityChange),
+    ) -> [f64; 3] {
         let nearest = self.near(at);
         if self.is_outside && is_clear(nearest, v, self.dt) {
             return v;
         }
         let (x, free) = (self.place(at).map(f64::from), Attached::free(v));
-        self.conditions.constrain(x, nearest, self.dt, 1.0, &free)
+        self.conditions
+            .constrain(x, nearest, self.dt, 1.0, &free, record)
     }
 
     /// The same where some of it is obeyed already, and the nodes around may tell where matter ends.
-    pub fn constrain_among(&self, at: usize, obeyed: &Attached, nodes: &impl Nodes) -> [f64; 3] {
+    pub fn constrain_among(
+        &self,
+        at: usize,
+        obeyed: &Attached,
+        nodes: &impl Nodes,
+        record: &mut impl FnMut(VelocityChange),
+    ) -> [f64; 3] {
         let nearest = self.near(at);
         if self.is_outside && is_clear(nearest, obeyed.velocity, self.dt) {
             return obeyed.velocity;
         }
         let (index, conditions) = (self.place(at), &self.conditions);
         let x = index.map(f64::from);
-        // Matter ends no nearer than the nearest particle: what that leaves alone is let be.
-        let allowed = conditions.constrain(x, nearest, self.dt, 1.0, obeyed);
-        if allowed == obeyed.velocity {
-            return allowed;
+        let mut ends = None;
+        if nodes.reconstructs_surface() {
+            // Matter ends no nearer than the nearest particle: what that leaves alone is let be.
+            let tried = conditions.constrain(x, nearest, self.dt, 1.0, obeyed, &mut |_| ());
+            if tried == obeyed.velocity {
+                return tried;
+            }
+            ends = conditions.ends(index, nearest, self.dt, 1.0, obeyed, nodes);
         }
-        match conditions.ends(index, nearest, self.dt, 1.0, obeyed, nodes) {
-            Some(ends) => conditions.constrain(x, &ends, self.dt, 1.0, obeyed),
-            None => allowed,
-        }
+        let nearest = ends.as_deref().unwrap_or(nearest);
+        conditions.constrain(x, nearest, self.dt, 1.0, obeyed, record)
     }
 
     /// Per collider the nearest of the particles that reach a node.

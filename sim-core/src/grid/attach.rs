@@ -15,6 +15,7 @@ use super::{
 };
 use crate::{
     colliders::{Attached, Face, Nodes, attached, attached_line, edge},
+    ledger::ColliderImpulses,
     particles::BLOCK,
 };
 
@@ -31,6 +32,16 @@ struct Before<'a> {
     velocities: Velocities,
     allowed: Option<BlockConstraints<'a>>,
 }
+
+/// A block near a boundary as it becomes: which of all it is, what colliders give it, and whether boundaries may act on it,
+/// which otherwise is only a neighbour of such a block.
+type NearBlock<'a> = (
+    usize,
+    &'a NodeBlock,
+    &'a mut Velocities,
+    &'a mut ColliderImpulses,
+    bool,
+);
 
 /// A block and those around it, as they were.
 struct Around<'a> {
@@ -99,22 +110,23 @@ impl Nodes for Around<'_> {
 pub(super) fn attach(
     nodes: &[NodeBlock],
     velocities: &mut [Velocities],
+    given: &mut [ColliderImpulses],
     acting: &BoundaryConditions<'_>,
 ) -> u32 {
     if acting.boundaries.is_empty() {
         return 0;
     }
-    // Each with whether boundaries may act on it, and it is not only a neighbour of such a block.
-    let mut near: Vec<(usize, &NodeBlock, &mut Velocities, bool)> = nodes
+    let mut near: Vec<NearBlock<'_>> = nodes
         .par_iter()
         .zip(velocities)
+        .zip(given)
         .enumerate()
         .with_min_len(TASK[0])
-        .filter(|(_, (block, _))| !acting.pass(block).is_inactive)
-        .filter_map(|(n, (block, out))| {
+        .filter(|(_, ((block, _), _))| !acting.pass(block).is_inactive)
+        .filter_map(|(n, ((block, out), given))| {
             let acts = acting.by_neighbours(block);
             ((acts || acting.near_edges(block, edge::REACH)) && holds_matter(out))
-                .then_some((n, block, out, acts))
+                .then_some((n, block, out, given, acts))
         })
         .collect();
     let places: Vec<Place> = near
@@ -126,7 +138,7 @@ pub(super) fn attach(
     let before: Vec<Before<'_>> = near
         .par_iter()
         .with_min_len(TASK[1])
-        .map(|&(n, block, ref out, acts)| Before {
+        .map(|&(n, block, ref out, _, acts)| Before {
             n,
             block,
             velocities: **out,
@@ -138,7 +150,7 @@ pub(super) fn attach(
         .zip(&places)
         .with_min_len(TASK[1])
         .filter(|(((.., acts), _), _)| *acts)
-        .map(|(((_, _, out, _), own), &place)| {
+        .map(|(((_, _, out, given, _), own), &place)| {
             let pass = acting.pass(own.block);
             let around = Around {
                 place,
@@ -151,15 +163,20 @@ pub(super) fn attach(
                 reconstructs_surface: acting.reconstructs_surface[place.0 as usize],
                 anchors: acting.anchors,
             };
-            constrain_block(out, &around, &faces[place.0 as usize])
+            constrain_block(out, given, &around, &faces[place.0 as usize])
         })
         .reduce(|| 0, u32::max)
 }
 
 /// All conditions on the nodes of one block, which are what they were. Returns the largest magnitude as above.
-fn constrain_block(out: &mut Velocities, around: &Around<'_>, faces: &[Face]) -> u32 {
+fn constrain_block(
+    out: &mut Velocities,
+    given: &mut ColliderImpulses,
+    around: &Around<'_>,
+    faces: &[Face],
+) -> u32 {
     let allowed = around.own.allowed.as_ref();
-    let given = allowed.map_or(0, |allowed| (allowed.speed() as f32).to_bits());
+    let speed = allowed.map_or(0, |allowed| (allowed.speed() as f32).to_bits());
     let (_, block) = around.place;
     let corners = [0, BLOCK - 1].map(|i| block.map(|b| BLOCK * b + i));
     let mut near = faces
@@ -171,19 +188,26 @@ fn constrain_block(out: &mut Velocities, around: &Around<'_>, faces: &[Face]) ->
         [Some(face), None] => LinesOfBlock::new(face, block, around),
         _ => LinesOfBlock::default(),
     };
-    let left = constrain(out, around.frame_velocity, |at, v| {
+    let left = constrain(out, around.frame_velocity, |at, mass, v| {
+        let (own, index) = (around.own, place_of(block, at));
+        let mass = around.anchors.matter(own.n, own.block, at, mass.into());
         let obeyed = match near {
             [None, _] => None,
             [Some(face), None] => lines.get(at).map(|v| Attached::to(face, v)),
-            _ => attached(faces, place_of(block, at), around, 1.0, around.dt),
+            _ => attached(faces, index, around, 1.0, around.dt),
         };
         let obeyed = obeyed.unwrap_or(Attached::free(v));
+        for change in obeyed.changes(index, v, 1.0) {
+            given.add(mass, &change);
+        }
         match allowed {
-            Some(allowed) => allowed.constrain_among(at, &obeyed, around),
+            Some(allowed) => allowed.constrain_among(at, &obeyed, around, &mut |change| {
+                given.add(mass, &change);
+            }),
             None => obeyed.velocity,
         }
     });
-    given.max(left)
+    speed.max(left)
 }
 
 /// What a face alone makes of the nodes of a block.

@@ -37,12 +37,13 @@ pub(super) fn holds_matter(block: &Velocities) -> bool {
     rows.any(|row| row[3] != 0.0 || row[7] != 0.0 || row[11] != 0.0 || row[15] != 0.0)
 }
 
-/// Gives the nodes of a block, one by one, the velocity that boundaries allow at a place when it would be another; returns
-/// the largest magnitude of a component as bits. Nodes without matter, which no particle reads, stay as they are.
+/// Gives the nodes of a block, one by one, the velocity that boundaries allow at a place, where it has a mass, when it would be
+/// another; returns the largest magnitude of a component as bits. Nodes without matter, which no particle reads, stay as they
+/// are.
 pub(super) fn constrain(
     out: &mut Velocities,
     frame_velocity: [f64; 3],
-    allowed: impl Fn(usize, [f64; 3]) -> [f64; 3],
+    mut allowed: impl FnMut(usize, f32, [f64; 3]) -> [f64; 3],
 ) -> u32 {
     let mut largest = 0;
     for at in 0..64 {
@@ -51,7 +52,7 @@ pub(super) fn constrain(
             continue;
         }
         let v = std::array::from_fn(|a| f64::from(node[a]) + frame_velocity[a]);
-        let v = allowed(at, v);
+        let v = allowed(at, node[3], v);
         for a in 0..3 {
             node[a] = (v[a] - frame_velocity[a]) as f32;
             largest = largest.max((v[a] as f32).abs().to_bits());
@@ -110,6 +111,7 @@ mod tests {
                 1e-3,
                 1.0,
                 &Attached::free([0.3, 0.4, -2.0]),
+                &mut |_| (),
             )
         };
         for z in [-1.0, 0.0, 0.2] {
@@ -125,9 +127,20 @@ mod tests {
         let normals = [[s, 0.0, c], [-s, 0.0, c], [0.0, 1.0, 0.0]];
         let boundary = planes(Surface::Separate, &normals);
         let (x, v) = ([0.0, -1.0, -9.0], [1.0, -2.0, -3.0]);
-        let v = now(&boundary).constrain(x, &touching(&normals), 1e-3, 1.0, &Attached::free(v));
+        let (free, mut told) = (Attached::free(v), v);
+        let v = now(&boundary).constrain(x, &touching(&normals), 1e-3, 1.0, &free, &mut |given| {
+            assert_eq!(
+                given.point,
+                std::array::from_fn(|a| x[a] - dot(x, given.normal) * given.normal[a])
+            );
+            told = std::array::from_fn(|a| told[a] + given.change[a]);
+        });
         for normal in normals {
             assert!(dot(v, normal) >= -1e-5, "{v:?} into {normal:?}");
+        }
+        // What is told adds up to all that changed.
+        for a in 0..3 {
+            assert!((told[a] - v[a]).abs() < 1e-14, "{told:?} and {v:?}");
         }
     }
 

@@ -13,6 +13,7 @@ pub(crate) use node_pass::{Sums, node_means, node_pass};
 pub(crate) use topology::OFFSETS;
 
 use crate::{
+    ledger::ColliderImpulses,
     particles::BLOCK,
     simd::{F32x16, Lanes},
 };
@@ -174,4 +175,8 @@ pub(crate) struct Grid {
     pub velocities: Vec<Velocities>,
     /// Like `nodes`, where a field continues: what forces add to its velocities per second [cells/s^2].
     pub forces: Vec<Velocities>,
+    /// Like `nodes`: what colliders gave them in this substep [mass units, cells, s].
+    pub given_to_nodes: Vec<ColliderImpulses>,
+    /// Like `tiles`: what colliders gave single particles in this substep [mass units, cells, s].
+    pub given_to_particles: Vec<ColliderImpulses>,
 }

@@ -10,6 +10,7 @@ use super::{
     topology::OFFSETS,
 };
 use crate::{
+    ledger::ColliderImpulses,
     particles::BLOCK,
     simd::{F32x16, Isa, Lanes, on_isa},
 };
@@ -31,17 +32,21 @@ pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, acting: &BoundaryConditions<'
         nodes,
         velocities,
         forces,
+        given_to_nodes,
         ..
     } = grid;
     let tiles = (tiles.as_slice(), cells.as_slice());
+    given_to_nodes.resize_with(nodes.len(), ColliderImpulses::default);
     // Magnitudes are compared as integers: NaN is then the largest of all and cannot get lost.
     let largest = nodes
         .par_iter()
         .zip(velocities.par_iter_mut())
+        .zip(given_to_nodes.par_iter_mut())
         .enumerate()
         .with_min_len(TASK[0])
         .with_max_len(TASK[1])
-        .map(|(n, (block, out))| {
+        .map(|(n, ((block, out), given))| {
+            given.clear();
             let FieldPass {
                 is_inactive,
                 keep,
@@ -59,14 +64,17 @@ pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, acting: &BoundaryConditions<'
                 && holds_matter(out)
                 && let Some(allowed) = acting.on(block)
             {
-                let given = (allowed.speed() as f32).to_bits();
-                let left = constrain(out, frame_velocity, |at, v| allowed.constrain(at, v));
-                largest = largest.max(given).max(left);
+                let speed = (allowed.speed() as f32).to_bits();
+                let left = constrain(out, frame_velocity, |at, mass, v| {
+                    let mass = acting.anchors.matter(n, block, at, mass.into());
+                    allowed.constrain(at, v, &mut |change| given.add(mass, &change))
+                });
+                largest = largest.max(speed).max(left);
             }
             largest
         })
         .reduce(|| 0, u32::max);
-    let attached = attach(nodes, velocities, acting);
+    let attached = attach(nodes, velocities, given_to_nodes, acting);
     if acting.passes.iter().any(|pass| pass.shift != [0.0; 3]) {
         let blocks = nodes.par_iter().zip(velocities).with_min_len(TASK[0]);
         blocks.for_each(|(block, out)| shift(out, acting.pass(block).shift));

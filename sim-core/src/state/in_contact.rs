@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     episodes::{Episodes, PairExchange},
-    ledger::{ContactPartner, Ledger},
+    ledger::{ColliderImpulses, ContactPartner, Ledger},
 };
 
 /// Pairs in contact, by what lets them meet, and what fields of the grid gave each other.
@@ -40,6 +40,15 @@ impl InContact {
             let [a, b] = fields.map(|field| field as usize);
             let received = exchange.in_si(mass, dx);
             self.ledger.add(b, ContactPartner::Object(a), &received);
+        }
+    }
+
+    /// Books what colliders gave to the matter of a grid field in a substep, in units of `mass` [kg] and `dx` [m].
+    pub fn book_colliders(&mut self, field: u32, given: &ColliderImpulses, mass: f64, dx: f64) {
+        for (collider, received) in given.iter() {
+            let collider = ContactPartner::Collider(*collider);
+            let received = received.in_si(mass, dx);
+            self.ledger.add(field as usize, collider, &received);
         }
     }
 }

@@ -6,7 +6,7 @@ use super::{
     lanes::{load3, load9, store3, store9},
     pass::Pass,
     stencil::Stencil,
-    touch::LaneConditions,
+    touch::{LaneConditions, LaneIds},
 };
 use crate::{
     grid::Tile,
@@ -14,7 +14,7 @@ use crate::{
     mat3::{Mat3, dot},
     num::Real,
     particles::{BLOCK, Block, Extremes, Group, Motion},
-    simd::{F32x16, LANES, Lanes},
+    simd::{F32x16, Lanes},
 };
 
 /// Extremes of a run, one lane each.
@@ -149,7 +149,7 @@ pub(super) fn advance<V: Lanes>(
     live: V::Mask,
     velocities: &Tile,
     limits: &Limits<V>,
-    touch: Option<(&LaneConditions<'_>, &[u32; LANES])>,
+    touch: Option<(&LaneConditions<'_>, LaneIds<'_>)>,
     largest: &mut Largest<V>,
 ) -> Moved<V> {
     let zero = V::broadcast(0.0);

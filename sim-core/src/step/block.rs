@@ -10,7 +10,7 @@ use super::{
     prefetch::{prefetch, prefetch_tile, prefetch_velocities},
     scatter::Accumulator,
     stencil::Stencil,
-    touch::{LaneConditions, anchor},
+    touch::{LaneConditions, LaneIds, anchor},
 };
 use crate::{
     grid::{Cells, NONE, TILE, Tile, Velocities},
@@ -185,6 +185,9 @@ fn staged<V: Constitutive, const GATHER: bool, const SCATTER: bool>(
     if SCATTER {
         scattered.finish(work);
     }
+    if GATHER && let Some(touch) = mover.touch {
+        *work.given = touch.given();
+    }
     findings
 }
 
@@ -284,7 +287,10 @@ fn move_group<V: Lanes, const SCATTER: bool>(
 ) {
     let zero = V::broadcast(0.0);
     let (group, flags) = (&mut work.groups[g], &mut work.flags[g]);
-    let ids = &work.fixed[g].id;
+    let ids = LaneIds {
+        ids: &work.fixed[g].id,
+        mass: &work.fixed[g].mass,
+    };
     let live = zero.lt(V::load(&work.fixed[g].mass));
     let before = group.x;
     let moved = advance(

@@ -8,6 +8,7 @@ use super::{
 };
 use crate::{
     grid::{Grid, Velocities},
+    ledger::ColliderImpulses,
     particles::{Backup, Motion, Particles},
     simd::{Isa, on_isa},
 };
@@ -38,8 +39,10 @@ pub(crate) fn particle_pass(
         cells,
         nodes_of,
         velocities,
+        given_to_particles,
         ..
     } = grid;
+    given_to_particles.resize_with(particles.blocks.len(), ColliderImpulses::default);
     let velocities = velocities.as_slice();
     let mut runs = particles.runs.as_mut_slice();
     let mut groups = particles.groups.as_mut_slice();
@@ -48,6 +51,7 @@ pub(crate) fn particle_pass(
     let mut backup_groups = backup.groups.as_mut_slice();
     let mut backup_memory = backup.memory.as_mut_slice();
     let mut backup_shapes = backup.shapes.as_mut_slice();
+    let only_forces = passes.iter().all(|pass| pass.stage == Stage::Forces);
     let gathers = passes.iter().all(|pass| pass.stage == Stage::Gather);
     let mut motion = match gathers {
         true => motion_out,
@@ -55,8 +59,11 @@ pub(crate) fn particle_pass(
     };
     let mut flags = particles.flags.as_mut_slice();
     let mut work = Vec::with_capacity(particles.blocks.len());
-    let targets = tiles.iter_mut().zip(cells);
-    for ((n, block), (tile, cells)) in particles.blocks.iter().enumerate().zip(targets) {
+    let targets = tiles.iter_mut().zip(cells).zip(given_to_particles);
+    for ((n, block), ((tile, cells), given)) in particles.blocks.iter().enumerate().zip(targets) {
+        if !only_forces {
+            given.clear();
+        }
         let (count, shape_count) = (block.groups.len(), block.shapes.len());
         let mine = Work {
             block,
@@ -76,6 +83,7 @@ pub(crate) fn particle_pass(
             tile,
             concerned: false,
             cells,
+            given,
         };
         if let Some(pass) = of[block.field as usize] {
             let pass = &passes[pass];

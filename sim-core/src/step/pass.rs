@@ -4,6 +4,7 @@ use super::constitutive::PartLaw;
 use crate::{
     colliders::touch::ParticleConditions,
     grid::{Cells, Tile},
+    ledger::ColliderImpulses,
     particles::{Block, Fixed, Flags, Group, Motion, Run, Shape},
     simd::F32x16,
 };
@@ -71,6 +72,8 @@ pub(super) struct Work<'a> {
     /// Whether a rule may name one of the block's particles.
     pub concerned: bool,
     pub cells: &'a mut Cells,
+    /// What colliders give to its particles [mass units, cells, s]; nothing yet.
+    pub given: &'a mut ColliderImpulses,
 }
 
 /// Where a block's particles are copied to.

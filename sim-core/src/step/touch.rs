@@ -3,12 +3,16 @@
 //! Scalar on purpose: only blocks that a collider or a rule reaches come here, and what happens to a particle must
 //! not depend on the instruction set.
 
+use std::cell::RefCell;
+
 use crate::{
     colliders::{
+        VelocityChange,
         sweep::Way,
         touch::{ANCHOR, ParticleConditions},
     },
     grid::Tile,
+    ledger::ColliderImpulses,
     particles::{BLOCK, Block, Motion, NO_PARTICLE, position_in_cells},
     simd::{F32x16, LANES},
 };
@@ -32,6 +36,17 @@ pub(crate) struct LaneConditions<'a> {
     frame_velocity: [[f64; 3]; 2],
     /// What damping leaves of relative velocities in the next transfer.
     keep: f64,
+    /// What colliders give to its particles [mass units, cells, s].
+    given: RefCell<ColliderImpulses>,
+}
+
+/// Particles of a group, lane by lane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LaneIds<'a> {
+    /// Their numbers in the scene, or [`NO_PARTICLE`].
+    pub ids: &'a [u32; LANES],
+    /// Their masses.
+    pub mass: &'a F32x16,
 }
 
 /// Makes the lanes that are held as heavy as they must be, and free of stress; returns the masses.
@@ -71,13 +86,26 @@ impl<'a> LaneConditions<'a> {
             centre: first.map(|x| x + 1.5),
             frame_velocity,
             keep: keep.max(f64::MIN_POSITIVE),
+            given: RefCell::default(),
         })
+    }
+
+    /// What colliders gave to the particles.
+    pub fn given(self) -> ColliderImpulses {
+        self.given.into_inner()
     }
 
     /// Corrects what sixteen particles gathered, [`Motion::v`] and [`Motion::c`], where a thin wall parts them from some
     /// of their nodes.
     #[inline(never)]
-    pub fn shield(&self, ids: &[u32; LANES], x: &[F32x16; 3], tile: &Tile, gathered: &mut Motion) {
+    pub fn shield(
+        &self,
+        LaneIds { ids, mass }: LaneIds<'_>,
+        x: &[F32x16; 3],
+        tile: &Tile,
+        gathered: &mut Motion,
+    ) {
+        let mut given = self.given.borrow_mut();
         for lane in (0..LANES).filter(|&lane| ids[lane] != NO_PARTICLE) {
             let local = [x[0].0[lane], x[1].0[lane], x[2].0[lane]];
             let at = position_in_cells(self.block, local);
@@ -92,6 +120,8 @@ impl<'a> LaneConditions<'a> {
             // Nodes of the tile run from -2 to 5, the block's centre is at 1.5.
             let cell = local.map(|x| (f64::from(x) + 1.5).round().clamp(-1.0, 4.0) as i32);
             let (mut v, mut c) = ([0.0; 3], [0.0; 9]);
+            let mut changes: Vec<VelocityChange> =
+                ghosts.iter().map(|ghost| ghost.changed([0.0; 3])).collect();
             for n in 0..27 {
                 let node = [n / 9, n / 3 % 3, n % 3];
                 let node: [i32; 3] = std::array::from_fn(|a| cell[a] + node[a] - 1);
@@ -107,8 +137,12 @@ impl<'a> LaneConditions<'a> {
                 let mut u = std::array::from_fn(|a| {
                     f64::from(tile.0[first + a]) + self.frame_velocity[0][a]
                 });
-                for ghost in &ghosts {
-                    u = ghost.seen(there, u);
+                for (ghost, of_ghost) in ghosts.iter().zip(&mut changes) {
+                    let seen = ghost.seen(there, u);
+                    for a in 0..3 {
+                        of_ghost.change[a] += weight * (seen[a] - u[a]);
+                    }
+                    u = seen;
                 }
                 for a in 0..3 {
                     let u = u[a] - self.frame_velocity[0][a];
@@ -117,6 +151,9 @@ impl<'a> LaneConditions<'a> {
                         c[3 * a + b] += 4.0 * weight * u * r[b];
                     }
                 }
+            }
+            for change in changes.iter().filter(|change| change.change != [0.0; 3]) {
+                given.add(mass.0[lane].into(), change);
             }
             for a in 0..3 {
                 gathered.v[a].0[lane] = v[a] as f32;
@@ -132,11 +169,12 @@ impl<'a> LaneConditions<'a> {
     #[inline(never)]
     pub fn after(
         &self,
-        ids: &[u32; LANES],
+        LaneIds { ids, mass }: LaneIds<'_>,
         before: &[F32x16; 3],
         x: &mut [F32x16; 3],
         motion: &mut Motion,
     ) -> f32 {
+        let mut given = self.given.borrow_mut();
         let mut fastest = 0.0_f32;
         for lane in (0..LANES).filter(|&lane| ids[lane] != NO_PARTICLE) {
             let position = |x: &[F32x16; 3]| {
@@ -151,7 +189,11 @@ impl<'a> LaneConditions<'a> {
             if !way.to.iter().chain(&way.v).all(|value| value.is_finite()) {
                 continue;
             }
-            let Some(touched) = self.touch.after(ids[lane], way) else {
+            let mass = mass.0[lane].into();
+            let touched = self
+                .touch
+                .after(ids[lane], way, &mut |change| given.add(mass, &change));
+            let Some(touched) = touched else {
                 continue;
             };
             for a in 0..3 {

@@ -11,6 +11,7 @@ use crate::{
     grid::Grid,
     mat3::dot,
     materials::Law,
+    particles::Particles,
     state::{Given, GridMotion, Matter, in_contact::InContact},
 };
 
@@ -48,6 +49,22 @@ pub(super) fn contact(
     work.contact_nodes += met.work.nodes;
     work.contact_particles += met.work.particles;
     met.largest
+}
+
+/// Books what colliders gave to nodes and to particles in a substep.
+pub(super) fn book_colliders(
+    given: &Given<'_>,
+    particles: &Particles,
+    grid: &Grid,
+    in_contact: &mut InContact,
+) {
+    let (mass, dx) = (given.model.mass_unit, given.model.scene.dx);
+    for (block, given) in grid.nodes.iter().zip(&grid.given_to_nodes) {
+        in_contact.book_colliders(block.field, given, mass, dx);
+    }
+    for (block, given) in particles.blocks.iter().zip(&grid.given_to_particles) {
+        in_contact.book_colliders(block.field, given, mass, dx);
+    }
 }
 
 /// Restitution that is asked of two objects, or of an object and a collider. Of what has none the one is absent, of the other 0.

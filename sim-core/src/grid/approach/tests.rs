@@ -122,8 +122,12 @@ fn what_is_clear_of_all_colliders_goes_on_as_it_was() {
             let x = [at / 16, at / 4 % 4, at % 4].map(|i| i as f64);
             let near = &nearest[bodies.len() * at..][..bodies.len()];
             let obeyed = Attached::free(v);
-            let expected = conditions.constrain(x, near, NOW.dt, 1.0, &obeyed);
-            assert_eq!(allowed.constrain(at, v), expected, "{near:?} {v:?}");
+            let expected = conditions.constrain(x, near, NOW.dt, 1.0, &obeyed, &mut |_| ());
+            assert_eq!(
+                allowed.constrain(at, v, &mut |_| ()),
+                expected,
+                "{near:?} {v:?}"
+            );
             free += usize::from(is_clear(near, v, NOW.dt));
         }
     }
