@@ -27,8 +27,8 @@ pub struct ReferenceSolid {
     axes: Mat3<f64>,
     /// Nodes along each axis.
     counts: [usize; 3],
-    /// Place of each quadrature point from the node (0, 0, 0) [cells], along the axes of the grid, and its rest volume [m^3].
-    points: Vec<([f64; 3], f64)>,
+    /// Each quadrature point: the nodes about it, and its rest volume [m^3].
+    points: Vec<(Vec<Near>, f64)>,
     /// Light nodes, each with the nodes that it follows and their weights.
     followers: Vec<(usize, Vec<(usize, f64)>)>,
     /// Mass of every node [kg]; 0 without matter, and of those that follow others.
@@ -38,6 +38,9 @@ pub struct ReferenceSolid {
     /// Velocity of every node [m/s].
     pub velocity: Vec<[f64; 3]>,
 }
+
+/// A node about a place, with its weight and the gradient of that [1/m].
+type Near = (usize, f64, [f64; 3]);
 
 /// The quadratic B-spline about 0 and its slope, of a distance [cells].
 fn spline(r: f64) -> (f64, f64) {
@@ -63,7 +66,8 @@ impl ReferenceSolid {
         };
         let (low, high) = (bound(i32::min), bound(i32::max));
         let counts: [usize; 3] = std::array::from_fn(|a| (high[a] - low[a] + 1) as usize);
-        let mut points = Vec::new();
+        // From the node (0, 0, 0) [cells], along the axes of the grid.
+        let mut places = Vec::new();
         for block in &model.point_blocks {
             let first = place(model, NODES * block.nodes[0] as usize);
             for cell in &model.cells[block.cells.clone()] {
@@ -75,7 +79,7 @@ impl ReferenceSolid {
                     let at = std::array::from_fn(|a| {
                         f64::from(first[a] - low[a]) + inside[a] as f64 + 1.0 + d[a]
                     });
-                    points.push((at, f64::from(volume) * model.dx.powi(3)));
+                    places.push((at, f64::from(volume) * model.dx.powi(3)));
                 }
             }
         }
@@ -85,15 +89,19 @@ impl ReferenceSolid {
             law,
             axes: model.lattice.world_from_lattice,
             counts,
-            points,
+            points: Vec::new(),
             followers: Vec::new(),
             mass: vec![0.0; nodes],
             displacement: vec![[0.0; 3]; nodes],
             velocity: vec![[0.0; 3]; nodes],
         };
-        for (at, volume) in solid.points.clone() {
-            for (node, weight, _) in solid.stencil(at) {
-                solid.mass[node] += weight * law.density * volume;
+        let places = places.into_iter();
+        solid.points = places
+            .map(|(at, volume)| (solid.stencil(at), volume))
+            .collect();
+        for (stencil, volume) in &solid.points {
+            for (node, weight, _) in stencil {
+                solid.mass[*node] += weight * law.density * volume;
             }
         }
         let index = |slot: u32| {
@@ -131,12 +139,16 @@ impl ReferenceSolid {
         }))
     }
 
-    /// Nodes about a place [cells], each with its weight and the gradient of that [1/m].
-    fn stencil(&self, at: [f64; 3]) -> Vec<(usize, f64, [f64; 3])> {
+    /// Nodes about a place [cells].
+    fn stencil(&self, at: [f64; 3]) -> Vec<Near> {
         let mut found = Vec::with_capacity(27);
-        for x in 0..self.counts[0] {
-            for y in 0..self.counts[1] {
-                for z in 0..self.counts[2] {
+        let near = |a: usize| {
+            let first = (at[a] - 1.5).ceil().max(0.0) as usize;
+            first..(first + 4).min(self.counts[a])
+        };
+        for x in near(0) {
+            for y in near(1) {
+                for z in near(2) {
                     let n = [x, y, z];
                     let of: [(f64, f64); 3] = std::array::from_fn(|a| spline(at[a] - n[a] as f64));
                     let weight = of[0].0 * of[1].0 * of[2].0;
@@ -156,7 +168,7 @@ impl ReferenceSolid {
     }
 
     /// Deformation gradient about some nodes.
-    fn gradient(&self, stencil: &[(usize, f64, [f64; 3])]) -> Mat3<f64> {
+    fn gradient(&self, stencil: &[Near]) -> Mat3<f64> {
         let mut f = Mat3::identity();
         for (node, _, slope) in stencil {
             for a in 0..3 {
@@ -174,10 +186,9 @@ impl ReferenceSolid {
             law, lambda, mu, ..
         } = self.law;
         let mut forces = vec![[0.0; 3]; self.mass.len()];
-        for (at, volume) in &self.points {
-            let stencil = self.stencil(*at);
-            let stress = elastic_piola(law, &self.gradient(&stencil), lambda, mu).stress;
-            for (node, _, slope) in &stencil {
+        for (stencil, volume) in &self.points {
+            let stress = elastic_piola(law, &self.gradient(stencil), lambda, mu).stress;
+            for (node, _, slope) in stencil {
                 let pull = stress.mul_vec(*slope);
                 for a in 0..3 {
                     forces[*node][a] -= volume * pull[a];
@@ -218,6 +229,22 @@ impl ReferenceSolid {
                 });
             }
         }
+    }
+
+    /// Largest Green's strain of a quadrature point; not a number where one is.
+    pub fn largest_strain(&self) -> f64 {
+        let mut largest = 0.0_f64;
+        for (stencil, _) in &self.points {
+            let f = self.gradient(stencil);
+            let twice = f.transpose().mul(&f).sub(&Mat3::identity());
+            let squares = twice.0.as_flattened().iter().map(|e| 0.25 * e * e);
+            let here = squares.sum::<f64>().sqrt();
+            if here.is_nan() {
+                return here;
+            }
+            largest = largest.max(here);
+        }
+        largest
     }
 
     /// Kinetic energy [J].

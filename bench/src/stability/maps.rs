@@ -8,18 +8,72 @@ use super::{
     trial::{Fate, limit, unguarded},
 };
 
+/// What is tried at time steps.
+pub trait Sample: Send + Sync {
+    /// Time step [s] that those of the maps are over.
+    fn limit(&self) -> f64;
+
+    /// Where a formula puts the limit, over that.
+    fn predicted(&self) -> f64;
+
+    /// What becomes of a small strain in so many substeps of `dt` [s].
+    fn fate(&self, dt: f64, steps: usize) -> Fate;
+}
+
+impl Sample for Scene {
+    fn limit(&self) -> f64 {
+        limit(self)
+    }
+
+    fn predicted(&self) -> f64 {
+        let fluid = self.objects[0].material.law.is_fluid();
+        self.conditions.time_step_kept(fluid)
+    }
+
+    fn fate(&self, dt: f64, steps: usize) -> Fate {
+        unguarded(self, dt, steps)
+    }
+}
+
+/// Samples one by one.
+fn boxed(scenes: impl IntoIterator<Item = Scene>) -> Vec<Box<dyn Sample>> {
+    let boxed = |scene| -> Box<dyn Sample> { Box::new(scene) };
+    scenes.into_iter().map(boxed).collect()
+}
+
 /// Poisson's ratios of the maps.
 pub const NU: [f64; 5] = [0.0, 0.2, 0.3, 0.45, 0.49];
 /// Transfers of the maps; `rpic` is `apic` with `rpic_damping = 1`.
 pub const TRANSFERS: [&str; 3] = ["apic", "rpic", "pic"];
 /// Time steps over the critical one of a lone particle.
-const RATIOS: [f64; 13] = [
+pub const RATIOS: [f64; 13] = [
     0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.4,
 ];
 /// The same for a few checks.
-const FEW: [f64; 5] = [0.65, 0.75, 0.95, 1.05, 1.4];
+pub const FEW: [f64; 5] = [0.65, 0.75, 0.95, 1.05, 1.4];
 /// Random clusters per row.
 const CLUSTERS: usize = 8;
+
+/// What time steps of a map are over, and what they are held against.
+pub struct Scale {
+    /// The horizontal axis.
+    pub x: &'static str,
+    /// The line: where a formula puts the limit.
+    pub line: &'static str,
+    /// How it was tried.
+    pub caption: &'static str,
+    /// Names of both in files.
+    pub keys: [&'static str; 2],
+}
+
+/// Of the spatial grid.
+const SPATIAL: Scale = Scale {
+    x: "dt / dt_crit, dt_crit = dx sqrt(rho0 / (3 lambda + 2 mu)) or the law's tangent at rest",
+    line: "limit of a lone particle in closed form",
+    caption: "Double-precision reference solver, which has no guard; fixed dt; strain of 1e-6 at the start. Damped: less than a third of it \
+              is left at the end.",
+    keys: ["dt_over_dt_crit", "closed_form"],
+};
 
 /// A picture of panels.
 pub struct Map {
@@ -27,6 +81,8 @@ pub struct Map {
     pub name: &'static str,
     /// Heading.
     pub title: &'static str,
+    /// What the columns and the line over them are.
+    pub scale: &'static Scale,
     /// What the rows are.
     pub y: &'static str,
     /// Row by row.
@@ -50,17 +106,15 @@ pub struct Row {
     /// What it is.
     pub name: String,
     /// Blown up when one of them does, damped when most of them are.
-    pub samples: Vec<Scene>,
+    pub samples: Vec<Box<dyn Sample>>,
     /// Substeps of a run.
     pub steps: usize,
 }
 
 impl Row {
-    /// Where the closed form of its transfer puts the limit, over that of APIC.
-    pub fn closed_form(&self) -> f64 {
-        let scene = &self.samples[0];
-        let fluid = scene.objects[0].material.law.is_fluid();
-        scene.conditions.time_step_kept(fluid)
+    /// Where a formula puts the limit, over the time step that ratios are over.
+    pub fn predicted(&self) -> f64 {
+        self.samples[0].predicted()
     }
 
     /// What happens at a time step.
@@ -68,7 +122,7 @@ impl Row {
         let mut fates: Vec<Fate> = self
             .samples
             .par_iter()
-            .map(|scene| unguarded(scene, ratio * limit(scene), self.steps))
+            .map(|sample| sample.fate(ratio * sample.limit(), self.steps))
             .collect();
         fates.sort_unstable();
         match fates.last() {
@@ -120,7 +174,7 @@ pub fn clusters(quick: bool) -> Map {
             };
             Row {
                 name: format!("{nu}"),
-                samples: (0..count).map(scene).collect(),
+                samples: boxed((0..count).map(scene)),
                 steps: 400,
             }
         };
@@ -141,6 +195,7 @@ pub fn clusters(quick: bool) -> Map {
     Map {
         name: "clusters",
         title: "Few particles: what becomes of a small strain without guard",
+        scale: &SPATIAL,
         y: "Poisson's ratio",
         panels: panels.collect(),
         columns: 3,
@@ -153,7 +208,10 @@ pub fn blocks(quick: bool) -> Map {
         let nu = if quick { &NU[2..3] } else { &NU[..] };
         let row = |nu: &f64| Row {
             name: format!("{nu}"),
-            samples: vec![with(block(solid(Law::NeoHookean, *nu), per_axis), transfer)],
+            samples: boxed([with(
+                block(solid(Law::NeoHookean, *nu), 3, per_axis),
+                transfer,
+            )]),
             steps: if quick { 100 } else { 300 / per_axis },
         };
         Panel {
@@ -169,6 +227,7 @@ pub fn blocks(quick: bool) -> Map {
     Map {
         name: "blocks",
         title: "Blocks of 3 x 3 x 3 cells: what becomes of a small strain without guard",
+        scale: &SPATIAL,
         y: "Poisson's ratio",
         panels: panels.collect(),
         columns: per_axis.len(),
@@ -233,14 +292,14 @@ pub fn materials(quick: bool) -> Map {
             let material = solid(*law, if law.is_fluid() { 0.0 } else { 0.3 });
             let scene = |n: usize| {
                 let scene = match whole {
-                    true => block(material.clone(), 2),
+                    true => block(material.clone(), 3, 2),
                     false => cluster(material.clone(), 1 + n % 5, n as u64),
                 };
                 with(scene, transfer)
             };
             Row {
                 name: (*name).into(),
-                samples: (0..if whole { 1 } else { CLUSTERS }).map(scene).collect(),
+                samples: boxed((0..if whole { 1 } else { CLUSTERS }).map(scene)),
                 steps: if whole { 150 } else { 400 },
             }
         };
@@ -261,6 +320,7 @@ pub fn materials(quick: bool) -> Map {
     Map {
         name: "materials",
         title: "Materials: what becomes of a small strain without guard",
+        scale: &SPATIAL,
         y: "law",
         panels: panels.collect(),
         columns: 2,
@@ -278,7 +338,7 @@ pub fn objects(quick: bool) -> anyhow::Result<Map> {
             let short = name.split(',').next().unwrap_or(name);
             Ok(Row {
                 name: short.into(),
-                samples: vec![with(object(text, 0.3)?, transfer)],
+                samples: boxed([with(object(text, 0.3)?, transfer)]),
                 steps: if quick { 50 } else { 70 },
             })
         };
@@ -291,6 +351,7 @@ pub fn objects(quick: bool) -> anyhow::Result<Map> {
     Ok(Map {
         name: "objects",
         title: "Objects of scene files: what becomes of a small strain without guard",
+        scale: &SPATIAL,
         y: "object",
         panels: vec![panel("apic")?, panel("pic")?],
         columns: 2,
@@ -305,7 +366,7 @@ pub fn lone_and_few(transfer: &str, nu: f64, quick: bool) -> Row {
     };
     Row {
         name: format!("{nu}"),
-        samples: (0..if quick { 3 } else { CLUSTERS }).map(scene).collect(),
+        samples: boxed((0..if quick { 3 } else { CLUSTERS }).map(scene)),
         steps: 400,
     }
 }

@@ -5,6 +5,7 @@ mod catalogue;
 mod guard;
 mod maps;
 mod samples;
+mod solids;
 mod tables;
 mod trial;
 
@@ -54,7 +55,8 @@ impl Args {
 
 /// The page, in the folder of documents, and its parts.
 const PAGE: &str = "stability.md";
-const PARTS: [&str; 3] = [
+const PARTS: [&str; 4] = [
+    "cosplat bench stability solids",
     "cosplat bench stability limits",
     "cosplat bench stability guard",
     "cosplat bench stability catalogue",
@@ -81,14 +83,14 @@ impl Found {
         Self { map, fates }
     }
 
-    /// Panel, row, ratio, closed form and what happened, field by field.
+    /// Panel, row, ratio, what a formula says and what happened, field by field.
     fn fields(&self) -> Vec<(&str, &str, f64, f64, Fate)> {
         let mut fields = Vec::new();
         for (panel, fates) in self.map.panels.iter().zip(&self.fates) {
             for (row, fates) in panel.rows.iter().zip(fates) {
                 for (ratio, fate) in panel.ratios.iter().zip(fates) {
                     let title = panel.title.as_str();
-                    fields.push((title, row.name.as_str(), *ratio, row.closed_form(), *fate));
+                    fields.push((title, row.name.as_str(), *ratio, row.predicted(), *fate));
                 }
             }
         }
@@ -96,7 +98,8 @@ impl Found {
     }
 
     fn csv(&self) -> String {
-        let header = ["panel", "row", "dt_over_dt_crit", "closed_form", "outcome"];
+        let [x, line] = self.map.scale.keys;
+        let header = ["panel", "row", x, line, "outcome"];
         let rows: Vec<Vec<String>> = self
             .fields()
             .into_iter()
@@ -122,7 +125,7 @@ impl Found {
         };
         let picture = HeatMap {
             title: self.map.title.into(),
-            x: "dt / dt_crit, dt_crit = dx sqrt(rho0 / (3 lambda + 2 mu)) or the law's tangent at rest".into(),
+            x: self.map.scale.x.into(),
             y: self.map.y.into(),
             classes: vec![
                 class("pass", "", 0),
@@ -138,17 +141,12 @@ impl Found {
                         .iter()
                         .map(|row| row.iter().map(|fate| Some(*fate as usize)).collect())
                         .collect(),
-                    line: Some(panel.rows.iter().map(maps::Row::closed_form).collect()),
+                    line: Some(panel.rows.iter().map(maps::Row::predicted).collect()),
                 })
                 .collect(),
             columns: self.map.columns,
-            line: "limit of a lone particle in closed form".into(),
-            caption: vec![
-                "Double-precision reference solver, which has no guard; fixed dt; strain of 1e-6 at the start. Damped: less \
-                 than a third of it is left at the end."
-                    .into(),
-                caption.into(),
-            ],
+            line: self.map.scale.line.into(),
+            caption: vec![self.map.scale.caption.into(), caption.into()],
         };
         picture.svg()
     }
@@ -213,7 +211,7 @@ fn limits(quick: bool) -> Vec<(&'static str, f64, f64, f64)> {
         .into_par_iter()
         .map(|(transfer, nu)| {
             let row = maps::lone_and_few(transfer, nu, quick);
-            (transfer, nu, row.closed_form(), row.measured_limit())
+            (transfer, nu, row.predicted(), row.measured_limit())
         })
         .collect()
 }
@@ -221,6 +219,7 @@ fn limits(quick: bool) -> Vec<(&'static str, f64, f64, f64)> {
 /// All that is measured.
 struct Results {
     maps: Vec<Found>,
+    solids: Vec<solids::Limit>,
     limits: Vec<(&'static str, f64, f64, f64)>,
     guarded: Vec<guard::Field>,
     failures: Vec<catalogue::Measured>,
@@ -228,13 +227,17 @@ struct Results {
 
 impl Results {
     fn measure(quick: bool) -> anyhow::Result<Self> {
-        let bar = progress::bar("stability", 7);
+        let bar = progress::bar("stability", 9);
         let mut found = Vec::new();
         for make in [maps::clusters, maps::blocks, maps::materials] {
             found.push(Found::measure(make(quick)));
             bar.inc(1);
         }
         found.push(Found::measure(maps::objects(quick)?));
+        bar.inc(1);
+        found.push(Found::measure(solids::map(quick)?));
+        bar.inc(1);
+        let solids = solids::limits(quick)?;
         bar.inc(1);
         let limits = limits(quick);
         bar.inc(1);
@@ -244,6 +247,7 @@ impl Results {
         bar.finish_and_clear();
         Ok(Self {
             maps: found,
+            solids,
             limits,
             guarded,
             failures,
@@ -254,9 +258,9 @@ impl Results {
     fn print(&self) -> anyhow::Result<()> {
         for found in &self.maps {
             for (panel, row, ratio, closed, fate) in found.fields() {
+                let [x, line] = found.map.scale.keys;
                 let line = json!({
-                    "map": found.map.name, "panel": panel, "row": row,
-                    "dt_over_dt_crit": ratio, "closed_form": closed, "outcome": fate.name(),
+                    "map": found.map.name, "panel": panel, "row": row, x: ratio, line: closed, "outcome": fate.name(),
                 });
                 say!("{line}")?;
             }
@@ -266,6 +270,14 @@ impl Results {
                 "{}",
                 json!({"limit": transfer, "nu": nu, "closed_form": closed, "measured": measured})
             )?;
+        }
+        for limit in &self.solids {
+            let [usual, most] = limit.taken;
+            let line = json!({
+                "solid": limit.solid, "row": limit.row, "measured": limit.measured,
+                "two_over_frequency": limit.by_frequency, "taken_with_cfl_0.8": usual, "taken_with_cfl_1": most,
+            });
+            say!("{line}")?;
         }
         for field in &self.guarded {
             let found = field.found;
@@ -295,6 +307,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let machine = Run::here();
     let results = Results::measure(args.quick)?;
     let tables = [
+        tables::solids(&results.solids),
         tables::limits(&results.limits),
         tables::guard(&results.guarded),
         tables::catalogue(&results.failures),

@@ -73,10 +73,10 @@ pub fn cluster(material: Material, count: usize, seed: u64) -> Scene {
     free(material, position, DX.powi(3) / 8.0)
 }
 
-/// A cube of three cells' edge with `per_axis` particles per cell along each axis, askew to the grid.
-pub fn block(material: Material, per_axis: usize) -> Scene {
+/// A cube of `edge` cells along each axis with `per_axis` particles per cell along each, askew to the grid.
+pub fn block(material: Material, edge: usize, per_axis: usize) -> Scene {
     let h = DX / per_axis as f64;
-    let n = 3 * per_axis;
+    let n = edge * per_axis;
     let place = |i: usize, shift: f64| (i as f64 + 0.5) * h + shift * DX;
     let mut position = Vec::with_capacity(n * n * n);
     for i in 0..n {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{catalogue::Measured, guard::Field};
+use super::{catalogue::Measured, guard::Field, solids::Limit};
 use crate::chart::csv;
 
 /// A number with three digits.
@@ -24,6 +24,29 @@ pub fn limits(limits: &[(&str, f64, f64, f64)]) -> String {
     );
     for (transfer, nu, closed, measured) in limits {
         let _ = writeln!(text, "| {transfer} | {nu} | {closed:.3} | {measured:.2} |");
+    }
+    text
+}
+
+/// Measured limits of solids beside what the solver takes.
+pub fn solids(limits: &[Limit]) -> String {
+    let mut text = String::from(
+        "| solid | nu or law | stable up to, measured | 2 over the fastest frequency | taken with `cfl` 0.8 | taken with `cfl` 1 | measured limit over that |\n\
+         | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for limit in limits {
+        let Limit {
+            solid,
+            row,
+            measured,
+            by_frequency,
+            taken: [usual, most],
+        } = limit;
+        let _ = writeln!(
+            text,
+            "| {solid} | {row} | {measured:.2} | {by_frequency:.2} | {usual:.2} | {most:.2} | {:.2} |",
+            measured / most
+        );
     }
     text
 }

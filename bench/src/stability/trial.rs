@@ -42,9 +42,9 @@ pub fn limit(scene: &Scene) -> f64 {
 }
 
 /// Strain that runs start with: small enough that the closed form, which is linear, holds.
-const START: f64 = 1e-6;
+pub const START: f64 = 1e-6;
 /// Growth of the largest strain that counts as blown up. In stable runs random clusters overshoot up to a hundred times.
-const GROWTH: f64 = 1e4;
+pub const GROWTH: f64 = 1e4;
 
 /// `steps` substeps of `dt` [s] in the double-precision solver, which has no guard, after a start with a breathing
 /// motion and random strain.
