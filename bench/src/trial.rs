@@ -42,6 +42,8 @@ pub struct Trial {
     duration: f64,
     settings: Vec<String>,
     options: Vec<String>,
+    /// Files beside the scene, with their texts.
+    beside: Vec<(&'static str, &'static str)>,
 }
 
 impl Trial {
@@ -52,6 +54,7 @@ impl Trial {
             duration,
             settings: Vec::new(),
             options: Vec::new(),
+            beside: Vec::new(),
         }
     }
 
@@ -64,6 +67,12 @@ impl Trial {
     /// Adds an option of `cosplat simulate`, like `--f64` or `--threads=1`.
     pub fn option(mut self, text: &str) -> Self {
         self.options.push(text.to_owned());
+        self
+    }
+
+    /// Puts a file of a name beside the scene, which lies there in the repository as well.
+    pub fn beside(mut self, name: &'static str, text: &'static str) -> Self {
+        self.beside.push((name, text));
         self
     }
 
@@ -99,6 +108,10 @@ impl Trial {
         let report = folder.path().join("report.jsonl");
         fs::write(&scene, self.scene.text)
             .with_context(|| format!("cannot write {}", scene.display()))?;
+        for (name, text) in &self.beside {
+            let path = folder.path().join(name);
+            fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        }
         let run = Command::new(std::env::current_exe().context("cannot find this program")?)
             .args(self.arguments(&scene.display().to_string()))
             .arg("--report")

@@ -260,3 +260,27 @@ fn a_moved_result_is_told_with_what_was_on_record() {
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(said.contains(hash), "{said}");
 }
+
+#[test]
+fn the_stability_bench_knows_solids_and_cases() {
+    let lines = bench(&["stability", "--quick", "--json"]);
+    let of = |key: &str| {
+        let found: Vec<&Value> = lines.iter().filter(|line| !line[key].is_null()).collect();
+        assert!(!found.is_empty(), "nothing about {key}");
+        found
+    };
+    assert!(of("map").iter().any(|line| line["map"] == "solids"));
+    assert!(of("guard").iter().any(|line| line["transfer"] == "solid"));
+    for limit in of("solid") {
+        assert!(limit["taken_with_cfl_1"].as_f64() < limit["measured"].as_f64());
+    }
+    for failure in of("failure") {
+        let runs = failure["runs"].as_array().expect("runs");
+        assert!(runs.iter().any(|run| run["variant"] == "solid"));
+    }
+    for case in of("case") {
+        for figure in case["figures"].as_array().expect("figures") {
+            assert!(figure["value"].is_f64() && figure["met"].is_boolean());
+        }
+    }
+}

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use cosplat_scene::load::load_text;
-use cosplat_sim_core::{Scene, materials::Law};
+use cosplat_sim_core::{Scene, materials::Law, scene::Solver};
 use rayon::prelude::*;
 
 use super::{
@@ -18,7 +18,7 @@ pub const CFL: [f64; 8] = [0.5, 0.8, 0.9, 1.0, 1.05, 1.1, 1.25, 1.5];
 pub struct Field {
     /// Short name of the scene.
     pub scene: &'static str,
-    /// Transfer.
+    /// Transfer, or that it is about solids on grids of their own.
     pub transfer: &'static str,
     /// `cfl`.
     pub cfl: f64,
@@ -58,6 +58,18 @@ const PAIR: &str = "version = 1\ngravity = [0, 0, 0]\ndx = 0.05\n[[objects]]\nna
     translation = [-0.15, 0.02, 0]\nlinear_velocity = [3, 0, 0]\n\
     [[objects]]\nname = \"right\"\nclone = \"left\"\ntranslation = [0.15, -0.02, 0]\nlinear_velocity = [-3, 0, 0]\n";
 
+const RING: &str = "version = 1\ngravity = [0, 0, 0]\ndx = 0.05\n[[objects]]\nname = \"block\"\n\
+    shape = { kind = \"box\", size = [0.2, 0.2, 0.2], gaussian_spacing = 0.1 }\n\
+    material = { law = \"neo_hookean\", youngs_modulus_pa = 1e5, poisson_ratio = 0.3, density_kg_m3 = 1000 }\nsolver = \"spatial\"\n\
+    velocity = [\"X\", \"Y\", \"Z\"]\n";
+const HELD: &str = "version = 1\ngravity = [0, 0, 0]\ndx = 0.05\n[[objects]]\nname = \"beam\"\n\
+    shape = { kind = \"box\", size = [0.6, 0.1, 0.1], gaussian_spacing = 0.1 }\n\
+    material = { law = \"neo_hookean\", youngs_modulus_pa = 1e5, poisson_ratio = 0.3, density_kg_m3 = 1000 }\nsolver = \"spatial\"\n\
+    translation = [0.2, 0, 0]\nvelocity = [\"0\", \"0.5*(X+abs(X))\", \"0\"]\n\
+    [[pinned_regions]]\nmin = [-1, -1, -1]\nmax = [0, 1, 1]\n";
+/// What runs with solids on grids of their own are called where others have a transfer.
+pub const SOLID: &str = "solid";
+
 /// Lone particles that spread: each starts with a strain rate that makes a stretch of 5 %.
 fn dust() -> Scene {
     let mut scene = cluster(solid(Law::NeoHookean, 0.3), 27, 1);
@@ -90,6 +102,24 @@ pub fn fields(quick: bool) -> anyhow::Result<Vec<Field>> {
     ];
     let cfl: &[f64] = if quick { &[0.5, 1.25] } else { &CFL };
     let mut runs = Vec::new();
+    for (name, text) in [
+        ("ring", RING),
+        ("drop", DROP),
+        ("pair", PAIR),
+        ("held beam", HELD),
+    ] {
+        let mut scene = from_text(text)?;
+        for object in &mut scene.objects {
+            object.solver = Solver::Lagrangian;
+        }
+        for cfl in cfl {
+            let scene = Scene {
+                cfl: *cfl,
+                ..scene.clone()
+            };
+            runs.push((name, SOLID, *cfl, scene));
+        }
+    }
     for (name, scene) in &scenes {
         for transfer in ["apic", "pic"] {
             for cfl in cfl {

@@ -2,7 +2,11 @@
 
 use std::fmt::Write as _;
 
-use super::{catalogue::Measured, guard::Field, solids::Limit};
+use super::{
+    catalogue::{Measured, cases::Judged},
+    guard::Field,
+    solids::Limit,
+};
 use crate::chart::csv;
 
 /// A number with three digits.
@@ -54,7 +58,7 @@ pub fn solids(limits: &[Limit]) -> String {
 /// What the guard did, scene by scene, where it had to do something or energy grew.
 pub fn guard(fields: &[Field]) -> String {
     let mut text = String::from(
-        "| scene | transfer | `cfl` | substeps taken back | particles taken out | largest energy over start | not a number |\n\
+        "| scene | transfer or solver | `cfl` | substeps taken back | particles taken out | largest energy over start | not a number |\n\
          | --- | --- | --- | --- | --- | --- | --- |\n",
     );
     for field in fields.iter().filter(|field| field.class() > 0) {
@@ -127,6 +131,38 @@ pub fn catalogue(failures: &[Measured]) -> String {
             found.join("<br>"),
             failure.remedy
         );
+    }
+    text
+}
+
+/// Cases with right values, figure by figure, after how many miss their gates.
+pub fn cases(judged: &[Judged]) -> String {
+    let all = || judged.iter().flat_map(Judged::figures);
+    let missed = all()
+        .filter(|(reading, value)| !reading.admits(*value))
+        .count();
+    let mut text = format!(
+        "{missed} of {} figures miss their gate.\n\n| case | scene | measured | right, gate | found | gate |\n| --- | --- | --- | --- | --- | --- |\n",
+        all().count()
+    );
+    for one in judged {
+        let file = one.case.scene.path;
+        for (reading, value) in one.figures() {
+            let met = if reading.admits(value) {
+                "met"
+            } else {
+                "**missed**"
+            };
+            let _ = writeln!(
+                text,
+                "| {} | [{}](../{file}) | {} | {} | **{}** | {met} |",
+                one.case.about,
+                file.rsplit('/').next().unwrap_or(file),
+                reading.quantity,
+                reading.allowed(),
+                short(value),
+            );
+        }
     }
     text
 }

@@ -2,9 +2,9 @@
 
 mod case;
 mod cases;
-mod measures;
+pub mod measures;
 mod recorded;
-mod report;
+pub mod report;
 
 use std::{
     path::{Path, PathBuf},

@@ -6,25 +6,37 @@ use super::Failure;
 use crate::trial::{Outcome, scene_text};
 
 /// Settings of a run.
-type Variants = &'static [(&'static str, &'static [(&'static str, &'static str)])];
+type Settings = &'static [(&'static str, &'static str)];
+/// Runs by name.
+type Variants = &'static [(&'static str, Settings)];
 
-/// All contact methods on the grid, and the default one with PIC.
+/// All contact methods on the grid, the default one with PIC, and solids on grids of their own.
 const CONTACT: Variants = &[
     ("single_field", &[("contact", "single_field")]),
     ("multi_field", &[("contact", "multi_field")]),
     ("two_scale", &[]),
     ("two_scale, pic", &[("transfer", "pic")]),
+    ("solid", TWO_SOLIDS),
+];
+/// On a grid of its own.
+const SOLID: Settings = &[("objects.0.solver", "\"lagrangian\"")];
+/// Both objects on grids of their own.
+const TWO_SOLIDS: Settings = &[
+    ("objects.0.solver", "\"lagrangian\""),
+    ("objects.1.solver", "\"lagrangian\""),
 ];
 /// All transfers.
 const TRANSFER: Variants = &[
     ("apic", &[]),
     ("rpic", &[("rpic_damping", "1")]),
     ("pic", &[("transfer", "pic")]),
+    ("solid", SOLID),
 ];
 /// What flies and spins for long.
 const FLIGHT: Variants = &[
     ("apic", &[]),
     ("rpic", &[("rpic_damping", "1")]),
+    ("solid", SOLID),
     ("rigid", &[("objects.0.fidelity", "\"rigid\"")]),
 ];
 
@@ -80,6 +92,14 @@ pub const ALL: [Failure; 22] = [
                 "two_scale, pic",
                 &[
                     ("transfer", "pic"),
+                    ("objects.1.translation", "[0, 0.2, 0]"),
+                ],
+            ),
+            (
+                "solid",
+                &[
+                    ("objects.0.solver", "\"lagrangian\""),
+                    ("objects.1.solver", "\"lagrangian\""),
                     ("objects.1.translation", "[0, 0.2, 0]"),
                 ],
             ),
@@ -155,7 +175,7 @@ pub const ALL: [Failure; 22] = [
         measured: "growth along the axis after 4 s (6.4 turns) [%]",
         ideal: "-0.03 (centrifugal)",
         duration: 4.0,
-        variants: &[("apic", &[])],
+        variants: &[("apic", &[]), ("solid", SOLID)],
         read: |o| {
             let (min, max) = (
                 o.series("/probes/size/min/1"),
@@ -191,6 +211,7 @@ pub const ALL: [Failure; 22] = [
                 "27 per cell, pic",
                 &[("particles_per_cell", "27"), ("transfer", "pic")],
             ),
+            ("solid", SOLID),
         ],
         read: |o| {
             let (min, max) = (
@@ -212,6 +233,14 @@ pub const ALL: [Failure; 22] = [
             ("nu 0.3", &[]),
             ("nu 0.45", &[("objects.0.material.poisson_ratio", "0.45")]),
             ("nu 0.49", &[("objects.0.material.poisson_ratio", "0.49")]),
+            ("solid, nu 0.3", SOLID),
+            (
+                "solid, nu 0.49",
+                &[
+                    ("objects.0.solver", "\"lagrangian\""),
+                    ("objects.0.material.poisson_ratio", "0.49"),
+                ],
+            ),
         ],
         read: |o| Ok(-1e3 * o.last("/probes/tip/position/1")?),
         remedy: "built in: particles share their volume over the grid from 0.4 on; finer `dx` for the rest",
@@ -243,7 +272,11 @@ pub const ALL: [Failure; 22] = [
         measured: "farthest particle behind the wall's front [dx]",
         ideal: "0",
         duration: 0.04,
-        variants: &[("apic", &[]), ("pic", &[("transfer", "pic")])],
+        variants: &[
+            ("apic", &[]),
+            ("pic", &[("transfer", "pic")]),
+            ("solid", SOLID),
+        ],
         read: |o| Ok((o.last("/probes/size/max/0")? + 0.0125) / 0.05),
         remedy: "built in: the way of every particle is followed through thin colliders",
     },
@@ -270,6 +303,7 @@ pub const ALL: [Failure; 22] = [
                 &[("objects.0.material.law", "\"neo_hookean\"")],
             ),
             ("fixed_corotated, pic", &[("transfer", "pic")]),
+            ("fixed_corotated, solid", SOLID),
         ],
         read: |o| {
             let [k0, k1] = ends(o, "/kinetic_energy")?;
@@ -295,6 +329,13 @@ pub const ALL: [Failure; 22] = [
                     ("transfer", "pic"),
                 ],
             ),
+            (
+                "1e8 Pa, solid",
+                &[
+                    ("objects.0.material.youngs_modulus_pa", "1e8"),
+                    ("objects.0.solver", "\"lagrangian\""),
+                ],
+            ),
             ("rigid", &[("objects.0.fidelity", "\"rigid\"")]),
         ],
         read: |o| o.summary["substeps"].as_f64().context("no substeps"),
@@ -315,6 +356,7 @@ pub const ALL: [Failure; 22] = [
                 &[("objects.0.material.law", "\"neo_hookean\"")],
             ),
             ("pic", &[("transfer", "pic")]),
+            ("solid", SOLID),
         ],
         read: |o| {
             let [k0, k1] = ends(o, "/kinetic_energy")?;

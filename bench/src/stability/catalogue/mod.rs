@@ -1,6 +1,8 @@
 //! How material-point methods fail: a minimal scene for each way, what contact methods and transfers do there.
 
+pub mod cases;
 mod entries;
+mod known;
 
 use anyhow::Context;
 use rayon::prelude::*;
