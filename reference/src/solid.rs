@@ -8,6 +8,8 @@
 //! f_i = -sum_p V_p P(F_p) grad N_i(X_p)    v_i += k (f_i / m_i + g)    u_i += dt v_i
 //! ```
 
+pub mod resting;
+
 use cosplat_sim_core::{
     mat3::Mat3,
     materials::{Law, hencky_piola::elastic_piola},

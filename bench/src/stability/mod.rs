@@ -25,7 +25,7 @@ use crate::{
     machine::Run,
     page, progress,
 };
-use catalogue::cases::{self, Judged};
+use catalogue::judge::{self, Judged};
 use maps::{Map, NU, Panel, TRANSFERS};
 use trial::Fate;
 
@@ -249,7 +249,7 @@ impl Results {
         bar.inc(1);
         let failures = catalogue::measure(quick)?;
         bar.inc(1);
-        let cases = cases::judge(quick)?;
+        let cases = judge::judge(quick)?;
         bar.finish_and_clear();
         Ok(Self {
             maps: found,

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{
-    catalogue::{Measured, cases::Judged},
+    catalogue::{Measured, judge::Judged},
     guard::Field,
     solids::Limit,
 };

@@ -1,12 +1,10 @@
-//! Scenes with a right value that once came out wrong: what they do now, and whether that is near enough.
+//! What a scene with a right value is, and what is read off its runs.
 
 use anyhow::Context;
-use rayon::prelude::*;
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use super::known;
 use crate::{
-    trial::{Outcome, SceneText, Trial},
+    trial::{Outcome, SceneText},
     validate::report::Gate,
 };
 
@@ -41,16 +39,6 @@ pub struct Reading {
     pub(super) read: fn(&[Outcome]) -> anyhow::Result<f64>,
 }
 
-/// What a case came to.
-pub struct Judged {
-    /// Which.
-    pub case: &'static Case,
-    /// Value of each of its readings.
-    pub values: Vec<f64>,
-    /// How to repeat its runs.
-    pub commands: Vec<String>,
-}
-
 impl Reading {
     /// Whether a value passes.
     pub fn admits(&self, value: f64) -> bool {
@@ -69,65 +57,6 @@ impl Reading {
             Gate::Between(low, high) => format!("{low} to {high}"),
         }
     }
-}
-
-impl Judged {
-    /// Figures with their readings.
-    pub fn figures(&self) -> impl Iterator<Item = (&'static Reading, f64)> + '_ {
-        self.case.readings.iter().zip(self.values.iter().copied())
-    }
-
-    /// As one line.
-    pub fn json(&self) -> Value {
-        let figure = |(reading, value): (&'static Reading, f64)| {
-            json!({
-                "quantity": reading.quantity, "value": value, "right": reading.right, "allowed": reading.allowed(),
-                "met": reading.admits(value),
-            })
-        };
-        json!({
-            "case": self.case.scene.path, "about": self.case.about, "commands": self.commands,
-            "figures": self.figures().map(figure).collect::<Vec<_>>(),
-        })
-    }
-}
-
-/// Runs all cases; the first two when it must be `quick`.
-///
-/// # Errors
-/// When one cannot be run.
-pub fn judge(quick: bool) -> anyhow::Result<Vec<Judged>> {
-    let count = if quick { 2 } else { usize::MAX };
-    let cases: Vec<&'static Case> = known::all().take(count).collect();
-    let run = |case: &'static Case| -> anyhow::Result<Judged> {
-        let trials: Vec<Trial> = (case.runs.iter())
-            .map(|settings| {
-                // One thread each: several run at the same time.
-                let trial = Trial::new(&case.scene, case.duration).option("--threads=1");
-                let trial = case
-                    .files
-                    .iter()
-                    .fold(trial, |trial, (name, text)| trial.beside(name, text));
-                settings
-                    .iter()
-                    .fold(trial, |trial, (key, value)| trial.set(key, value))
-            })
-            .collect();
-        let outcomes = trials
-            .par_iter()
-            .map(Trial::run)
-            .collect::<anyhow::Result<Vec<_>>>()?;
-        let values = case.readings.iter().map(|reading| {
-            (reading.read)(&outcomes)
-                .with_context(|| format!("{}: {}", case.scene.path, reading.quantity))
-        });
-        Ok(Judged {
-            case,
-            values: values.collect::<anyhow::Result<_>>()?,
-            commands: trials.iter().map(Trial::command).collect(),
-        })
-    };
-    cases.into_par_iter().map(run).collect()
 }
 
 /// All energy of a frame [J].
@@ -209,6 +138,7 @@ pub(super) fn apart(runs: &[Outcome]) -> anyhow::Result<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     #[test]
     fn a_rise_counts_from_the_least_before_it() -> anyhow::Result<()> {
@@ -224,13 +154,5 @@ mod tests {
         };
         assert_eq!(energy_rise(&run, 0.5)?, [2.0, 5.0]);
         Ok(())
-    }
-
-    #[test]
-    fn every_case_says_what_it_allows() {
-        for reading in known::all().flat_map(|case| case.readings) {
-            assert!(!reading.admits(f64::NAN), "{}", reading.quantity);
-            assert!(!reading.allowed().is_empty());
-        }
     }
 }

@@ -1,7 +1,8 @@
 //! How material-point methods fail: a minimal scene for each way, what contact methods and transfers do there.
 
-pub mod cases;
+mod cases;
 mod entries;
+pub mod judge;
 mod known;
 
 use anyhow::Context;
