@@ -245,13 +245,15 @@ fn material_text(o: &ObjectSummary, b: &BodySummary) -> String {
         return format!("{}: rho = {} kg/m^3", b.material, b.density_kg_m3);
     }
     let dt = b.dt.map(|dt| format!(", dt <= {dt:.3e} s"));
+    let loss = (b.loss > 0.0).then(|| format!(", loss {}", b.loss));
     format!(
-        "{} ({}): E = {:.3e} Pa, nu = {}, rho = {} kg/m^3, sound {:.2} m/s{}",
+        "{} ({}): E = {:.3e} Pa, nu = {}, rho = {} kg/m^3{}, sound {:.2} m/s{}",
         b.material,
         b.law,
         b.youngs_modulus_pa,
         b.poisson_ratio,
         b.density_kg_m3,
+        loss.unwrap_or_default(),
         b.sound_speed,
         dt.unwrap_or_default()
     )

@@ -87,6 +87,7 @@ struct Line<'a> {
     kinetic_energy: f64,
     elastic_energy: f64,
     potential_energy: f64,
+    lost_in_matter: f64,
     linear_momentum: [f64; 3],
     angular_momentum: [f64; 3],
     /// Absent for the reference solver, which has none.
@@ -342,6 +343,7 @@ fn line<'a>(
         kinetic_energy: report.kinetic_energy,
         elastic_energy: report.elastic_energy,
         potential_energy: report.potential_energy,
+        lost_in_matter: report.lost_in_matter,
         linear_momentum: report.linear_momentum,
         angular_momentum: report.angular_momentum,
         state_hash: (report.state_hash != 0).then(|| format!("{:016x}", report.state_hash)),

@@ -24,6 +24,7 @@ pub fn elastic(law: Law, youngs_modulus: f64, poisson_ratio: f64) -> Material {
         youngs_modulus,
         poisson_ratio,
         density: 1000.0,
+        loss: 0.0,
     }
 }
 

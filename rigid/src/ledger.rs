@@ -150,6 +150,8 @@ pub struct Ledger {
     pairs: BTreeMap<(ContactPartner, usize), Received>,
     /// Per object what springs gave it.
     springs: BTreeMap<usize, Given>,
+    /// Energy that matter lost as it vibrated [J].
+    pub lost: f64,
 }
 
 impl Ledger {
@@ -197,6 +199,7 @@ impl Ledger {
                 .map(|(key, received)| (*key, received.times(factor)))
                 .collect(),
             springs: BTreeMap::new(),
+            lost: 0.0,
         }
     }
 
@@ -208,6 +211,7 @@ impl Ledger {
         for (object, given) in &other.springs {
             self.add_spring(*object, given);
         }
+        self.lost += other.lost;
     }
 
     /// The pairs: of objects, then with colliders.

@@ -127,6 +127,8 @@ pub struct BodySummary {
     pub poisson_ratio: f64,
     /// Density [kg/m^3].
     pub density_kg_m3: f64,
+    /// Loss factor `tan delta`.
+    pub loss: f64,
     /// Speed of pressure waves [m/s].
     pub sound_speed: f64,
     /// What its substeps work on: particles, or quadrature points of a grid of its own; 0 of a rigid body, and of what is not yet there.
@@ -215,6 +217,7 @@ fn body_summary(scene: &Scene, object: &Object, cost: Option<&ObjectCost>) -> Op
         youngs_modulus_pa: m.youngs_modulus,
         poisson_ratio: m.poisson_ratio,
         density_kg_m3: m.density,
+        loss: m.loss,
         sound_speed: ((lambda + 2.0 * mu) / m.density).sqrt(),
         points: cost.map_or(0, |cost| cost.points),
         dt: cost.map(|cost| cost.dt),

@@ -258,8 +258,9 @@ fn material_from_wire(spec: &wire::MaterialSpec) -> Result<Material, WireError> 
         law,
         youngs_modulus: elastic(spec.youngs_modulus),
         poisson_ratio: elastic(spec.poisson_ratio),
-        // An edit keeps the object's mass, so its density is not read; any valid value will do.
+        // An edit keeps the object's mass and its loss factor, so these are not read; any valid values will do.
         density: 1.0,
+        loss: 0.0,
     })
 }
 

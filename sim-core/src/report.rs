@@ -27,6 +27,8 @@ pub struct StepReport {
     pub particle_updates_full: u64,
     /// Kinetic energy that objects lost in this frame because they are modelled with less [J].
     pub fidelity_loss: f64,
+    /// Energy that solids lost in this frame as their matter vibrates, by its loss factor [J].
+    pub lost_in_matter: f64,
     /// Work that springs did on the patches that they hold [J].
     pub spring_work: f64,
     /// Energy that edits brought into the world: what objects have after them less what they had [J].

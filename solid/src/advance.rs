@@ -2,6 +2,7 @@
 
 use super::{
     bonds::Walls,
+    dissipation::Dissipation,
     frequency::{Pressed, Vibrating},
     grip::{ContactWith, Grip},
     kernel::{Extremes, SolidLaw, Step, Tiles, substep},
@@ -59,6 +60,8 @@ pub struct Scratch {
     pub walls: Walls,
     /// How fast its motions are.
     pub(super) motions: Motions,
+    /// What its matter loses.
+    pub dissipation: Dissipation,
 }
 
 /// What acts on solids everywhere.
@@ -90,6 +93,7 @@ impl Scratch {
             search: Search::default(),
             walls: Walls::default(),
             motions: Motions::default(),
+            dissipation: Dissipation::default(),
         };
         scratch.hold_anew(model, vec![]);
         scratch
@@ -233,6 +237,7 @@ impl<'a> Solid<'a> {
     ) {
         remember(self.model, self.laws, &mut self.state.memory);
         self.measure_at_rest(outside.isa, surface);
+        self.find_first_mode();
         if self.state.tangent == 0.0 {
             // Nothing is known of it yet: a substep of no length looks.
             self.substep(outside, [0.0; 2], &Shares::NONE, false);
@@ -274,6 +279,7 @@ impl<'a> Solid<'a> {
         shares: &Shares,
         stands: bool,
     ) -> Extremes {
+        self.dissipate(kick, drift == 0.0);
         let keep = (-outside.damping * kick).exp();
         let (free, deformed) = (self.is_free(), self.deformed());
         if free {

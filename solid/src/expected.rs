@@ -31,7 +31,7 @@ pub fn expected(scene: &Scene, id: usize) -> Option<Expected> {
     let pieces = lattice.seeds(&seeds);
     let laws = object
         .materials()
-        .map(|material| law_of(material, material.density));
+        .map(|material| law_of(material, material));
     let stiffest = laws.map(|law| law.tangent_at_rest() / law.density);
     let squared = FASTEST * USUAL * stiffest.fold(0.0, f64::max) / scene.dx.powi(2);
     Some(Expected {

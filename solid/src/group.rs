@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::{
     advance::{Shares, Solid},
     depth::DepthField,
+    dissipation::Faces,
     ended::Ended,
     grip::{ContactWith, Grip},
     inverse::Start,
@@ -58,6 +59,11 @@ pub fn advance_group(
         let (given, begins) = (&mover.given, start == around.frame[0]);
         let surface = &mover.object.surface;
         let surface = (&surface.points[..], &surface.stiffness[..]);
+        let points = mover.faces.iter().flat_map(|face| face.points);
+        mover.solid.scratch.dissipation.begin(Faces {
+            places: points.map(|&p| surface.0[p].x).collect(),
+            velocity: mover.faces.first().map(|face| face.velocity),
+        });
         mover.solid.begin(outside, surface, begins, |n| given[n]);
         if (meets || !mover.colliders.is_empty()) && !mover.solid.scratch.search.has_begun {
             mover.solid.expect_contact();
@@ -115,6 +121,7 @@ pub fn advance_group(
         for spring in &mover.springs {
             ledger.add_spring(mover.id, &spring.given);
         }
+        ledger.lost += mover.solid.scratch.dissipation.lost;
     }
     Ok(passed)
 }

@@ -259,6 +259,12 @@ impl SolidModel {
         (0..self.mass.len()).filter(has_matter)
     }
 
+    /// A rest position [m] along the axes of the grid [cells], from the node (0, 0, 0).
+    pub fn in_cells(&self, x: [f64; 3]) -> [f64; 3] {
+        let x = self.lattice.place(x);
+        std::array::from_fn(|a| (x[a] - self.origin[a]) / self.dx)
+    }
+
     /// A rest position [m] in cells, and the cell that it is in.
     #[inline(always)]
     fn cell_of(&self, x: [f64; 3]) -> ([f64; 3], [i32; 3]) {

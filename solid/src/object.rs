@@ -297,12 +297,13 @@ pub(super) fn seeds(scene: &Scene, object: &Object) -> Vec<Seed> {
         .collect()
 }
 
-/// The numbers of a material's law for matter of a density [kg/m^3].
-pub fn law_of(material: &Material, density: f64) -> SolidLaw {
+/// The numbers of a material's law for matter of the density [kg/m^3] and the loss factor of `at_rest`, which edits leave as they are.
+pub fn law_of(material: &Material, at_rest: &Material) -> SolidLaw {
     SolidLaw {
         law: material.law,
         lambda: material.lambda(),
         mu: material.mu(),
-        density,
+        density: at_rest.density,
+        loss: at_rest.loss,
     }
 }

@@ -58,6 +58,7 @@ impl VibratingBlock {
             lambda: material.lambda(),
             mu: material.mu(),
             density: material.density,
+            loss: 0.0,
         };
         let mut nodes = vec![NodeBlock::REST; model.node_blocks.len()];
         let wave = std::f64::consts::TAU / edge as f64;
@@ -138,6 +139,7 @@ mod tests {
                 youngs_modulus: 5e5,
                 poisson_ratio: 0.3,
                 density: 1000.0,
+                loss: 0.0,
             };
             for cut in [0.0, 0.5, 1.0] {
                 let mut block = VibratingBlock::new(Isa::detect(), &material, 5, cut);

@@ -74,6 +74,7 @@ pub fn material(name: &str) -> Option<Material> {
         youngs_modulus,
         poisson_ratio,
         density,
+        loss: 0.0,
     })
 }
 

@@ -34,6 +34,7 @@ pub fn solid(law: Law, poisson_ratio: f64) -> Material {
         youngs_modulus: 1e5,
         poisson_ratio,
         density: 1000.0,
+        loss: 0.0,
     }
 }
 

@@ -87,6 +87,7 @@ fn scene(awake: usize) -> Scene {
         youngs_modulus: 3e4,
         poisson_ratio: 0.3,
         density: 1000.0,
+        loss: 0.0,
     };
     let (h, count) = (0.025, EDGE.pow(3));
     for object in 0..OBJECTS {

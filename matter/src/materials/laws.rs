@@ -205,6 +205,7 @@ impl Material {
     /// The first number outside its range.
     pub fn check(&self) -> Result<(), OutOfRange> {
         within("density", self.density, 1e-6, 1e9)?;
+        within("loss", self.loss, 0.0, 1.0)?;
         if self.law.is_elastic() {
             within("youngs_modulus", self.youngs_modulus, 1e-6, 1e15)?;
             within("poisson_ratio", self.poisson_ratio, 0.0, 0.4999)?;
@@ -332,6 +333,7 @@ mod tests {
             youngs_modulus,
             poisson_ratio: 0.3,
             density: 1000.0,
+            loss: 0.0,
         };
         let plasticine = |softening| Law::Plasticine {
             yield_stress: 1e4,

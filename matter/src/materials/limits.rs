@@ -137,6 +137,7 @@ mod tests {
                 youngs_modulus: if elastic { 1e6 } else { 0.0 },
                 poisson_ratio: if elastic { 0.3 } else { 0.0 },
                 density: RHO0,
+                loss: 0.0,
             };
             Self {
                 k: Coefficients::new(&material),

@@ -41,6 +41,9 @@ pub struct Material {
     pub poisson_ratio: f64,
     /// Density at rest [kg/m^3], > 0.
     pub density: f64,
+    /// Loss factor `tan delta` of its vibration, 0..=1: the energy lost per radian over the largest elastic energy.
+    #[serde(default)]
+    pub loss: f64,
 }
 
 /// Constitutive laws, with what they need besides Lamé's parameters.

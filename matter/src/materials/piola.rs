@@ -266,6 +266,7 @@ mod tests {
                 youngs_modulus: 1e6,
                 poisson_ratio: 0.3,
                 density: 1000.0,
+                loss: 0.0,
             };
             let k = Coefficients::new(&material);
             for _ in 0..20 {

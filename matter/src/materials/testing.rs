@@ -14,6 +14,7 @@ pub fn prepared(law: Law, e: f64, nu: f64) -> Coefficients<f64> {
         youngs_modulus: e,
         poisson_ratio: nu,
         density: 1000.0,
+        loss: 0.0,
     })
 }
 

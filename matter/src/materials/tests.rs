@@ -26,6 +26,7 @@ fn material(law: Law) -> Material {
         youngs_modulus: E,
         poisson_ratio: NU,
         density: 1000.0,
+        loss: 0.0,
     }
 }
 

@@ -20,6 +20,7 @@ fn law(law: Law) -> SolidLaw {
         lambda: k.lambda,
         mu: k.mu,
         density: DENSITY,
+        loss: 0.0,
     }
 }
 

@@ -6,6 +6,9 @@
 //! - E: no single source: an estimate within the range in which measurements of the class scatter.
 //! - G: L. J. Gibson & M. F. Ashby, *Cellular Solids*, 2nd ed. (cork, foams; Poisson's ratio near 0 in cork,
 //!   near 0.3 in foams).
+//! - L: loss factors of all, orders of magnitude at 10 Hz to 1 kHz: L. Cremer, M. Heckl, *Structure-Borne Sound*, 2nd ed. 1988, table
+//!   3.1 (metals up to 0.001, glass 0.001, brick and wood 0.01, cork 0.15); R. S. Lakes, *Viscoelastic Materials*, 2009 (polymers and
+//!   rubber 0.1); K for foams of soap; E for gels, clays and pastes.
 //! - K: H. Komatsu, H. Yamada, S. Fukushima 1978, J. Soc. Cosmet. Chem. 29, 237 (soap foams: shear modulus 50 to 85 Pa,
 //!   loss tangent 0.3).
 //! - M: A. Z. Markidou, W. Y. Shih, W.-H. Shih 2005, Rev. Sci. Instrum. 76, 064302 (gelatine gels, some kPa to some tens of kPa).
@@ -39,6 +42,8 @@ pub struct Preset {
     pub poisson_ratio: f64,
     /// Density [kg/m^3].
     pub density: f64,
+    /// Loss factor `tan delta`; 0 where the law has no vibration.
+    pub loss: f64,
     /// Where the numbers are from, as letters of [`SOURCES`], and which of the class they are.
     pub source: &'static str,
 }
@@ -82,7 +87,7 @@ pub const SOURCES: &[(char, &str)] = &[
 const fn preset(
     name: &'static str,
     law: Law,
-    [e, nu, rho]: [f64; 3],
+    [e, nu, rho, loss]: [f64; 4],
     source: &'static str,
 ) -> Preset {
     Preset {
@@ -91,6 +96,7 @@ const fn preset(
         youngs_modulus: e,
         poisson_ratio: nu,
         density: rho,
+        loss,
         source,
     }
 }
@@ -140,116 +146,116 @@ const PLASTICINE: Law = Law::Plasticine {
 
 /// Every preset: elastic ones, soft ones first, then those that flow.
 pub const PRESETS: &[Preset] = &[
-    preset("jelly", Law::NeoHookean, [1.0e4, 0.45, 1020.0], "M"),
-    preset("soft_rubber", Law::NeoHookean, [1.0e5, 0.48, 1070.0], "S"),
+    preset("jelly", Law::NeoHookean, [1.0e4, 0.45, 1020.0, 0.1], "M"),
+    preset("soft_rubber", Law::NeoHookean, [1.0e5, 0.48, 1070.0, 0.1], "S"),
     preset(
         "foam",
         Law::FixedCorotated,
-        [1.0e6, 0.3, 60.0],
+        [1.0e6, 0.3, 60.0, 0.15],
         "A, G: flexible polymer foam",
     ),
     preset(
         "rubber",
         Law::NeoHookean,
-        [2.0e6, 0.48, 925.0],
+        [2.0e6, 0.48, 925.0, 0.1],
         "A: natural rubber",
     ),
-    preset("cork", Law::FixedCorotated, [3.0e7, 0.05, 180.0], "A, G"),
-    preset("leather", Law::FixedCorotated, [3.0e8, 0.4, 930.0], "A"),
+    preset("cork", Law::FixedCorotated, [3.0e7, 0.05, 180.0, 0.15], "A, G"),
+    preset("leather", Law::FixedCorotated, [3.0e8, 0.4, 930.0, 0.1], "A"),
     preset(
         "polyethylene",
         Law::FixedCorotated,
-        [7.5e8, 0.42, 950.0],
+        [7.5e8, 0.42, 950.0, 0.1],
         "A",
     ),
     preset(
         "wood",
         Law::FixedCorotated,
-        [1.0e9, 0.3, 700.0],
+        [1.0e9, 0.3, 700.0, 0.01],
         "A: across the grain, taken as isotropic",
     ),
-    preset("brick", Law::FixedCorotated, [2.0e10, 0.2, 1900.0], "A"),
-    preset("concrete", Law::FixedCorotated, [3.0e10, 0.2, 2400.0], "A"),
+    preset("brick", Law::FixedCorotated, [2.0e10, 0.2, 1900.0, 0.01], "A"),
+    preset("concrete", Law::FixedCorotated, [3.0e10, 0.2, 2400.0, 0.01], "A"),
     preset(
         "glass",
         Law::FixedCorotated,
-        [7.0e10, 0.23, 2465.0],
+        [7.0e10, 0.23, 2465.0, 0.001],
         "A: soda-lime",
     ),
     preset(
         "ceramic",
         Law::FixedCorotated,
-        [7.0e10, 0.2, 2400.0],
+        [7.0e10, 0.2, 2400.0, 0.001],
         "R: hard porcelain",
     ),
     preset(
         "aluminium",
         metal(2.76e8, 5.0e8),
-        [7.0e10, 0.33, 2700.0],
+        [7.0e10, 0.33, 2700.0, 0.001],
         "A, T: 6061-T6",
     ),
     preset(
         "steel",
         metal(2.5e8, 1.0e9),
-        [2.1e11, 0.29, 7850.0],
+        [2.1e11, 0.29, 7850.0, 0.001],
         "A, T: structural",
     ),
     preset(
         "clay",
         metal(4.0e4, 0.0),
-        [5.0e6, 0.45, 1800.0],
+        [5.0e6, 0.45, 1800.0, 0.1],
         "D: medium, undrained shear strength 23 kPa",
     ),
-    preset("plasticine", PLASTICINE, [5.0e6, 0.4, 1800.0], "E"),
+    preset("plasticine", PLASTICINE, [5.0e6, 0.4, 1800.0, 0.2], "E"),
     preset(
         "dry_sand",
         sand(32.0, 0.0),
-        [2.0e6, 0.3, 1600.0],
+        [2.0e6, 0.3, 1600.0, 0.0],
         "D: loose, in a heap",
     ),
     preset(
         "wet_sand",
         sand(34.0, 1.5e3),
-        [2.0e6, 0.3, 1800.0],
+        [2.0e6, 0.3, 1800.0, 0.0],
         "D, in a heap; cohesion E: capillary, about 1 kPa",
     ),
     preset(
         "fresh_snow",
         snow(0.019, 0.005, 5.0),
-        [4.8e4, 0.2, 120.0],
+        [4.8e4, 0.2, 120.0, 0.0],
         "Y",
     ),
     preset(
         "packed_snow",
         snow(0.025, 0.0075, 10.0),
-        [1.4e5, 0.2, 400.0],
+        [1.4e5, 0.2, 400.0, 0.0],
         "Y",
     ),
     preset(
         "shaving_foam",
         paste(35.0, 5.0, 0.4),
-        [450.0, 0.45, 80.0],
+        [450.0, 0.45, 80.0, 0.3],
         "K, E: stiffer than soap foam",
     ),
     preset(
         "toothpaste",
         paste(300.0, 50.0, 0.4),
-        [6.0e3, 0.45, 1300.0],
+        [6.0e3, 0.45, 1300.0, 0.3],
         "E",
     ),
     preset(
         "water",
         fluid(1.0e-3),
-        [0.0, 0.0, 998.0],
+        [0.0, 0.0, 998.0, 0.0],
         "tables, at 20 degrees C",
     ),
     preset(
         "honey",
         fluid(10.0),
-        [0.0, 0.0, 1420.0],
+        [0.0, 0.0, 1420.0, 0.0],
         "E: viscosity 2 to 20 Pa s with water and warmth",
     ),
-    preset("rigid", Law::Rigid, [0.0, 0.0, 1000.0], "density of water"),
+    preset("rigid", Law::Rigid, [0.0, 0.0, 1000.0, 0.0], "density of water"),
 ];
 
 /// No preset has this name.
@@ -287,6 +293,7 @@ pub fn find(name: &str) -> Result<Material, UnknownPreset> {
             youngs_modulus: preset.youngs_modulus,
             poisson_ratio: preset.poisson_ratio,
             density: preset.density,
+            loss: preset.loss,
         });
     }
     let wanted = name.to_lowercase().replace(['-', ' '], "_");

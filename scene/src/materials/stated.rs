@@ -111,7 +111,8 @@ pub fn material<'a>(
         })?,
         youngs_modulus: moduli.first().copied().unwrap_or(0.0),
         poisson_ratio: moduli.get(1).copied().unwrap_or(0.0),
-        density: base.map_or(1000.0, |base| base.density),
+        density: base.as_ref().map_or(1000.0, |base| base.density),
+        loss: base.map_or(0.0, |base| base.loss),
     };
     material.check()?;
     Ok(material)

@@ -37,3 +37,4 @@ pub(super) const RATE: Bounds = bounds(-1e4, 1e4, "1/s");
 pub(super) const YOUNGS_MODULUS: Bounds = bounds(1e-3, 1e13, "Pa");
 pub(super) const POISSON_RATIO: Bounds = bounds(0.0, 0.4999, "");
 pub(super) const DENSITY: Bounds = bounds(1e-3, 1e6, "kg/m^3");
+pub(super) const LOSS: Bounds = bounds(0.0, 1.0, "");

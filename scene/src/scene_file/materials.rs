@@ -74,6 +74,7 @@ pub(super) fn from_entry(
         Some((entry.number(bounds)?, entry.at))
     };
     let density = number("density_kg_m3", l::DENSITY, free && law.is_some());
+    let loss = number("loss", l::LOSS, false);
     let mut youngs_modulus = None;
     let mut poisson_ratio = None;
     if elastic {
@@ -108,6 +109,7 @@ pub(super) fn from_entry(
         density: density
             .map(|x| x.0)
             .or(base.as_ref().map(|base| base.density))?,
+        loss: loss.map(|x| x.0).or(base.map(|base| base.loss)).unwrap_or(0.0),
     };
     if let Err(found) = material.check() {
         entry.error(found.to_string());

@@ -183,6 +183,7 @@ fn static_material() -> Material {
         youngs_modulus: 1e6,
         poisson_ratio: 0.3,
         density: 1000.0,
+        loss: 0.0,
     }
 }
 

@@ -150,6 +150,9 @@ pub fn material_text(material: &Material) -> String {
         );
     }
     let _ = writeln!(text, "density_kg_m3 = {:?}", material.density);
+    if material.loss > 0.0 {
+        let _ = writeln!(text, "loss = {:?}", material.loss);
+    }
     for (parameter, value) in law.parameters.iter().zip(material.law.parameters()) {
         let _ = writeln!(text, "{} = {value:?}", parameter.key);
     }

@@ -32,6 +32,7 @@ fn material(law: Law) -> Material {
         youngs_modulus: elastic,
         poisson_ratio: if law.is_rigid() { 0.0 } else { 0.3 },
         density: 1000.0,
+        loss: 0.0,
     }
 }
 

@@ -81,6 +81,7 @@ fn rubber() -> Material {
         youngs_modulus: 1e6,
         poisson_ratio: 0.3,
         density: 1000.0,
+        loss: 0.0,
     }
 }
 

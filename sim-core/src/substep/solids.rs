@@ -258,7 +258,7 @@ impl Solids<'_> {
 pub(crate) fn laws_of(given: &Given<'_>, object: usize) -> Vec<SolidLaw> {
     let parts = given.model.parts.iter().zip(&given.commanded.materials);
     let own = parts.filter(|(part, _)| part.object == object);
-    own.map(|(part, material)| law_of(material, part.material.density))
+    own.map(|(part, material)| law_of(material, &part.material))
         .collect()
 }
 

@@ -42,6 +42,7 @@ impl World {
             report.objects.push(state);
         }
         let ledgers = [&self.state.in_contact.ledger, &self.state.bodies.ledger];
+        report.lost_in_matter = ledgers.iter().map(|ledger| ledger.lost).sum();
         let springs = ledgers.into_iter().flat_map(|ledger| ledger.springs());
         report.spring_work = springs.map(|(_, given)| given.work).sum();
         [report.edit_energy, report.edit_mass] = self.workspace.edited;

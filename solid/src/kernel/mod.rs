@@ -50,6 +50,8 @@ pub struct SolidLaw {
     pub mu: f64,
     /// Mass per rest volume [kg/m^3].
     pub density: f64,
+    /// Loss factor `tan delta`, 0..=1.
+    pub loss: f64,
 }
 
 impl SolidLaw {

@@ -2,6 +2,7 @@
 
 mod bars;
 mod flow;
+mod losses;
 mod lattices;
 mod motion;
 
@@ -68,12 +69,14 @@ pub(super) fn law(law: Law, youngs_modulus: f64, poisson_ratio: f64, density: f6
         youngs_modulus,
         poisson_ratio,
         density,
+        loss: 0.0,
     });
     SolidLaw {
         law,
         lambda: k.lambda,
         mu: k.mu,
         density,
+        loss: 0.0,
     }
 }
 

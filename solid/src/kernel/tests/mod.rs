@@ -29,6 +29,7 @@ fn solid_law(law: Law) -> SolidLaw {
         lambda: LAMBDA,
         mu: MU,
         density: DENSITY,
+        loss: 0.0,
     }
 }
 
