@@ -69,15 +69,16 @@ impl Dissipation {
     pub(super) fn hold(&mut self, model: &SolidModel, conditions: &Conditions) {
         self.mass.clear();
         let share = |mass: f64| (mass / model.total_mass) as f32;
-        self.mass.extend(conditions.w.iter().enumerate().map(|(block, w)| {
-            std::array::from_fn(|x| {
-                F32x16(std::array::from_fn(|lane| {
-                    let moves = w[x].0[lane] > 0.0;
-                    let mass = model.mass[slot(block, [x, lane])];
-                    if moves { share(mass) } else { 0.0 }
-                }))
-            })
-        }));
+        self.mass
+            .extend(conditions.w.iter().enumerate().map(|(block, w)| {
+                std::array::from_fn(|x| {
+                    F32x16(std::array::from_fn(|lane| {
+                        let moves = w[x].0[lane] > 0.0;
+                        let mass = model.mass[slot(block, [x, lane])];
+                        if moves { share(mass) } else { 0.0 }
+                    }))
+                })
+            }));
     }
 
     fn place_nodes(&mut self, model: &SolidModel) {

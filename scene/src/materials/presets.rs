@@ -147,7 +147,12 @@ const PLASTICINE: Law = Law::Plasticine {
 /// Every preset: elastic ones, soft ones first, then those that flow.
 pub const PRESETS: &[Preset] = &[
     preset("jelly", Law::NeoHookean, [1.0e4, 0.45, 1020.0, 0.1], "M"),
-    preset("soft_rubber", Law::NeoHookean, [1.0e5, 0.48, 1070.0, 0.1], "S"),
+    preset(
+        "soft_rubber",
+        Law::NeoHookean,
+        [1.0e5, 0.48, 1070.0, 0.1],
+        "S",
+    ),
     preset(
         "foam",
         Law::FixedCorotated,
@@ -160,8 +165,18 @@ pub const PRESETS: &[Preset] = &[
         [2.0e6, 0.48, 925.0, 0.1],
         "A: natural rubber",
     ),
-    preset("cork", Law::FixedCorotated, [3.0e7, 0.05, 180.0, 0.15], "A, G"),
-    preset("leather", Law::FixedCorotated, [3.0e8, 0.4, 930.0, 0.1], "A"),
+    preset(
+        "cork",
+        Law::FixedCorotated,
+        [3.0e7, 0.05, 180.0, 0.15],
+        "A, G",
+    ),
+    preset(
+        "leather",
+        Law::FixedCorotated,
+        [3.0e8, 0.4, 930.0, 0.1],
+        "A",
+    ),
     preset(
         "polyethylene",
         Law::FixedCorotated,
@@ -174,8 +189,18 @@ pub const PRESETS: &[Preset] = &[
         [1.0e9, 0.3, 700.0, 0.01],
         "A: across the grain, taken as isotropic",
     ),
-    preset("brick", Law::FixedCorotated, [2.0e10, 0.2, 1900.0, 0.01], "A"),
-    preset("concrete", Law::FixedCorotated, [3.0e10, 0.2, 2400.0, 0.01], "A"),
+    preset(
+        "brick",
+        Law::FixedCorotated,
+        [2.0e10, 0.2, 1900.0, 0.01],
+        "A",
+    ),
+    preset(
+        "concrete",
+        Law::FixedCorotated,
+        [3.0e10, 0.2, 2400.0, 0.01],
+        "A",
+    ),
     preset(
         "glass",
         Law::FixedCorotated,
@@ -255,7 +280,12 @@ pub const PRESETS: &[Preset] = &[
         [0.0, 0.0, 1420.0, 0.0],
         "E: viscosity 2 to 20 Pa s with water and warmth",
     ),
-    preset("rigid", Law::Rigid, [0.0, 0.0, 1000.0, 0.0], "density of water"),
+    preset(
+        "rigid",
+        Law::Rigid,
+        [0.0, 0.0, 1000.0, 0.0],
+        "density of water",
+    ),
 ];
 
 /// No preset has this name.

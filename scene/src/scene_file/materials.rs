@@ -109,7 +109,10 @@ pub(super) fn from_entry(
         density: density
             .map(|x| x.0)
             .or(base.as_ref().map(|base| base.density))?,
-        loss: loss.map(|x| x.0).or(base.map(|base| base.loss)).unwrap_or(0.0),
+        loss: loss
+            .map(|x| x.0)
+            .or(base.map(|base| base.loss))
+            .unwrap_or(0.0),
     };
     if let Err(found) = material.check() {
         entry.error(found.to_string());

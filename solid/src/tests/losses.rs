@@ -1,11 +1,7 @@
 //! What matter loses: the decrement of first modes, rigid motion, and the account of energy.
 
-use super::{DENSITY, Owned, Seed, lattice, law, nodes_where};
-use crate::{
-    first_mode::FirstMode,
-    mat3::cross,
-    materials::Law,
-};
+use super::{DENSITY, Owned, lattice, law, nodes_where};
+use crate::{first_mode::FirstMode, mat3::cross, materials::Law};
 
 const LOSS: f64 = 0.05;
 
@@ -52,7 +48,10 @@ fn ring(bar: &mut Owned, omega: f64, w: impl Fn(f64) -> f64) -> (f64, f64) {
     let (first, last) = (peaks[0], peaks[peaks.len() - 1]);
     let count = (peaks.len() - 1) as f64;
     let period = step * (last.0 - first.0) / count;
-    (std::f64::consts::TAU / period, (first.1 / last.1).ln() / count)
+    (
+        std::f64::consts::TAU / period,
+        (first.1 / last.1).ln() / count,
+    )
 }
 
 /// Euler's shape of the first mode of a free bar over its length.
@@ -83,18 +82,36 @@ fn first_modes_shrink_by_pi_times_the_loss_factor() {
         let (_, beta) = free_shape(0.0);
         let (omega, decrement) = ring(&mut free, euler(beta, length), |x| free_shape(x / length).0);
         let found = FirstMode::new(&free.model, &free.laws, &[], [].into_iter());
-        println!("free {cells} {slenderness}: {} {} {}", found.omega / omega, decrement / asked, found.loss);
+        println!(
+            "free {cells} {slenderness}: {} {} {}",
+            found.omega / omega,
+            decrement / asked,
+            found.loss
+        );
         let mut clamped = bar(cells, slenderness);
         let dx = clamped.model.dx;
         let held = nodes_where(&clamped.model, |x| x[0] < 0.6 * dx);
         clamped.scratch.hold(&clamped.model, held.clone());
         let (_, beta) = clamped_shape(0.0);
-        let (omega2, decrement2) = ring(&mut clamped, euler(beta, length), |x| clamped_shape(x / length).0);
+        let (omega2, decrement2) = ring(&mut clamped, euler(beta, length), |x| {
+            clamped_shape(x / length).0
+        });
         let found2 = FirstMode::new(&clamped.model, &clamped.laws, &held, [].into_iter());
-        println!("clamped {cells} {slenderness}: {} {}", found2.omega / omega2, decrement2 / asked);
+        println!(
+            "clamped {cells} {slenderness}: {} {}",
+            found2.omega / omega2,
+            decrement2 / asked
+        );
         for (found, omega, decrement) in [(found, omega, decrement), (found2, omega2, decrement2)] {
-            assert!((found.omega / omega - 1.0).abs() < 0.02, "{} {omega}", found.omega);
-            assert!((decrement / asked - 1.0).abs() < 0.03, "{decrement} {asked}");
+            assert!(
+                (found.omega / omega - 1.0).abs() < 0.02,
+                "{} {omega}",
+                found.omega
+            );
+            assert!(
+                (decrement / asked - 1.0).abs() < 0.03,
+                "{decrement} {asked}"
+            );
         }
     }
 }
@@ -136,7 +153,11 @@ fn what_is_lost_is_booked() {
     let mut bar = bar(4, 4);
     bar.state.change_velocities(&bar.model, |slot, _| {
         let x = bar.model.node_in_world(slot);
-        [0.05 * (x[0] - 0.2), 0.2 * (x[0] - 0.2).powi(2), -0.1 * x[0] * x[1]]
+        [
+            0.05 * (x[0] - 0.2),
+            0.2 * (x[0] - 0.2).powi(2),
+            -0.1 * x[0] * x[1],
+        ]
     });
     let rigid = crate::wholes::motion_of(&bar.state, &bar.model).expect("extent");
     let before = bar.sums();
@@ -147,9 +168,14 @@ fn what_is_lost_is_booked() {
         bar.scratch.dissipation.lost = 0.0;
     }
     let after = bar.sums();
-    let vibration = before.kinetic - 0.5 * rigid.mass * crate::mat3::dot(rigid.velocity, rigid.velocity);
+    let vibration =
+        before.kinetic - 0.5 * rigid.mass * crate::mat3::dot(rigid.velocity, rigid.velocity);
     let gap = before.kinetic - (after.kinetic + after.elastic + lost);
     println!("{vibration} {lost} {gap}");
     assert!(lost > 0.5 * rigid.vibration, "{lost} {}", rigid.vibration);
-    assert!(gap.abs() < 0.005 * rigid.vibration, "{gap} {}", rigid.vibration);
+    assert!(
+        gap.abs() < 0.005 * rigid.vibration,
+        "{gap} {}",
+        rigid.vibration
+    );
 }

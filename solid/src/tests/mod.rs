@@ -2,8 +2,8 @@
 
 mod bars;
 mod flow;
-mod losses;
 mod lattices;
+mod losses;
 mod motion;
 
 use super::{

@@ -14,6 +14,7 @@ mod holding;
 mod inside;
 mod interrupted;
 mod laws;
+mod losses;
 mod materials;
 mod pace;
 mod paint;
