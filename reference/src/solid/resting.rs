@@ -26,7 +26,7 @@ impl RestingSolid {
         scene.objects[0].solver = Solver::Lagrangian;
         let object = SolidObject::new(&scene, 0)?;
         let material = &scene.objects[0].material;
-        let law = law_of(material, material.density);
+        let law = law_of(material, material);
         Some(Self {
             oracle: ReferenceSolid::new(&object.grid, law),
             dx: scene.dx,
