@@ -2,7 +2,7 @@
 
 use super::{
     bonds::Walls,
-    dissipation::Dissipation,
+    dissipation::{Dissipation, Vibration},
     frequency::{Pressed, Vibrating},
     grip::{ContactWith, Grip},
     kernel::{Extremes, SolidLaw, Step, Tiles, substep},
@@ -237,7 +237,13 @@ impl<'a> Solid<'a> {
     ) {
         remember(self.model, self.laws, &mut self.state.memory);
         self.measure_at_rest(outside.isa, surface);
-        self.find_first_mode();
+        let Scratch {
+            dissipation,
+            held,
+            conditions,
+            ..
+        } = &mut *self.scratch;
+        dissipation.find_first_mode(self.model, self.laws, (held, conditions));
         if self.state.tangent == 0.0 {
             // Nothing is known of it yet: a substep of no length looks.
             self.substep(outside, [0.0; 2], &Shares::NONE, false);
@@ -268,6 +274,17 @@ impl<'a> Solid<'a> {
             let v = given(n).map(|v| (v / self.model.dx) as f32);
             write(&mut self.state.nodes[slot / NODES].v, slot, v);
         }
+    }
+
+    /// Lets velocities decay as matter vibrates, after `kick` [s] more; whatever has not yet decayed does where a span `ends`.
+    fn dissipate(&mut self, kick: f64, ends: bool) {
+        let mut vibration = Vibration {
+            model: self.model,
+            state: self.state,
+            held: &self.scratch.held,
+        };
+        let dissipation = &mut self.scratch.dissipation;
+        dissipation.act(&mut vibration, kick, ends);
     }
 
     /// Takes a substep in which forces act for `kick` [s], and nodes move for `drift` [s] after that. What `stands` has not moved since

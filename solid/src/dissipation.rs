@@ -7,11 +7,11 @@
 use rayon::prelude::*;
 
 use super::{
-    advance::Solid,
     first_mode::FirstMode,
     kernel::SolidLaw,
     model::SolidModel,
     nodes::{Conditions, NODES, NodeBlock, Planes, read, slot},
+    state::SolidState,
 };
 use crate::{
     motion::{RigidMotion, SUMS, add_to_sums},
@@ -66,7 +66,7 @@ impl Dissipation {
     }
 
     /// Takes note of nodes that are held now.
-    pub(super) fn hold(&mut self, model: &SolidModel, conditions: &Conditions) {
+    fn hold(&mut self, model: &SolidModel, conditions: &Conditions) {
         self.mass.clear();
         let share = |mass: f64| (mass / model.total_mass) as f32;
         self.mass
@@ -175,69 +175,74 @@ fn decay(
     squares.into_iter().map(f64::from).sum()
 }
 
-impl Solid<'_> {
+/// A solid whose velocities may decay.
+pub(super) struct Vibration<'a> {
+    pub model: &'a SolidModel,
+    pub state: &'a mut SolidState,
+    /// Nodes that are held.
+    pub held: &'a [usize],
+}
+
+impl Dissipation {
     /// Finds the first mode, if that is not known for what holds the solid, and matter loses anything.
-    pub(super) fn find_first_mode(&mut self) {
-        let own = &mut self.scratch.dissipation;
+    pub(super) fn find_first_mode(
+        &mut self,
+        model: &SolidModel,
+        laws: &[SolidLaw],
+        (held, conditions): (&[usize], &Conditions),
+    ) {
         let clamped = Clamped {
-            laws: self.laws.to_vec(),
-            held: self.scratch.held.clone(),
-            places: own.faces.places.clone(),
+            laws: laws.to_vec(),
+            held: held.to_vec(),
+            places: self.faces.places.clone(),
         };
-        if own.known.as_ref().is_some_and(|known| known.0 == clamped) {
+        if self.known.as_ref().is_some_and(|known| known.0 == clamped) {
             return;
         }
         let mut mode = FirstMode::default();
-        if self.laws.iter().any(|law| law.loss > 0.0) {
-            let places = clamped.places.iter().copied();
-            mode = FirstMode::new(self.model, self.laws, &clamped.held, places);
-            own.place_nodes(self.model);
-            own.hold(self.model, &self.scratch.conditions);
+        if laws.iter().any(|law| law.loss > 0.0) {
+            mode = FirstMode::new(model, laws, held, clamped.places.iter().copied());
+            self.place_nodes(model);
+            self.hold(model, conditions);
         }
-        own.known = Some((clamped, mode));
+        self.known = Some((clamped, mode));
     }
 
     /// Lets velocities decay after `kick` [s] more, if it is time to or a span `ends`.
-    pub(super) fn dissipate(&mut self, kick: f64, ends: bool) {
-        let own = &mut self.scratch.dissipation;
-        let FirstMode { omega, loss } = own.mode();
+    pub(super) fn act(&mut self, of: &mut Vibration<'_>, kick: f64, ends: bool) {
+        let FirstMode { omega, loss } = self.mode();
         if omega * loss == 0.0 {
             return;
         }
-        own.elapsed += kick;
-        if omega * own.elapsed < PHASE && !ends || own.elapsed == 0.0 {
+        self.elapsed += kick;
+        if omega * self.elapsed < PHASE && !ends || self.elapsed == 0.0 {
             return;
         }
-        let keep = (-omega * loss * std::mem::take(&mut own.elapsed)).exp();
-        let motion = self.reference_motion();
-        let Dissipation {
-            mass, rest, lost, ..
-        } = &mut self.scratch.dissipation;
-        let blocks = self.state.nodes.par_iter_mut().zip(&*mass).zip(&*rest);
+        let keep = (-omega * loss * std::mem::take(&mut self.elapsed)).exp();
+        let motion = self.reference_motion(of);
+        let Self { mass, rest, .. } = &*self;
+        let blocks = of.state.nodes.par_iter_mut().zip(mass).zip(rest);
         let taken = (1.0 - keep) as f32;
         let squares: Vec<f64> = blocks
             .with_min_len(TASK)
             .map(|((node, mass), rest)| decay(node, (mass, rest), &motion, taken))
             .collect();
         let squares: f64 = squares.into_iter().sum();
-        let kinetic = 0.5 * self.model.total_mass * self.model.dx.powi(2) * squares;
-        *lost += (1.0 - keep * keep) * kinetic;
+        let kinetic = 0.5 * of.model.total_mass * of.model.dx.powi(2) * squares;
+        self.lost += (1.0 - keep * keep) * kinetic;
     }
 
     /// The motion that nothing is lost in, in cells and about the middle of the solid: its own rigid one, or that of what is held.
-    fn reference_motion(&self) -> RigidMotion {
-        let Dissipation {
-            mass, rest, faces, ..
-        } = &self.scratch.dissipation;
-        let (dx, frame) = (self.model.dx, self.state.velocity);
-        if !self.is_free() {
-            return self.held_motion();
+    fn reference_motion(&self, of: &Vibration<'_>) -> RigidMotion {
+        if !of.held.is_empty() {
+            return self.held_motion(of);
         }
-        if let Some(velocity) = faces.velocity {
+        if let Some(velocity) = self.faces.velocity {
+            let (dx, frame) = (of.model.dx, of.state.velocity);
             let velocity = std::array::from_fn(|a| (velocity[a] - frame[a]) / dx);
             return RigidMotion::of_wall([0.0; 3], velocity);
         }
-        let blocks = self.state.nodes.par_iter().zip(mass).zip(rest);
+        let blocks = of.state.nodes.par_iter().zip(&self.mass).zip(&self.rest);
         let sums: Vec<[f64; SUMS]> = blocks
             .with_min_len(TASK)
             .map(|((node, mass), rest)| sums_of(node, mass, rest))
@@ -254,22 +259,18 @@ impl Solid<'_> {
     }
 
     /// Motion of the held nodes.
-    fn held_motion(&self) -> RigidMotion {
-        let held = &self.scratch.held;
-        let velocity = |n: usize| {
-            let v = read(&self.state.nodes[n / NODES].v, n);
-            v.map(f64::from)
-        };
-        let first = velocity(held[0]);
-        let moves_as_first = held.iter().all(|&n| velocity(n) == first);
+    fn held_motion(&self, of: &Vibration<'_>) -> RigidMotion {
+        let velocity = |n: usize| read(&of.state.nodes[n / NODES].v, n).map(f64::from);
+        let first = velocity(of.held[0]);
+        let moves_as_first = of.held.iter().all(|&n| velocity(n) == first);
         let mut sums = [0.0; SUMS];
-        let rest = &self.scratch.dissipation.rest;
-        for &n in held {
-            let [x, u] = [&rest[n / NODES], &self.state.nodes[n / NODES].u].map(|of| read(of, n));
+        for &n in of.held {
+            let fields = [&self.rest[n / NODES], &of.state.nodes[n / NODES].u];
+            let [x, u] = fields.map(|field| read(field, n));
             let x = std::array::from_fn(|a| f64::from(x[a]) + f64::from(u[a]));
             add_to_sums(&mut sums, 1.0, x, velocity(n));
         }
-        let count = held.len() as f64;
+        let count = of.held.len() as f64;
         let mean = [sums[10] / count, sums[11] / count, sums[12] / count];
         let turning = RigidMotion::from_sums(&sums, [0.0; 3]).filter(|_| !moves_as_first);
         turning.unwrap_or_else(|| RigidMotion::of_wall([0.0; 3], mean))

@@ -254,9 +254,8 @@ fn bear_outer(
             };
             *force = [x, y, z, 0.0];
         });
-    let outer = &*outer;
     let blocks = total.par_iter_mut().enumerate().with_min_len(TASK);
-    blocks.for_each(|(block, total)| extension.gather(block, outer, total));
+    blocks.for_each(|(block, total)| extension.gather(block, &*outer, total));
 }
 
 /// Puts some outer nodes where they belong, by their places in the list, after inner ones were changed otherwise than by a substep.
@@ -281,10 +280,9 @@ pub fn follow_again(
 #[inline(always)]
 fn follow_to(row: NodeRow, node: &mut NodeBlock, speed: &mut f32, slot: usize) {
     let [ux, uy, uz, vx, vy, vz, ..] = row.0;
-    let v = [vx, vy, vz];
     write(&mut node.u, slot, [ux, uy, uz]);
-    write(&mut node.v, slot, v);
-    let squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+    write(&mut node.v, slot, [vx, vy, vz]);
+    let squared = vx * vx + vy * vy + vz * vz;
     let is_more = squared.sqrt() > *speed || squared.is_nan();
     if is_more && !speed.is_nan() {
         *speed = squared.sqrt();
