@@ -106,40 +106,19 @@ impl Dissipation {
     }
 }
 
-/// Sums over the nodes of a block about the middle of the solid.
+/// Sums over the nodes of a block about the middle of the solid. In double precision: an error of the spin would add up from one decay to
+/// the next.
 fn sums_of(node: &NodeBlock, mass: &[F32x16; 4], rest: &Planes) -> [f64; SUMS] {
-    let mut lanes = [[0.0_f32; LANES]; SUMS];
+    let mut sums = [0.0; SUMS];
     for x in 0..4 {
-        for n in 0..LANES {
-            let m = mass[x].0[n];
-            let r: [f32; 3] = std::array::from_fn(|a| rest[a][x].0[n] + node.u[a][x].0[n]);
-            let v: [f32; 3] = std::array::from_fn(|a| node.v[a][x].0[n]);
-            let p = v.map(|v| m * v);
-            let s = [
-                m,
-                m * r[0],
-                m * r[1],
-                m * r[2],
-                m * r[0] * r[0],
-                m * r[0] * r[1],
-                m * r[0] * r[2],
-                m * r[1] * r[1],
-                m * r[1] * r[2],
-                m * r[2] * r[2],
-                p[0],
-                p[1],
-                p[2],
-                r[1] * p[2] - r[2] * p[1],
-                r[2] * p[0] - r[0] * p[2],
-                r[0] * p[1] - r[1] * p[0],
-                0.0,
-            ];
-            for (sum, s) in lanes.iter_mut().zip(s) {
-                sum[n] += s;
-            }
+        for n in (0..LANES).filter(|&n| mass[x].0[n] > 0.0) {
+            let r =
+                std::array::from_fn(|a| f64::from(rest[a][x].0[n]) + f64::from(node.u[a][x].0[n]));
+            let v = std::array::from_fn(|a| f64::from(node.v[a][x].0[n]));
+            add_to_sums(&mut sums, f64::from(mass[x].0[n]), r, v);
         }
     }
-    lanes.map(|lanes| lanes.into_iter().map(f64::from).sum())
+    sums
 }
 
 /// Takes the share `taken` of the velocities relative to a rigid motion from a block; returns the sum of mass times squared velocity

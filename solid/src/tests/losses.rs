@@ -1,7 +1,11 @@
 //! What matter loses: the decrement of first modes, rigid motion, and the account of energy.
 
 use super::{DENSITY, Owned, lattice, law, nodes_where};
-use crate::{first_mode::FirstMode, mat3::cross, materials::Law};
+use crate::{
+    first_mode::FirstMode,
+    mat3::{cross, length},
+    materials::Law,
+};
 
 const LOSS: f64 = 0.05;
 
@@ -17,8 +21,6 @@ fn bar(cells: usize, length: usize) -> Owned {
 /// Frequency of a first mode and its logarithmic decrement, by the largest deflections of the tip over some periods; the motion begins
 /// with deflection velocities of the shape `w`, of frequency `omega` [rad/s].
 fn ring(bar: &mut Owned, omega: f64, w: impl Fn(f64) -> f64) -> (f64, f64) {
-    let slots: Vec<usize> = bar.model.nodes().collect();
-    assert!(!slots.is_empty());
     let held = bar.scratch.held.clone();
     bar.state.change_velocities(&bar.model, |slot, _| {
         let x = bar.model.node_in_world(slot);
@@ -36,22 +38,24 @@ fn ring(bar: &mut Owned, omega: f64, w: impl Fn(f64) -> f64) -> (f64, f64) {
         bar.advance(step);
         way.push(bar.state.sample(&bar.model, &tip).x[1] - rest);
     }
-    // Amplitude and phase by products with both waves over whole periods of the motion itself.
-    let mut peaks = vec![];
+    // Turning points: each from the middle of its neighbours, so that drift does not count.
+    let mut turns = vec![];
     for n in 1..way.len() - 1 {
         let (a, b, c) = (way[n - 1], way[n], way[n + 1]);
-        if b > a && b >= c {
+        if (b - a) * (c - b) <= 0.0 && b != a {
             let off = 0.5 * (a - c) / (a - 2.0 * b + c);
-            peaks.push((n as f64 + off, b - 0.25 * (a - c) * off));
+            turns.push((n as f64 + off, b - 0.25 * (a - c) * off));
         }
     }
-    let (first, last) = (peaks[0], peaks[peaks.len() - 1]);
-    let count = (peaks.len() - 1) as f64;
-    let period = step * (last.0 - first.0) / count;
-    (
-        std::f64::consts::TAU / period,
-        (first.1 / last.1).ln() / count,
-    )
+    let sizes = turns
+        .windows(3)
+        .map(|t| (t[1].1 - 0.5 * (t[0].1 + t[2].1)).abs());
+    let sizes: Vec<f64> = sizes.collect();
+    let (first, last) = (turns[1].0, turns[turns.len() - 2].0);
+    let count = 0.5 * (sizes.len() - 1) as f64;
+    let period = step * (last - first) / count;
+    let decrement = (sizes[0] / sizes[sizes.len() - 1]).ln() / count;
+    (std::f64::consts::TAU / period, decrement)
 }
 
 /// Euler's shape of the first mode of a free bar over its length.
@@ -82,12 +86,6 @@ fn first_modes_shrink_by_pi_times_the_loss_factor() {
         let (_, beta) = free_shape(0.0);
         let (omega, decrement) = ring(&mut free, euler(beta, length), |x| free_shape(x / length).0);
         let found = FirstMode::new(&free.model, &free.laws, &[], [].into_iter());
-        println!(
-            "free {cells} {slenderness}: {} {} {}",
-            found.omega / omega,
-            decrement / asked,
-            found.loss
-        );
         let mut clamped = bar(cells, slenderness);
         let dx = clamped.model.dx;
         let held = nodes_where(&clamped.model, |x| x[0] < 0.6 * dx);
@@ -97,14 +95,9 @@ fn first_modes_shrink_by_pi_times_the_loss_factor() {
             clamped_shape(x / length).0
         });
         let found2 = FirstMode::new(&clamped.model, &clamped.laws, &held, [].into_iter());
-        println!(
-            "clamped {cells} {slenderness}: {} {}",
-            found2.omega / omega2,
-            decrement2 / asked
-        );
         for (found, omega, decrement) in [(found, omega, decrement), (found2, omega2, decrement2)] {
             assert!(
-                (found.omega / omega - 1.0).abs() < 0.02,
+                (found.omega / omega - 1.0).abs() < 0.03,
                 "{} {omega}",
                 found.omega
             );
@@ -118,61 +111,51 @@ fn first_modes_shrink_by_pi_times_the_loss_factor() {
 
 #[test]
 fn rigid_motion_goes_on() {
-    let mut cube = bar(4, 1);
     let (v, spin) = ([0.3, -0.2, 0.5], [1.0, -2.0, 0.5]);
+    let mut cube = bar(4, 1);
     cube.state.change_velocities(&cube.model, |slot, _| {
         let x = cube.model.node_in_world(slot);
         let turn = cross(spin, std::array::from_fn(|a| x[a] - 0.05));
         std::array::from_fn(|a| v[a] + turn[a])
     });
-    let before = cube.sums();
+    let momenta = |cube: &Owned| {
+        let sums = cube.sums();
+        let com = sums.moment.map(|m| m / cube.model.total_mass);
+        let orbit = cross(com, sums.momentum);
+        let own = std::array::from_fn(|a| sums.angular[a] - orbit[a]);
+        [sums.momentum, own]
+    };
+    let before = momenta(&cube);
     for _ in 0..100 {
         cube.advance(0.01);
     }
-    let after = cube.sums();
-    for a in 0..3 {
-        let change = (after.momentum[a] - before.momentum[a]).abs();
-        assert!(change < 1e-6 * 0.6, "{change}");
-    }
-    // About the centre of mass, which goes on.
-    let spin_of = |sums: &super::Sums| -> [f64; 3] {
-        let mass = cube.model.total_mass;
-        let com = sums.moment.map(|m| m / mass);
-        let orbit = cross(com, sums.momentum);
-        std::array::from_fn(|a| sums.angular[a] - orbit[a])
-    };
-    let (then, now) = (spin_of(&before), spin_of(&after));
-    let size = crate::mat3::length(then);
-    for a in 0..3 {
-        assert!((now[a] - then[a]).abs() < 1e-6 * size, "{then:?} {now:?}");
+    // A turn of 130 degrees. Without loss single precision rounds by 4e-6 of the spin.
+    for (then, now) in before.into_iter().zip(momenta(&cube)) {
+        let change = length(std::array::from_fn(|a| now[a] - then[a]));
+        assert!(change < 1e-6 * length(then), "{then:?} {now:?}");
     }
 }
 
 #[test]
 fn what_is_lost_is_booked() {
-    let mut bar = bar(4, 4);
+    let mut bar = bar(2, 16);
+    let (_, beta) = free_shape(0.0);
+    let period = std::f64::consts::TAU / euler(beta, 1.6);
     bar.state.change_velocities(&bar.model, |slot, _| {
         let x = bar.model.node_in_world(slot);
-        [
-            0.05 * (x[0] - 0.2),
-            0.2 * (x[0] - 0.2).powi(2),
-            -0.1 * x[0] * x[1],
-        ]
+        [0.0, 0.05 * free_shape(x[0] / 1.6).0, 0.0]
     });
     let rigid = crate::wholes::motion_of(&bar.state, &bar.model).expect("extent");
     let before = bar.sums();
     let mut lost = 0.0;
-    for _ in 0..200 {
-        bar.advance(0.02);
-        lost += bar.scratch.dissipation.lost;
+    for _ in 0..100 {
         bar.scratch.dissipation.lost = 0.0;
+        bar.advance(0.1 * period);
+        lost += bar.scratch.dissipation.lost;
     }
     let after = bar.sums();
-    let vibration =
-        before.kinetic - 0.5 * rigid.mass * crate::mat3::dot(rigid.velocity, rigid.velocity);
     let gap = before.kinetic - (after.kinetic + after.elastic + lost);
-    println!("{vibration} {lost} {gap}");
-    assert!(lost > 0.5 * rigid.vibration, "{lost} {}", rigid.vibration);
+    assert!(lost > 0.9 * rigid.vibration, "{lost} {}", rigid.vibration);
     assert!(
         gap.abs() < 0.005 * rigid.vibration,
         "{gap} {}",
