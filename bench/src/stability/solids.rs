@@ -192,8 +192,11 @@ fn materials(quick: bool, by_law: bool) -> Vec<(String, Material)> {
         .collect()
 }
 
+/// A panel: its title, materials by the name of their rows, and the solid that is made of each.
+type PanelOfSolids = (String, Vec<(String, Material)>, Make);
+
 /// All solids: shapes over Poisson's ratio, and a cube over laws.
-fn all(quick: bool) -> Vec<(String, Vec<(String, Material)>, Make)> {
+fn all(quick: bool) -> Vec<PanelOfSolids> {
     let mut all: Vec<_> = shapes(quick)
         .into_iter()
         .map(|(name, make)| (name, materials(quick, false), make))
@@ -209,7 +212,7 @@ fn all(quick: bool) -> Vec<(String, Vec<(String, Material)>, Make)> {
 /// When a solid cannot be built.
 pub fn map(quick: bool) -> anyhow::Result<Map> {
     let ratios = if quick { &FEW[..] } else { &RATIOS[..] };
-    let panel = |(title, materials, make): (String, Vec<(String, Material)>, Make)| {
+    let panel = |(title, materials, make): PanelOfSolids| {
         let row = |(name, material): (String, Material)| {
             Ok(Row {
                 name,
@@ -244,7 +247,7 @@ pub fn map(quick: bool) -> anyhow::Result<Map> {
 /// # Errors
 /// When a solid cannot be built.
 pub fn limits(quick: bool) -> anyhow::Result<Vec<Limit>> {
-    let of = |(name, materials, make): (String, Vec<(String, Material)>, Make)| {
+    let of = |(name, materials, make): PanelOfSolids| {
         let row =
             |(row, material): &(String, Material)| Ok(Limit::measure(&name, row, make(material)?));
         materials
