@@ -42,7 +42,7 @@ pub struct Dissipation {
 }
 
 /// What a first mode follows from.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 struct Clamped {
     laws: Vec<SolidLaw>,
     held: Vec<usize>,
@@ -100,7 +100,7 @@ impl Dissipation {
         }
     }
 
-    /// Rate at which velocities decay [1/s].
+    /// First mode; one without a frequency where that is not known.
     fn mode(&self) -> FirstMode {
         self.known.as_ref().map_or(FirstMode::default(), |k| k.1)
     }
@@ -170,20 +170,24 @@ impl Dissipation {
         laws: &[SolidLaw],
         (held, conditions): (&[usize], &Conditions),
     ) {
+        let places = &self.faces.places;
+        let is_same = |(known, _): &(Clamped, FirstMode)| {
+            known.laws == laws && known.held == held && known.places == *places
+        };
+        if self.known.as_ref().is_some_and(is_same) {
+            return;
+        }
+        let mut mode = FirstMode::default();
+        if laws.iter().any(|law| law.loss > 0.0) {
+            mode = FirstMode::new(model, laws, held, places.iter().copied());
+            self.place_nodes(model);
+            self.hold(model, conditions);
+        }
         let clamped = Clamped {
             laws: laws.to_vec(),
             held: held.to_vec(),
             places: self.faces.places.clone(),
         };
-        if self.known.as_ref().is_some_and(|known| known.0 == clamped) {
-            return;
-        }
-        let mut mode = FirstMode::default();
-        if laws.iter().any(|law| law.loss > 0.0) {
-            mode = FirstMode::new(model, laws, held, clamped.places.iter().copied());
-            self.place_nodes(model);
-            self.hold(model, conditions);
-        }
         self.known = Some((clamped, mode));
     }
 

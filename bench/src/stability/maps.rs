@@ -4,7 +4,7 @@ use cosplat_sim_core::{Scene, materials::Law};
 use rayon::prelude::*;
 
 use super::{
-    samples::{OBJECTS, block, cluster, conditions, object, solid},
+    samples::{FOAM, MISES, OBJECTS, PLASTICINE, block, cluster, conditions, object, solid},
     trial::{Fate, limit, unguarded},
 };
 
@@ -238,13 +238,7 @@ pub fn blocks(quick: bool) -> Map {
 const LAWS: [(&str, Law); 8] = [
     ("corot.", Law::FixedCorotated),
     ("neo-H.", Law::NeoHookean),
-    (
-        "Mises",
-        Law::VonMises {
-            yield_stress: 3e3,
-            hardening: 1e4,
-        },
-    ),
+    ("Mises", MISES),
     (
         "sand",
         Law::DruckerPrager {
@@ -260,21 +254,8 @@ const LAWS: [(&str, Law); 8] = [
             hardening: 10.0,
         },
     ),
-    (
-        "foam",
-        Law::Foam {
-            yield_stress: 1e3,
-            viscosity: 300.0,
-            exponent: 0.6,
-        },
-    ),
-    (
-        "plastic.",
-        Law::Plasticine {
-            yield_stress: 3e3,
-            softening: 2e3,
-        },
-    ),
+    ("foam", FOAM),
+    ("plastic.", PLASTICINE),
     (
         "fluid",
         Law::Fluid {

@@ -12,6 +12,23 @@ use cosplat_sim_core::{
 /// Cell size of clusters and blocks [m].
 pub const DX: f64 = 0.1;
 
+/// Laws that flow, as they are stated in materials of 0.1 MPa.
+pub const MISES: Law = Law::VonMises {
+    yield_stress: 3e3,
+    hardening: 1e4,
+};
+/// See [`MISES`].
+pub const FOAM: Law = Law::Foam {
+    yield_stress: 1e3,
+    viscosity: 300.0,
+    exponent: 0.6,
+};
+/// See [`MISES`].
+pub const PLASTICINE: Law = Law::Plasticine {
+    yield_stress: 3e3,
+    softening: 2e3,
+};
+
 /// Numbers that look random, the same in every run: a linear congruential generator (Knuth's MMIX).
 pub struct Numbers(pub u64);
 

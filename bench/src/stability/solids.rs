@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::{
     maps::{FEW, Map, NU, Panel, RATIOS, Row, Sample, Scale},
-    samples::{Numbers, OBJECTS, block, object, solid},
+    samples::{FOAM, MISES, Numbers, OBJECTS, PLASTICINE, block, object, solid},
     trial::{Fate, GROWTH, START},
 };
 
@@ -31,28 +31,9 @@ const LAWS: [(&str, Law); 6] = [
     ("corot.", Law::FixedCorotated),
     ("neo-H.", Law::NeoHookean),
     ("Hencky", Law::Hencky),
-    (
-        "Mises",
-        Law::VonMises {
-            yield_stress: 3e3,
-            hardening: 1e4,
-        },
-    ),
-    (
-        "foam",
-        Law::Foam {
-            yield_stress: 1e3,
-            viscosity: 300.0,
-            exponent: 0.6,
-        },
-    ),
-    (
-        "plastic.",
-        Law::Plasticine {
-            yield_stress: 3e3,
-            softening: 2e3,
-        },
-    ),
+    ("Mises", MISES),
+    ("foam", FOAM),
+    ("plastic.", PLASTICINE),
 ];
 
 /// A solid at rest, touched by nothing.

@@ -33,11 +33,16 @@ fn impulses(
 
 /// A block of so many particles that falls onto a floor from just above it.
 fn block(law: Law, corner: [f64; 3], cells: [usize; 3]) -> Scene {
+    let modulus = if law.is_rigid() { 0.0 } else { 1e5 };
+    block_of(elastic(law, modulus, 0.0), corner, cells)
+}
+
+/// The same of any material.
+fn block_of(material: Material, corner: [f64; 3], cells: [usize; 3]) -> Scene {
     let mut scene = empty(0.1);
     scene.frame_rate = 60.0;
     scene.gravity = [0.0, 0.0, -9.81];
-    let modulus = if law.is_rigid() { 0.0 } else { 1e5 };
-    add_box(&mut scene, elastic(law, modulus, 0.0), corner, 0.05, cells);
+    add_box(&mut scene, material, corner, 0.05, cells);
     add_plane(
         &mut scene,
         [0.0; 3],
@@ -247,17 +252,7 @@ fn sand_and_water_press_on_what_they_lie_on() {
         viscosity: 0.1,
     };
     for material in [elastic(sand, 1e5, 0.3), elastic(water, 0.0, 0.0)] {
-        let mut scene = empty(0.1);
-        scene.frame_rate = 60.0;
-        scene.gravity = [0.0, 0.0, -9.81];
-        add_box(&mut scene, material, [0.0, 0.0, 0.02], 0.05, [8, 8, 4]);
-        add_plane(
-            &mut scene,
-            [0.0; 3],
-            [0.0, 0.0, 1.0],
-            Surface::Separate,
-            0.3,
-        );
+        let scene = block_of(material, [0.0, 0.0, 0.02], [8, 8, 4]);
         let mut world = World::new(scene).expect("valid scene");
         let (sum, _) = impulses(&mut world, 60, (0, FLOOR));
         let state = world.report().objects[0];
