@@ -4,7 +4,6 @@ use super::{
     bonds::Walls,
     dissipation::{Dissipation, Vibration},
     frequency::{Pressed, Vibrating},
-    grip::{ContactWith, Grip},
     kernel::{Extremes, SolidLaw, Step, Tiles, substep},
     limit::{Deformed, Motions, VISCOSITY},
     memory::remember,
@@ -257,11 +256,6 @@ impl<'a> Solid<'a> {
             self.scratch.search.restart();
             self.scratch.motions.restart();
         }
-        // The first substep is chosen before anything is looked for: what was in contact last is taken for being so.
-        // Walls that bind hold no energy, and make nothing faster.
-        let springs = self.state.springs.iter().map(Grip::contact);
-        let contact = &mut self.scratch.search.contact;
-        *contact = springs.fold(*contact, ContactWith::max);
         if self.is_free() {
             if begins_frame {
                 self.state.recentre(self.model);

@@ -72,8 +72,7 @@ impl Hold {
         Grip {
             with,
             stretch,
-            energy: 0.0,
-            pressure: 0.0,
+            ..Grip::NONE
         }
     }
 }

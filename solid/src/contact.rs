@@ -10,8 +10,8 @@ use super::{
     advance::{Scratch, Solid},
     bonds::{Hold, TOUCH},
     clusters::{Cluster, bounds_of, curve, farther_of, parts_of},
-    grip::{ContactWith, Grip, OBJECTS},
-    meeting::{At, Pressed},
+    grip::{Grip, OBJECTS},
+    meeting::At,
     model::SolidModel,
     nodes::NodeRow,
     penalty::CONTACT,
@@ -179,11 +179,6 @@ impl Solid<'_> {
             at.meet(n, colliders, (state.springs[n], met), kick)
         });
         self.keep(list);
-        // A constraint makes no motion faster.
-        let presses = |one: &Pressed| one.hold.is_none() || one.force != [0.0; 3];
-        if pressed.iter().flatten().any(presses) {
-            self.scratch.search.contact = ContactWith::Walls;
-        }
         for one in pressed.into_iter().flatten() {
             let bound = match one.hold {
                 Some(Hold::Flat(bound)) => Some(bound),

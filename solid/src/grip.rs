@@ -13,8 +13,9 @@ pub(super) const OBJECTS: u32 = 1 << 31;
 /// From here on numbers are those of held regions, the last first.
 const REGIONS: u32 = NOTHING - (1 << 16);
 
-/// What a solid is in contact with, each of more consequence than those before.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+/// What a solid may come in contact with in a span of time. Its substeps are for that from the first on: where they change with contact,
+/// leapfrog feeds the fastest motions, whatever contact itself does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ContactWith {
     /// Nothing.
     #[default]
@@ -33,10 +34,14 @@ pub struct Grip {
     pub with: u32,
     /// How much it is stretched [m].
     pub stretch: [f64; 3],
-    /// What the contact holds, pressed in and stretched [J].
+    /// What the contact holds, pressed in and stretched [J]. Less than nothing where it gave more than it took, which the next contact keeps.
     pub energy: f64,
     /// Normal force [N].
     pub pressure: f64,
+    /// How deep it is in a collider or a body, beyond the depth that it was put in with [m].
+    pub depth: f64,
+    /// Outward normal of the face of a thin collider that it came through; zero of others.
+    pub side: [f32; 3],
 }
 
 impl Grip {
@@ -63,20 +68,21 @@ impl Grip {
         (REGIONS..NOTHING).contains(&self.with)
     }
 
-    /// What presses on the point, by what the contact holds.
-    pub fn contact(&self) -> ContactWith {
-        match (self.pressure != 0.0, self.with < OBJECTS) {
-            (false, _) => ContactWith::Nothing,
-            (true, true) => ContactWith::Walls,
-            (true, false) => ContactWith::Objects,
-        }
-    }
-
     /// No contact.
     pub const NONE: Self = Self {
         with: NOTHING,
         stretch: [0.0; 3],
         energy: 0.0,
         pressure: 0.0,
+        depth: 0.0,
+        side: [0.0; 3],
     };
+
+    /// No contact, after one that gave back more than it took by so much [J].
+    pub fn parted(debt: f64) -> Self {
+        Self {
+            energy: -debt,
+            ..Self::NONE
+        }
+    }
 }

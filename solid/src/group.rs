@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::{
     advance::{Shares, Solid},
+    bonds::binds,
     depth::DepthField,
     dissipation::Faces,
     ended::Ended,
@@ -55,6 +56,7 @@ pub fn advance_group(
 ) -> Result<Passed, usize> {
     let outside = &around.outside;
     let meets = group.len() > 1 || peers.is_some();
+    let pressing = pressing(around, start);
     for mover in group.iter_mut() {
         let (given, begins) = (&mover.given, start == around.frame[0]);
         let surface = &mover.object.surface;
@@ -65,6 +67,12 @@ pub fn advance_group(
             velocity: mover.faces.first().map(|face| face.velocity),
         });
         mover.solid.begin(outside, surface, begins, |n| given[n]);
+        let is_pressed = || mover.colliders.iter().any(|id| pressing.contains(id));
+        mover.solid.scratch.search.contact = match meets {
+            true => ContactWith::Objects,
+            false if is_pressed() => ContactWith::Walls,
+            false => ContactWith::Nothing,
+        };
         if (meets || !mover.colliders.is_empty()) && !mover.solid.scratch.search.has_begun {
             mover.solid.expect_contact();
         }
@@ -124,6 +132,20 @@ pub fn advance_group(
         ledger.lost += mover.solid.scratch.dissipation.lost;
     }
     Ok(passed)
+}
+
+/// Colliders that press on what they meet, by their numbers: those that bind hold no energy, and make no motion faster.
+fn pressing(around: &Around<'_>, time: f64) -> Vec<usize> {
+    let now = Substep {
+        time,
+        dt: 0.0,
+        kick: 0.0,
+        frame_start: around.frame[0],
+        frame_length: around.frame[1],
+    };
+    let placed = around.boundaries.all(around.paths, &now);
+    let pressing = placed.iter().filter(|placed| !binds(placed));
+    pressing.map(|placed| placed.id).collect()
 }
 
 impl Members<'_, '_> {
@@ -312,7 +334,6 @@ fn meet_outside(
 ) -> Ledger {
     let mut given = Ledger::default();
     let scratch = &mut *mover.solid.scratch;
-    scratch.search.contact = ContactWith::Nothing;
     scratch.search.begin_look();
     // Those of a substep that was undone would be bound twice.
     scratch.walls.bonds.clear();
@@ -369,9 +390,6 @@ fn meet_bodies(
             };
             let met = pressed.pressed_by(actor, friction, moved, number, &mut list);
             solid.keep(list);
-            if touches(&met) {
-                solid.scratch.search.contact = ContactWith::Objects;
-            }
             on_bodies[n].add(1.0, &opposite(met.iter().flatten()));
             for one in met.into_iter().flatten() {
                 mover.solid.state.springs[one.point] = one.grip;
@@ -383,11 +401,6 @@ fn meet_bodies(
         }
     }
     on_bodies
-}
-
-/// Whether anything came of some cluster.
-fn touches(met: &[Vec<PointContact>]) -> bool {
-    met.iter().any(|of_cluster| !of_cluster.is_empty())
 }
 
 /// Points of a mover that may touch another, and what that presses on them with.
@@ -450,11 +463,6 @@ fn meet_each_other(
         let [owner, other] = pair;
         group[owner].solid.keep(list);
         let ids = pair.map(|n| group[n].id);
-        if touches(&met) {
-            for n in pair {
-                group[n].solid.scratch.search.contact = ContactWith::Objects;
-            }
-        }
         for one in met.into_iter().flatten() {
             let bears = &group[owner].object.surface.points[one.point].bears;
             group[owner].solid.state.springs[one.point] = one.grip;

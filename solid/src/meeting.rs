@@ -4,10 +4,10 @@ use super::{
     bonds::{Bond, Bound, Hold, binds},
     grip::{Grip, NOTHING, OBJECTS},
     overlaps::Overlaps,
-    penalty::Spring,
+    penalty::NormalContact,
 };
 use crate::{
-    colliders::{Placed, primitives::Distance, shape::Shape},
+    colliders::{MovedPoint, Placed, primitives::Distance, shape::Shape},
     ledger::Received,
     mat3::dot,
     scene::Surface,
@@ -79,57 +79,70 @@ impl At<'_> {
         }))
     }
 
-    /// The spring of a collider that presses on it at a depth [m], or that it slips on with friction.
-    fn spring(
-        &self,
-        placed: &Placed<'_>,
-        (depth, normal): (f64, [f64; 3]),
-        known: bool,
-    ) -> Option<Spring> {
-        let contact = placed.contact();
-        let leaves = contact.surface == Surface::Separate;
-        if depth <= 0.0 && (leaves || !known) {
-            return None;
+    /// Its velocity in the frame of a collider since it was last looked at [m/s].
+    fn relative(&self, placed: &Placed<'_>) -> [f64; 3] {
+        let u = placed.past_velocity(self.x);
+        std::array::from_fn(|a| self.v[a] - u[a])
+    }
+
+    /// Its distance from a collider that it may leave, on the side that it is on, and the face that it is behind.
+    fn separation(&self, placed: &Placed<'_>, before: Option<&Grip>) -> (Distance, [f32; 3]) {
+        if !placed.is_thin() {
+            return (placed.distance(self.x), [0.0; 3]);
         }
-        let pressure = self.stiffness * depth;
-        Some(Spring {
-            stiffness: self.stiffness,
-            depth,
-            pressure,
-            normal,
-            most: contact.friction * pressure.max(0.0) / self.stiffness,
+        let before = before.unwrap_or(&Grip::NONE);
+        placed.separation(&MovedPoint {
+            x: self.x,
+            way: self.relative(placed).map(|v| self.moved * v),
+            side: turned_side(placed, before.side, self.moved),
+            depth: before.depth,
         })
     }
 
-    /// Adds what a collider presses on it with to what others do; returns its spring.
+    /// Adds what a collider presses on it with at a depth [m] to what others do; returns what the point remembers of it, or of its end.
     fn press(
         &self,
         placed: &Placed<'_>,
         (depth, normal): (f64, [f64; 3]),
-        stretch: Option<[f64; 3]>,
+        (before, put_in): (&Grip, f64),
         kick: f64,
         out: &mut Pressed,
     ) -> Option<Grip> {
-        let mut spring = self.spring(placed, (depth, normal), stretch.is_some())?;
-        let u = placed.past_velocity(self.x);
-        let relative = std::array::from_fn(|a| self.v[a] - u[a]);
-        let stretch = stretch.map(|stretch| placed.carried(stretch, self.moved));
-        let (force, stretch) = spring.pull(stretch, relative, self.moved);
+        let known = before.with == placed.id as u32;
+        let surface = placed.contact();
+        let leaves = surface.surface == Surface::Separate;
+        // What was put in is led out, whatever work that takes; what slips on a wall that holds it hangs there as well.
+        let remembers = leaves && put_in == 0.0 && (known || before.with == NOTHING);
+        let account = remembers.then(|| before.account(self.stiffness));
+        if depth <= 0.0 && (leaves || !known) {
+            let ended = account.filter(|_| known);
+            return ended.map(|account| account.part(depth - before.depth));
+        }
+        let relative = self.relative(placed);
+        let contact = NormalContact {
+            stiffness: self.stiffness,
+            depth,
+            slope: 1.0,
+            normal,
+            friction: surface.friction,
+            approach: match known {
+                true => depth - before.depth,
+                false => -self.moved * dot(relative, normal),
+            },
+        };
+        let stretch = known.then(|| placed.carried(before.stretch, self.moved));
+        let with = placed.id as u32;
+        let (force, grip) = contact.press(with, (account, stretch), (relative, self.moved));
         for a in 0..3 {
             out.force[a] += force[a];
         }
         let impulse = force.map(|f| kick * f);
-        let received = Received::at(self.x, normal, kick * spring.pressure, impulse);
+        let received = Received::at(self.x, normal, kick * grip.pressure, impulse);
         match &out.received {
             None => out.received = Some((placed.id, received)),
             Some(_) => out.more.push((placed.id, received)),
         }
-        Some(Grip {
-            with: placed.id as u32,
-            stretch,
-            energy: spring.energy(stretch),
-            pressure: spring.pressure,
-        })
+        Some(grip)
     }
 
     /// How far it is from all colliders [m]; adds what they do to it, but where it neither touches nor touched any.
@@ -153,13 +166,17 @@ impl At<'_> {
         let holder = |placed: &Placed<'_>| before.with == placed.id as u32 && binds(placed);
         let is_held = before.is_on_region() || colliders.iter().any(holder);
         let (mut pressed, mut deepest, mut energy) = (Grip::NONE, 0.0, 0.0);
+        let mut parted = Grip::NONE;
         for placed in colliders {
             let known = before.with == placed.id as u32;
             let binds = binds(placed);
             if binds && !known && (is_held || out.hold.is_some()) {
                 continue;
             }
-            let found = placed.distance(self.x);
+            let (found, side) = match binds {
+                true => (placed.distance(self.x), [0.0; 3]),
+                false => self.separation(placed, known.then_some(&before)),
+            };
             let stretch = known.then_some(before.stretch);
             if binds {
                 out.hold = self.hold(point, placed, &found, stretch);
@@ -174,12 +191,18 @@ impl At<'_> {
             if binds {
                 continue;
             }
-            let depth = -found.value - self.overlaps.depth(point, placed.id as u32);
+            let put_in = self.overlaps.depth(point, placed.id as u32);
+            let (depth, of_point) = (-found.value - put_in, (&before, put_in));
             let at = (depth, found.normal);
-            let Some(grip) = self.press(placed, at, stretch, kick, &mut out) else {
+            let Some(mut grip) = self.press(placed, at, of_point, kick, &mut out) else {
                 continue;
             };
-            energy += grip.energy;
+            if grip.with == NOTHING {
+                parted = grip;
+                continue;
+            }
+            grip.side = side;
+            energy += grip.energy.max(0.0);
             if pressed.with == NOTHING || depth > deepest {
                 (pressed, deepest) = (grip, depth);
             }
@@ -193,11 +216,14 @@ impl At<'_> {
         if out.hold.is_none() {
             out.grip = if before.is_on_region() {
                 before
-            } else {
+            } else if presses {
                 pressed
+            } else {
+                parted
             };
         }
-        if touches {
+        // By its own account what presses gives back no more than it took.
+        if out.hold.is_some() {
             out.grip.energy = energy;
         }
         if touches || before.with < OBJECTS {
@@ -205,4 +231,9 @@ impl At<'_> {
         }
         clear
     }
+}
+
+/// The normal of a face of a collider as the collider has turned since it was looked at, `moved` [s] ago.
+fn turned_side(placed: &Placed<'_>, side: [f32; 3], moved: f64) -> [f32; 3] {
+    placed.carried(side.map(f64::from), moved).map(|n| n as f32)
 }

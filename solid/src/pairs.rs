@@ -9,7 +9,7 @@ use super::{
     grip::{Grip, NOTHING},
     inverse::{FACING, HALF_SURE, KnownPlace, LocalInverse, Missing, SURE, SeenSurface, Start},
     nodes::Bears,
-    penalty::Spring,
+    penalty::NormalContact,
     search::{CLUSTER, Candidate, CandidateList, FoundInCluster, PARTS, find_near},
 };
 use crate::{
@@ -313,7 +313,9 @@ impl<'a> Presence<'a> {
         number: u32,
         [friction, moved]: [f64; 2],
     ) -> Option<PointContact> {
-        if nearest.distance >= 0.0 {
+        let held = self.inverse.state.springs[n];
+        let before = (held.with == number).then_some(held);
+        if nearest.distance >= 0.0 && before.is_none() {
             return None;
         }
         let stiffness = HALF * self.modulus.min(other.modulus) * self.surface.stiffness[n];
@@ -321,43 +323,36 @@ impl<'a> Presence<'a> {
         let u = other.inverse.velocity_of(&bears);
         let [_, v] = self.solid.motion(self.surface, n);
         let relative = std::array::from_fn(|a| v[a] - u[a]);
+        if nearest.distance >= 0.0 {
+            let approach = -moved * dot(relative, nearest.normal);
+            let grip = held.account(stiffness).part(approach);
+            return Some(PointContact {
+                grip,
+                ..PointContact::none(n, x)
+            });
+        }
         let found = self.contact_at(other, n, nearest);
-        let held = self.inverse.state.springs[n];
-        let before = (held.with == number).then_some(held);
         if before.is_none() && found.depth > ENTRY * other.inverse.model.dx {
             return None;
         }
         // A point on which two others press remembers one of them.
         let account = (before.is_some() || held.with == NOTHING).then(|| held.account(stiffness));
-        let approach = -moved * dot(relative, found.normal);
-        let depth = account.map_or(found.depth, |account| {
-            let deepest = account.deepest(stiffness, found.slope, approach);
-            found.depth.min(deepest)
-        });
-        let effective_depth = depth * found.slope;
-        let mut spring = Spring {
+        let contact = NormalContact {
             stiffness,
-            depth,
-            pressure: stiffness * effective_depth,
+            depth: found.depth,
+            slope: found.slope,
             normal: found.normal,
-            most: friction * effective_depth,
+            friction,
+            approach: -moved * dot(relative, found.normal),
         };
-        let (force, stretch) = spring.pull(before.map(|grip| grip.stretch), relative, moved);
-        let pressed_in = match account {
-            Some(account) => account.after(approach, spring.pressure),
-            None => 0.5 * stiffness * depth * depth,
-        };
+        let stretch = before.map(|grip| grip.stretch);
+        let (force, grip) = contact.press(number, (account, stretch), (relative, moved));
         Some(PointContact {
             point: n,
-            grip: Grip {
-                with: number,
-                stretch,
-                energy: pressed_in + 0.5 * stiffness * dot(stretch, stretch),
-                pressure: spring.pressure,
-            },
+            grip,
             force,
             at: [x, found.normal],
-            pressure: spring.pressure,
+            pressure: grip.pressure,
             bears: Some(bears),
         })
     }

@@ -7,9 +7,9 @@
 use super::{
     advance::Solid,
     contact::ContactSurface,
-    grip::Grip,
+    grip::{Grip, NOTHING},
     pairs::PointContact,
-    penalty::Spring,
+    penalty::NormalContact,
     search::{CandidateList, FoundInCluster, find_near},
     stand::Stand,
 };
@@ -141,43 +141,49 @@ impl Pressed<'_> {
             let before = self.springs[n];
             let known = before.with == number;
             let arm: [f64; 3] = std::array::from_fn(|a| x[a] - body.com[a]);
-            let none = known.then(|| PointContact::none(n, x));
-            if dot(arm, arm) > shape.radius * shape.radius {
-                met.extend(none);
+            if !known && dot(arm, arm) > shape.radius * shape.radius {
                 return 0.0;
             }
-            let local = body.inverse_point(x);
-            let found = -shape.distance(local);
+            let found = actor.depth(x);
             let put_in = self.solid.state.overlaps.depth(n, number);
             let depth = found - put_in;
+            let stiffness = scale * self.surface.stiffness[n];
+            // What was put in is led out, whatever work that takes.
+            let remembers = put_in == 0.0 && (known || before.with == NOTHING);
+            let account = remembers.then(|| before.account(stiffness));
             let touches = depth > 0.0 && (known || put_in > 0.0 || depth <= ENTRY * self.dx);
             if !touches {
-                met.extend(none);
+                met.extend(known.then(|| PointContact {
+                    grip: match account {
+                        Some(account) => account.part(depth - before.depth),
+                        None => Grip::NONE,
+                    },
+                    ..PointContact::none(n, x)
+                }));
                 return -found;
             }
-            let normal = rotate(body.rotation, shape.normal(local));
-            let stiffness = scale * self.surface.stiffness[n];
-            let mut spring = Spring {
-                stiffness,
-                depth,
-                pressure: stiffness * depth,
-                normal,
-                most: friction * depth,
-            };
+            let normal = rotate(body.rotation, shape.normal(body.inverse_point(x)));
             let turn = cross(spin, arm);
             let relative = std::array::from_fn(|a| v[a] - body.velocity[a] - turn[a]);
-            let (force, stretch) = spring.pull(known.then_some(before.stretch), relative, moved);
+            let contact = NormalContact {
+                stiffness,
+                depth,
+                slope: 1.0,
+                normal,
+                friction,
+                approach: match known {
+                    true => depth - before.depth,
+                    false => -moved * dot(relative, normal),
+                },
+            };
+            let stretch = known.then_some(before.stretch);
+            let (force, grip) = contact.press(number, (account, stretch), (relative, moved));
             met.push(PointContact {
                 point: n,
-                grip: Grip {
-                    with: number,
-                    stretch,
-                    energy: spring.energy(stretch),
-                    pressure: spring.pressure,
-                },
+                grip,
                 force,
                 at: [x, normal],
-                pressure: spring.pressure,
+                pressure: grip.pressure,
                 bears: None,
             });
             0.0

@@ -259,7 +259,7 @@ impl SolidState {
 
     /// All sums.
     pub fn sums(&self, isa: Isa, model: &SolidModel, laws: &[SolidLaw]) -> Sums {
-        let in_contact: f64 = self.springs.iter().map(|grip| grip.energy).sum();
+        let in_contact: f64 = self.springs.iter().map(|grip| grip.energy.max(0.0)).sum();
         Sums {
             elastic: elastic_energy(isa, model, laws, &self.nodes, &self.memory) + in_contact,
             ..self.momenta(model)

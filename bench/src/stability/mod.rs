@@ -38,6 +38,9 @@ pub struct Args {
     /// Print one JSON object per measured field instead of tables.
     #[arg(long)]
     json: bool,
+    /// Run only the scenes with a right value whose path contains this text, such as `bounce`.
+    #[arg(long, value_name = "TEXT", conflicts_with_all = ["quick", "write"])]
+    cases: Option<String>,
     /// Write pictures and figures into DIR/stability and tables into DIR/stability.md.
     #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "docs", conflicts_with = "quick")]
     write: Option<PathBuf>,
@@ -49,6 +52,7 @@ impl Args {
         Self {
             quick: false,
             json: false,
+            cases: None,
             write: Some(folder.to_owned()),
         }
     }
@@ -249,7 +253,7 @@ impl Results {
         bar.inc(1);
         let failures = catalogue::measure(quick)?;
         bar.inc(1);
-        let cases = judge::judge(quick)?;
+        let cases = judge::judge(|_| true, if quick { 2 } else { usize::MAX })?;
         bar.finish_and_clear();
         Ok(Self {
             maps: found,
@@ -312,6 +316,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(folder) = &args.write {
         let parts: Vec<_> = PARTS.into_iter().chain([MADE]).collect();
         page::check(&folder.join(PAGE), &parts)?;
+    }
+    if let Some(text) = &args.cases {
+        let cases = judge::judge(|case| case.scene.path.contains(text), usize::MAX)?;
+        anyhow::ensure!(!cases.is_empty(), "no scene with {text:?} in its path");
+        if args.json {
+            return cases.iter().try_for_each(|case| say!("{}", case.json()));
+        }
+        return say!("{}", tables::cases(&cases));
     }
     let start = Instant::now();
     let machine = Run::here();

@@ -17,6 +17,7 @@ mod moving;
 pub mod primitives;
 pub mod rules;
 pub mod shape;
+mod side;
 pub mod skeleton;
 pub mod springs;
 pub mod sweep;
@@ -30,6 +31,7 @@ pub use edge::reconstructs_surface;
 pub use face::{Face, Nodes, Owner};
 pub use moving::turned;
 pub use rules::{Members, Pins, Rules};
+pub use side::MovedPoint;
 pub use sweep::Way;
 pub use touch::{ANCHOR, ConditionedParticle, Ghost, ParticleConditions};
 
@@ -141,6 +143,8 @@ pub struct Body {
     radius: f64,
     /// See [`Placed::skin`].
     skin: f64,
+    /// See [`Placed::is_thin`].
+    is_thin: bool,
 }
 
 /// A collider during one substep.
@@ -395,7 +399,8 @@ impl Body {
             friction: 0.0,
             restitution: collider.restitution,
         };
-        let on_particles = contact.gives_back() || shape.thickness() < THIN * cell;
+        let is_thin = shape.thickness() < THIN * cell;
+        let on_particles = contact.gives_back() || is_thin;
         Self {
             radius: shape.radius(),
             skin: if shape.thickness() > 0.0 {
@@ -412,6 +417,7 @@ impl Body {
             friction: collider.friction,
             on_nodes: !on_particles,
             on_particles,
+            is_thin,
         }
     }
 }

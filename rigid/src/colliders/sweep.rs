@@ -34,7 +34,12 @@ fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 
 impl Shape {
     /// Part of the way from `from` to `to` at which the surface is met from outside, and the normal there.
-    fn first_contact(&self, from: [f64; 3], to: [f64; 3], skin: f64) -> Option<(f64, [f64; 3])> {
+    pub(super) fn first_contact(
+        &self,
+        from: [f64; 3],
+        to: [f64; 3],
+        skin: f64,
+    ) -> Option<(f64, [f64; 3])> {
         match self {
             Self::Mesh(mesh) => mesh.crossing(from, to),
             Self::HalfSpace { .. }

@@ -41,13 +41,15 @@ impl Judged {
     }
 }
 
-/// Runs all cases; the first two when it must be `quick`.
+/// Runs the first cases among those that are `wanted`.
 ///
 /// # Errors
 /// When one cannot be run.
-pub fn judge(quick: bool) -> anyhow::Result<Vec<Judged>> {
-    let count = if quick { 2 } else { usize::MAX };
-    let cases: Vec<&'static Case> = known::all().take(count).collect();
+pub fn judge(wanted: impl Fn(&Case) -> bool, first: usize) -> anyhow::Result<Vec<Judged>> {
+    let cases: Vec<&'static Case> = known::all()
+        .filter(|case| wanted(case))
+        .take(first)
+        .collect();
     let run = |case: &'static Case| -> anyhow::Result<Judged> {
         let trials: Vec<Trial> = (case.runs.iter())
             .map(|settings| {

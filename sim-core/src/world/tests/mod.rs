@@ -5,6 +5,7 @@ mod asked;
 mod boundaries;
 mod carried;
 mod coherence;
+mod contact_laws;
 mod edits;
 mod fields;
 mod flowing;
