@@ -4,7 +4,7 @@ use super::{
     bonds::Walls,
     dissipation::{Dissipation, Vibration},
     frequency::{Pressed, Vibrating},
-    kernel::{Extremes, SolidLaw, Step, Tiles, substep},
+    kernel::{Extremes, Moving, SolidLaw, Step, Tiles, substep},
     limit::{Deformed, Motions, VISCOSITY},
     memory::remember,
     model::SolidModel,
@@ -135,6 +135,7 @@ impl<'a> Solid<'a> {
             laws: self.laws,
             tangent: self.state.tangent.into(),
             rate: self.state.rate.into(),
+            at_once: self.scratch.dissipation.at_once(),
         }
     }
 
@@ -270,17 +271,6 @@ impl<'a> Solid<'a> {
         }
     }
 
-    /// Lets velocities decay as matter vibrates, after `kick` [s] more; whatever has not yet decayed does where a span `ends`.
-    fn dissipate(&mut self, kick: f64, ends: bool) {
-        let mut vibration = Vibration {
-            model: self.model,
-            state: self.state,
-            held: &self.scratch.held,
-        };
-        let dissipation = &mut self.scratch.dissipation;
-        dissipation.act(&mut vibration, kick, ends);
-    }
-
     /// Takes a substep in which forces act for `kick` [s], and nodes move for `drift` [s] after that. What `stands` has not moved since
     /// the substep before.
     pub(crate) fn substep(
@@ -290,7 +280,12 @@ impl<'a> Solid<'a> {
         shares: &Shares,
         stands: bool,
     ) -> Extremes {
-        self.dissipate(kick, drift == 0.0);
+        let vibration = Vibration {
+            model: self.model,
+            state: self.state,
+            held: &self.scratch.held,
+        };
+        self.scratch.dissipation.look(&vibration, kick);
         let keep = (-outside.damping * kick).exp();
         let (free, deformed) = (self.is_free(), self.deformed());
         if free {
@@ -327,17 +322,26 @@ impl<'a> Solid<'a> {
             tiles,
             search,
             motions,
+            dissipation,
             ..
         } = &mut *self.scratch;
+        let state = &mut *self.state;
+        let blocks = state.nodes.len();
+        let moving = Moving {
+            nodes: &mut state.nodes,
+            memory: &mut state.memory,
+            relaxing: dissipation.relaxing(&mut state.relaxed, blocks, kick),
+        };
         let found = substep(
             outside.isa,
             self.model,
             self.laws,
             conditions,
-            self.state.moving(),
+            moving,
             tiles,
             &step,
         );
+        dissipation.lost += found.lost;
         let scale = drift * self.model.dx;
         let ways = tiles.speeds.iter().map(|&speed| scale * f64::from(speed));
         search.move_on(ways);
@@ -357,6 +361,16 @@ impl<'a> Solid<'a> {
             self.state.rate = if counts { found.rate } else { 0.0 };
         }
         found
+    }
+
+    /// Books what matter loses in the second half of a kick [s], after walls have bound it.
+    pub(super) fn book_loss(&mut self, kick: f64) {
+        let Scratch {
+            tiles, dissipation, ..
+        } = &mut *self.scratch;
+        if dissipation.at_once() > 1.0 {
+            dissipation.lost += tiles.lost(self.model, &self.state.nodes, kick as f32);
+        }
     }
 
     /// Whether nodes are so fast in the solid's frame that it may change much within a substep: that is less than the time in which a wave

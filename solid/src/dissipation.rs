@@ -1,14 +1,13 @@
-//! What matter loses as it vibrates: velocities relative to the solid's rigid motion decay at a rate that gives its first mode the loss
-//! factor of its material.
+//! What matter loses as it is deformed: its stress relaxes by a Maxwell branch ([`Relaxing`]) beside the elastic law.
 //!
-//! With `v' = -a v` a mode of angular frequency `w` shrinks by `e^(-a pi / w)` per period: `a = w_1 tan delta` makes the
-//! logarithmic decrement of the first mode `pi tan delta`. Momentum and angular momentum stay what they are.
+//! Such a solid (Zener's) loses most at one frequency, where its loss factor is `gain / 2 sqrt(1 + gain)`: that of its first mode. At three
+//! times or a third of that it is 0.6 of it. The elastic law is what is left when all has relaxed. Momentum stays what it is.
 
 use rayon::prelude::*;
 
 use super::{
     first_mode::FirstMode,
-    kernel::SolidLaw,
+    kernel::{Relaxing, SolidLaw},
     model::SolidModel,
     nodes::{Conditions, NODES, NodeBlock, Planes, read, slot},
     state::SolidState,
@@ -18,8 +17,7 @@ use crate::{
     simd::{F32x16, LANES},
 };
 
-/// Largest phase of the first mode between two moments at which velocities decay [rad]: both decay and its energy are then exact to a
-/// thousandth.
+/// Largest phase of the first mode between two looks at how the solid turns [rad].
 const PHASE: f64 = 0.2;
 /// Blocks of nodes of a task.
 const TASK: usize = 8;
@@ -35,8 +33,8 @@ pub struct Dissipation {
     mass: Vec<[F32x16; 4]>,
     /// Rest positions from the middle of the solid, along the axes of the world [cells].
     rest: Vec<Planes>,
-    /// Time since velocities decayed [s].
-    elapsed: f64,
+    /// How the solid turns [rad/s], and the time since that was looked at [s]; none where a span begins.
+    spin: Option<([f64; 3], f64)>,
     /// Energy lost in this span [J].
     pub lost: f64,
 }
@@ -62,7 +60,7 @@ impl Dissipation {
     /// Before a span in which parts of the surface are held.
     pub(super) fn begin(&mut self, faces: Faces) {
         self.faces = faces;
-        (self.elapsed, self.lost) = (0.0, 0.0);
+        (self.spin, self.lost) = (None, 0.0);
     }
 
     /// Takes note of nodes that are held now.
@@ -121,43 +119,10 @@ fn sums_of(node: &NodeBlock, mass: &[F32x16; 4], rest: &Planes) -> [f64; SUMS] {
     sums
 }
 
-/// Takes the share `taken` of the velocities relative to a rigid motion from a block; returns the sum of mass times squared velocity
-/// that these had.
-fn decay(
-    node: &mut NodeBlock,
-    (mass, rest): (&[F32x16; 4], &Planes),
-    motion: &RigidMotion,
-    taken: f32,
-) -> f64 {
-    let ([cx, cy, cz], [vx, vy, vz], [wx, wy, wz]) = (
-        motion.com.map(|x| x as f32),
-        motion.velocity.map(|v| v as f32),
-        motion.spin.map(|w| w as f32),
-    );
-    let mut squares = [0.0_f32; LANES];
-    for x in 0..4 {
-        for n in 0..LANES {
-            let m = mass[x].0[n];
-            let rx = rest[0][x].0[n] + node.u[0][x].0[n] - cx;
-            let ry = rest[1][x].0[n] + node.u[1][x].0[n] - cy;
-            let rz = rest[2][x].0[n] + node.u[2][x].0[n] - cz;
-            let a = node.v[0][x].0[n] - (vx + (wy * rz - wz * ry));
-            let b = node.v[1][x].0[n] - (vy + (wz * rx - wx * rz));
-            let c = node.v[2][x].0[n] - (vz + (wx * ry - wy * rx));
-            squares[n] += m * (a * a + (b * b + c * c));
-            let taken = if m > 0.0 { taken } else { 0.0 };
-            node.v[0][x].0[n] -= taken * a;
-            node.v[1][x].0[n] -= taken * b;
-            node.v[2][x].0[n] -= taken * c;
-        }
-    }
-    squares.into_iter().map(f64::from).sum()
-}
-
-/// A solid whose velocities may decay.
+/// A solid that vibrates.
 pub(super) struct Vibration<'a> {
     pub model: &'a SolidModel,
-    pub state: &'a mut SolidState,
+    pub state: &'a SolidState,
     /// Nodes that are held.
     pub held: &'a [usize],
 }
@@ -191,31 +156,64 @@ impl Dissipation {
         self.known = Some((clamped, mode));
     }
 
-    /// Lets velocities decay after `kick` [s] more, if it is time to or a span `ends`.
-    pub(super) fn act(&mut self, of: &mut Vibration<'_>, kick: f64, ends: bool) {
-        let FirstMode { omega, loss } = self.mode();
-        if omega * loss == 0.0 {
-            return;
-        }
-        self.elapsed += kick;
-        if omega * self.elapsed < PHASE && !ends || self.elapsed == 0.0 {
-            return;
-        }
-        let keep = (-omega * loss * std::mem::take(&mut self.elapsed)).exp();
-        let motion = self.reference_motion(of);
-        let Self { mass, rest, .. } = &*self;
-        let blocks = of.state.nodes.par_iter_mut().zip(mass).zip(rest);
-        let taken = (1.0 - keep) as f32;
-        let squares: Vec<f64> = blocks
-            .with_min_len(TASK)
-            .map(|((node, mass), rest)| decay(node, (mass, rest), &motion, taken))
-            .collect();
-        let squares: f64 = squares.into_iter().sum();
-        let kinetic = 0.5 * of.model.total_mass * of.model.dx.powi(2) * squares;
-        self.lost += (1.0 - keep * keep) * kinetic;
+    /// Stiffness at once over that at rest.
+    pub(super) fn at_once(&self) -> f64 {
+        1.0 + self.gain()
     }
 
-    /// The motion that nothing is lost in, in cells and about the middle of the solid: its own rigid one, or that of what is held.
+    /// Stiffness of the branch over that of the law, by the largest loss factor.
+    fn gain(&self) -> f64 {
+        let FirstMode { omega, loss } = self.mode();
+        match omega > 0.0 {
+            true => 2.0 * loss * (loss + (1.0 + loss * loss).sqrt()),
+            false => 0.0,
+        }
+    }
+
+    /// Looks at how the solid turns, if it is time to before forces act for `kick` [s] more.
+    pub(super) fn look(&mut self, of: &Vibration<'_>, kick: f64) {
+        if self.gain() == 0.0 {
+            return;
+        }
+        let omega = self.mode().omega;
+        self.spin = match self.spin {
+            Some((spin, elapsed)) if omega * (elapsed + kick) < PHASE => {
+                Some((spin, elapsed + kick))
+            }
+            _ => Some((self.reference_motion(of).spin, kick)),
+        };
+    }
+
+    /// What relaxes while forces act for `kick` [s]; none where matter loses nothing.
+    pub(super) fn relaxing<'a>(
+        &self,
+        relaxed: &'a mut Vec<Planes>,
+        blocks: usize,
+        kick: f64,
+    ) -> Option<Relaxing<'a>> {
+        let gain = self.gain();
+        if gain == 0.0 {
+            relaxed.clear();
+            return None;
+        }
+        // The branch loses most where `omega tau` is that.
+        let rate = self.mode().omega * (1.0 + gain).sqrt();
+        let mut share = -(-rate * kick).exp_m1();
+        if relaxed.is_empty() {
+            // At first all has relaxed.
+            relaxed.resize(blocks, [[F32x16::ZERO; 4]; 3]);
+            share = 1.0;
+        }
+        let (spin, _) = self.spin.unwrap_or_default();
+        Some(Relaxing {
+            relaxed,
+            gain: gain as f32,
+            share: share as f32,
+            turn: spin.map(|w| (w * kick) as f32),
+        })
+    }
+
+    /// The motion that what has relaxed goes along with, in cells and about the middle of the solid: its own rigid one, or that of what is held.
     fn reference_motion(&self, of: &Vibration<'_>) -> RigidMotion {
         if !of.held.is_empty() {
             return self.held_motion(of);

@@ -252,7 +252,11 @@ impl Vibrating<'_> {
             wants_rate: false,
             knows_forces: false,
         };
-        let moving = Moving { nodes, memory };
+        let moving = Moving {
+            nodes,
+            memory,
+            relaxing: None,
+        };
         let conditions = &*self.conditions;
         substep(
             self.isa, self.model, self.laws, conditions, moving, self.tiles, &step,

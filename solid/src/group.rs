@@ -223,6 +223,7 @@ impl Members<'_, '_> {
             }
             let surface = &mover.object.surface;
             mover.solid.bind(surface, &walls, (mover.id, &mut given));
+            mover.solid.book_loss(kick);
             Ok(given)
         });
         for given in moved {

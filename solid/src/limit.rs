@@ -46,6 +46,8 @@ pub(super) struct Deformed<'a> {
     pub tangent: f64,
     /// Largest gradient of the velocity, where matter is deformed so much, or so fast, that this counts [1/s].
     pub rate: f64,
+    /// Stiffness at once over that at rest, at least 1: what relaxes has not done so yet.
+    pub at_once: f64,
 }
 
 impl Deformed<'_> {
@@ -120,7 +122,10 @@ impl Motions {
         // What was measured holds for matter that is near rest; the bound holds for what is not.
         let (share, stiffening) = (measured / at_rest, of.stiffening());
         let share = share + (DEFORMED - share).max(0.0) * (ONSET * (stiffening - 1.0)).min(1.0);
-        [measured, at_rest * share * stiffening]
+        [
+            of.at_once * measured,
+            of.at_once * at_rest * share * stiffening,
+        ]
     }
 
     /// Largest substeps [s]: by what is known, and if motions were as fast as about rest.
@@ -134,7 +139,7 @@ impl Motions {
         // What was measured holds for matter that is deformed little more in a substep.
         let by_now = |now: &Measured| {
             let slow = MEASURED_CHANGE / f64::from(now.rate);
-            stable(now.squared * now.growth).min(slow)
+            stable(of.at_once * now.squared * now.growth).min(slow)
         };
         let by_bound = stable(bound);
         let known = self.now.as_ref().map_or(by_bound, by_now).max(by_bound);

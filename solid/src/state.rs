@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     basis::weights_f64,
     grip::Grip,
-    kernel::{Moving, SolidLaw, elastic_energy},
+    kernel::{SolidLaw, elastic_energy},
     memory::BlockMemory,
     model::{CellPoint, SolidModel, cell_of_number},
     nodes::{NODES, NodeBlock, Planes, place, read, write},
@@ -23,6 +23,8 @@ pub struct SolidState {
     pub nodes: Vec<NodeBlock>,
     /// What points remember of plastic flow, per block of them.
     pub memory: Vec<BlockMemory>,
+    /// What elastic forces have relaxed to, per block of nodes [Pa]; none where matter loses nothing.
+    pub relaxed: Vec<Planes>,
     /// Place of the frame [m]: a node at rest is at its rest position plus this.
     pub shift: [f64; 3],
     /// Velocity of the frame [m/s].
@@ -84,6 +86,7 @@ impl SolidState {
         let mut state = Self {
             nodes: vec![NodeBlock::REST; model.node_blocks.len()],
             memory: vec![vec![]; model.point_blocks.len()],
+            relaxed: vec![],
             shift: [0.0; 3],
             velocity: [0.0; 3],
             tangent: 0.0,
@@ -96,14 +99,6 @@ impl SolidState {
         state.change_velocities(model, |slot, _| velocity(model.node_in_world(slot)));
         state.recentre(model);
         state
-    }
-
-    /// What a substep changes.
-    pub fn moving(&mut self) -> Moving<'_> {
-        Moving {
-            nodes: &mut self.nodes,
-            memory: &mut self.memory,
-        }
     }
 
     /// Largest speed of a node relative to the frame [m/s].
@@ -124,6 +119,7 @@ impl SolidState {
         self.nodes
             .iter()
             .all(|block| finite(&block.u) && finite(&block.v))
+            && self.relaxed.iter().all(finite)
             && self
                 .shift
                 .iter()

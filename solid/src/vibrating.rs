@@ -111,6 +111,7 @@ impl VibratingBlock {
                 Moving {
                     nodes: &mut self.nodes,
                     memory: &mut self.memory,
+                    relaxing: None,
                 },
                 &mut self.scratch.tiles,
                 &self.step,

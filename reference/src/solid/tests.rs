@@ -99,6 +99,7 @@ impl Pair {
             Moving {
                 nodes: &mut self.nodes,
                 memory: &mut vec![vec![]; self.model.point_blocks.len()],
+                relaxing: None,
             },
             &mut self.scratch.tiles,
             &Step {

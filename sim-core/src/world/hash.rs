@@ -143,11 +143,14 @@ fn hash_solids(hash: &mut Xxh3, state: &State) {
         for memory in &solid.memory {
             hash.update(bytemuck::cast_slice(memory));
         }
+        hash.update(bytemuck::cast_slice(&solid.relaxed));
         hash.update(bytes_of(&[solid.shift, solid.velocity]));
         hash.update(bytes_of(&[solid.tangent, solid.rate]));
         for grip in &solid.springs {
             hash.update(bytes_of(&grip.with));
             hash.update(bytes_of(&grip.stretch));
+            hash.update(bytes_of(&[grip.energy, grip.pressure, grip.depth]));
+            hash.update(bytes_of(&grip.side));
         }
         for overlap in &solid.overlaps.all {
             hash.update(bytes_of(&[overlap.point, overlap.with]));

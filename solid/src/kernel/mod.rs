@@ -9,6 +9,8 @@
 mod block;
 mod flow;
 mod gradients;
+mod outer;
+mod relax;
 mod respond;
 mod rule;
 #[cfg(test)]
@@ -20,8 +22,10 @@ use self::{
     block::{Answers, NO_FORCES, NO_TANGENTS, Scratch, TangentTile, Tile},
     flow::Flowing,
     gradients::Matter,
+    outer::{bear_outer, follow_inner},
     rule::Rule,
 };
+pub use self::{outer::follow_again, relax::Relaxing};
 use super::{
     memory::BlockMemory,
     model::{NO_BLOCK, SolidModel},
@@ -34,8 +38,6 @@ use crate::{
 
 /// Blocks of points of a task: they share the memory between the stages.
 const TASK: usize = 8;
-/// Outer nodes of a task at least.
-const OUTER: usize = 512;
 /// Displacements [cells] and velocities [cells/s] below which there are none: cubes of them are normal numbers.
 const NOTHING: f64 = 1e-12;
 
@@ -73,6 +75,8 @@ pub struct Moving<'a> {
     pub nodes: &'a mut [NodeBlock],
     /// Per block of points; without it all laws are elastic.
     pub memory: &'a mut [BlockMemory],
+    /// What relaxes, if matter loses energy.
+    pub relaxing: Option<Relaxing<'a>>,
 }
 
 /// What a substep does besides.
@@ -103,6 +107,8 @@ pub struct Extremes {
     pub rate: f32,
     /// Whether a node is nowhere.
     pub bad: bool,
+    /// Energy that what relaxes takes from nodes in the first half of the kick [J].
+    pub lost: f64,
 }
 
 /// The tiles that the kernel writes.
@@ -114,6 +120,8 @@ pub struct Tiles {
     pub sums: Vec<[F32x16; 4]>,
     /// Forces on nodes per block, and on outer ones [Pa].
     total: Vec<Planes>,
+    /// The part of them by what relaxes.
+    excess: Vec<Planes>,
     outer: Vec<[f32; 4]>,
     /// Displacements and velocities of outer nodes.
     followed: Vec<NodeRow>,
@@ -132,11 +140,17 @@ impl Tiles {
             tangents: vec![NO_TANGENTS; count],
             sums: vec![[F32x16::ZERO; 4]; model.node_blocks.len()],
             outer: vec![[0.0; 4]; model.extension.outer.len()],
+            excess: vec![],
             total: vec![[[F32x16::ZERO; 4]; 3]; model.node_blocks.len()],
             followed: vec![NodeRow::default(); model.extension.outer.len()],
             rows: vec![NodeRow::default(); NODES * model.node_blocks.len()],
             speeds: vec![0.0; model.node_blocks.len()],
         }
+    }
+
+    /// Energy that what relaxes takes from nodes in half a kick [s] at these velocities [J].
+    pub fn lost(&self, model: &SolidModel, nodes: &[NodeBlock], kick: f32) -> f64 {
+        model.dx.powi(3) * relax::taken(&self.excess, nodes, kick)
     }
 
     /// Takes note of nodes that were changed otherwise than by a substep.
@@ -156,7 +170,11 @@ pub fn substep(
     model: &SolidModel,
     laws: &[SolidLaw],
     conditions: &Conditions,
-    Moving { nodes, memory }: Moving<'_>,
+    Moving {
+        nodes,
+        memory,
+        mut relaxing,
+    }: Moving<'_>,
     tiles: &mut Tiles,
     step: &Step,
 ) -> Extremes {
@@ -180,17 +198,25 @@ pub fn substep(
     if step.wants_extremes {
         sum_tangents(isa, model, tiles);
     }
+    let Tiles { forces, total, .. } = &mut *tiles;
+    let sums = total.par_chunks_mut(TASK).enumerate();
+    sums.for_each(|(n, total)| sum_with_isa(isa, model, conditions, forces, n * TASK, total));
+    let mut lost = 0.0;
+    if let Some(relaxing) = &mut relaxing {
+        relax::relax(isa, relaxing, conditions, tiles);
+        let Tiles { outer, excess, .. } = &mut *tiles;
+        bear_outer(model, conditions, outer, excess);
+        relax::hand_on(model, conditions, excess);
+        lost = tiles.lost(model, nodes, step.kick);
+    }
     let Tiles {
-        forces,
         outer,
         total,
         followed,
         rows,
         speeds,
         ..
-    } = tiles;
-    let sums = total.par_chunks_mut(TASK).enumerate();
-    sums.for_each(|(n, total)| sum_with_isa(isa, model, conditions, forces, n * TASK, total));
+    } = &mut *tiles;
     bear_outer(model, conditions, outer, total);
     let total = &*total;
     let chunks = nodes.par_chunks_mut(TASK);
@@ -205,10 +231,8 @@ pub fn substep(
         advance_with_isa(isa, &forces, nodes, rows, speeds, step);
     });
     follow_inner(model, conditions, nodes, rows, followed, speeds);
-    Extremes {
-        rate,
-        bad: speeds.iter().any(|speed| !speed.is_finite()),
-    }
+    let bad = speeds.iter().any(|speed| !speed.is_finite());
+    Extremes { rate, bad, lost }
 }
 
 /// Sums tangents about nodes. What follows others is no motion of its own: a corner of matter that is crushed makes those faster that move
@@ -231,93 +255,6 @@ fn sum_tangents(isa: Isa, model: &SolidModel, tiles: &mut Tiles) {
     let outer = &*outer;
     let blocks = sums.par_iter_mut().enumerate().with_min_len(TASK);
     blocks.for_each(|(block, sums)| extension.gather_magnitudes(block, outer, sums));
-}
-
-/// Gives inner nodes what acts on those that follow them.
-fn bear_outer(
-    model: &SolidModel,
-    conditions: &Conditions,
-    outer: &mut [[f32; 4]],
-    total: &mut [Planes],
-) {
-    let extension = &model.extension;
-    let slots = extension.outer.par_iter().with_min_len(OUTER);
-    let slots = slots.zip(&conditions.follows);
-    let of_nodes = &*total;
-    slots
-        .zip(outer.par_iter_mut())
-        .for_each(|((&slot, &follows), force)| {
-            let slot = slot as usize;
-            let [x, y, z] = match follows {
-                true => read(&of_nodes[slot / NODES], slot),
-                false => [0.0; 3],
-            };
-            *force = [x, y, z, 0.0];
-        });
-    let blocks = total.par_iter_mut().enumerate().with_min_len(TASK);
-    blocks.for_each(|(block, total)| extension.gather(block, &*outer, total));
-}
-
-/// Puts some outer nodes where they belong, by their places in the list, after inner ones were changed otherwise than by a substep.
-pub fn follow_again(
-    model: &SolidModel,
-    conditions: &Conditions,
-    nodes: &mut [NodeBlock],
-    tiles: &mut Tiles,
-    outer: &[u32],
-) {
-    let extension = &model.extension;
-    for &n in outer.iter().filter(|&&n| conditions.follows[n as usize]) {
-        let slot = extension.outer[n as usize] as usize;
-        let row = extension.follow(n as usize, &tiles.rows);
-        let speed = &mut tiles.speeds[slot / NODES];
-        follow_to(row, &mut nodes[slot / NODES], speed, slot);
-        tiles.rows[slot] = row;
-    }
-}
-
-/// Puts an outer node where others take it.
-#[inline(always)]
-fn follow_to(row: NodeRow, node: &mut NodeBlock, speed: &mut f32, slot: usize) {
-    let [ux, uy, uz, vx, vy, vz, ..] = row.0;
-    write(&mut node.u, slot, [ux, uy, uz]);
-    write(&mut node.v, slot, [vx, vy, vz]);
-    let squared = vx * vx + vy * vy + vz * vz;
-    let is_more = squared.sqrt() > *speed || squared.is_nan();
-    if is_more && !speed.is_nan() {
-        *speed = squared.sqrt();
-    }
-}
-
-/// Puts outer nodes where they belong.
-fn follow_inner(
-    model: &SolidModel,
-    conditions: &Conditions,
-    nodes: &mut [NodeBlock],
-    rows: &mut [NodeRow],
-    followed: &mut [NodeRow],
-    speeds: &mut [f32],
-) {
-    let extension = &model.extension;
-    let (before, all) = (&*rows, followed.par_iter_mut().enumerate());
-    all.with_min_len(OUTER)
-        .for_each(|(n, out)| *out = extension.follow(n, before));
-    let followed = &*followed;
-    let blocks = nodes.par_iter_mut().zip(rows.par_chunks_exact_mut(NODES));
-    let blocks = blocks.zip(speeds).enumerate();
-    blocks
-        .with_min_len(TASK)
-        .for_each(|(block, ((node, rows), speed))| {
-            for n in extension.outer_of[block].clone() {
-                if !conditions.follows[n as usize] {
-                    continue;
-                }
-                let slot = extension.outer[n as usize] as usize;
-                let row = followed[n as usize];
-                rows[slot % NODES] = row;
-                follow_to(row, node, speed, slot);
-            }
-        });
 }
 
 /// Elastic energy of a solid [J], summed block by block.

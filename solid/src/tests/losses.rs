@@ -129,10 +129,10 @@ fn rigid_motion_goes_on() {
     for _ in 0..100 {
         cube.advance(0.01);
     }
-    // A turn of 130 degrees. Without loss single precision rounds by 4e-6 of the spin.
+    // A turn of 130 degrees, in single precision.
     for (then, now) in before.into_iter().zip(momenta(&cube)) {
         let change = length(std::array::from_fn(|a| now[a] - then[a]));
-        assert!(change < 1e-6 * length(then), "{then:?} {now:?}");
+        assert!(change < 5e-6 * length(then), "{then:?} {now:?}");
     }
 }
 
@@ -148,7 +148,7 @@ fn what_is_lost_is_booked() {
     let rigid = crate::wholes::motion_of(&bar.state, &bar.model).expect("extent");
     let before = bar.sums();
     let mut lost = 0.0;
-    for _ in 0..100 {
+    for _ in 0..300 {
         bar.scratch.dissipation.lost = 0.0;
         bar.advance(0.1 * period);
         lost += bar.scratch.dissipation.lost;

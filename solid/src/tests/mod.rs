@@ -141,12 +141,14 @@ pub(super) fn advance_alone(
     loop {
         let found = solid.substep(outside, [kick, shares.dt], &shares, false);
         bad |= found.bad;
+        solid.book_loss(kick);
         let last = 0.5 * shares.dt;
         match shares.next(solid.limit(outside.cfl, 0.0)) {
             Some(next) => kick = next,
             None => {
                 let found = solid.substep(outside, [last, 0.0], &shares, false);
                 bad |= found.bad;
+                solid.book_loss(last);
                 return !bad;
             }
         }

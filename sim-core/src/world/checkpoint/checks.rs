@@ -370,6 +370,9 @@ impl World {
                 count("parts of a block", memory.len(), parts)?;
             }
         }
+        if !state.relaxed.is_empty() {
+            count("blocks of relaxed forces", state.relaxed.len(), nodes)?;
+        }
         let slots = 64 * nodes as u64;
         let mut matter = state.of_matter.iter();
         if !state.is_sound() || matter.any(|load| u64::from(load.slot) >= slots) {

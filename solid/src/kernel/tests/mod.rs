@@ -140,6 +140,7 @@ impl Solid {
             Moving {
                 nodes: &mut self.nodes,
                 memory: &mut self.memory,
+                relaxing: None,
             },
             &mut self.tiles,
             step,
