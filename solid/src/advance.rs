@@ -321,7 +321,6 @@ impl<'a> Solid<'a> {
             conditions,
             tiles,
             search,
-            motions,
             dissipation,
             ..
         } = &mut *self.scratch;
@@ -345,11 +344,19 @@ impl<'a> Solid<'a> {
         let scale = drift * self.model.dx;
         let ways = tiles.speeds.iter().map(|&speed| scale * f64::from(speed));
         search.move_on(ways);
+        self.note(&found, &step, (is_fast, flows));
+        found
+    }
+
+    /// Takes note of what a substep found, of matter that is fast, or flows.
+    fn note(&mut self, found: &Extremes, step: &Step, (is_fast, flows): (bool, bool)) {
+        let at_rest = self.deformed().tangent_at_rest();
+        let Scratch { tiles, motions, .. } = &mut *self.scratch;
         let looked = step.wants_extremes;
         let counts = step.viscosity > 0.0 || is_fast;
-        let growth = motions.note(&tiles.sums, &found, looked);
+        let growth = motions.note(&tiles.sums, found, looked);
         if let Some(growth) = growth {
-            let tangent = (growth * deformed.tangent_at_rest()) as f32;
+            let tangent = (growth * at_rest) as f32;
             let kept = if flows {
                 KEPT * self.state.tangent
             } else {
@@ -360,7 +367,6 @@ impl<'a> Solid<'a> {
         if counts || looked {
             self.state.rate = if counts { found.rate } else { 0.0 };
         }
-        found
     }
 
     /// Books what matter loses in the second half of a kick [s], after walls have bound it.

@@ -2,9 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::penalty::Account;
-use crate::mat3::dot;
-
 /// Nothing is touched.
 pub(super) const NOTHING: u32 = u32::MAX;
 /// From here on numbers of springs are those of objects, and before those of colliders.
@@ -53,14 +50,6 @@ impl Grip {
     /// What a grip on an object holds on to.
     pub fn on_object(id: usize) -> u32 {
         OBJECTS + id as u32
-    }
-
-    /// What it took in along the normal and has not given back, by a spring of some stiffness [N/m].
-    pub fn account(&self, stiffness: f64) -> Account {
-        Account {
-            energy: self.energy - 0.5 * stiffness * dot(self.stretch, self.stretch),
-            pressure: self.pressure,
-        }
     }
 
     /// Whether it holds on to a held region.

@@ -56,27 +56,7 @@ pub fn advance_group(
 ) -> Result<Passed, usize> {
     let outside = &around.outside;
     let meets = group.len() > 1 || peers.is_some();
-    let pressing = pressing(around, start);
-    for mover in group.iter_mut() {
-        let (given, begins) = (&mover.given, start == around.frame[0]);
-        let surface = &mover.object.surface;
-        let surface = (&surface.points[..], &surface.stiffness[..]);
-        let points = mover.faces.iter().flat_map(|face| face.points);
-        mover.solid.scratch.dissipation.begin(Faces {
-            places: points.map(|&p| surface.0[p].x).collect(),
-            velocity: mover.faces.first().map(|face| face.velocity),
-        });
-        mover.solid.begin(outside, surface, begins, |n| given[n]);
-        let is_pressed = || mover.colliders.iter().any(|id| pressing.contains(id));
-        mover.solid.scratch.search.contact = match meets {
-            true => ContactWith::Objects,
-            false if is_pressed() => ContactWith::Walls,
-            false => ContactWith::Nothing,
-        };
-        if (meets || !mover.colliders.is_empty()) && !mover.solid.scratch.search.has_begun {
-            mover.solid.expect_contact();
-        }
-    }
+    begin(group, around, start, meets);
     let limit = |group: &[Mover<'_>], drift: f64| {
         let limits = group
             .iter()
@@ -134,18 +114,40 @@ pub fn advance_group(
     Ok(passed)
 }
 
-/// Colliders that press on what they meet, by their numbers: those that bind hold no energy, and make no motion faster.
-fn pressing(around: &Around<'_>, time: f64) -> Vec<usize> {
+/// Before a span from a time [s] on, in which a group may meet others or its own members.
+fn begin(group: &mut [Mover<'_>], around: &Around<'_>, start: f64, meets: bool) {
     let now = Substep {
-        time,
+        time: start,
         dt: 0.0,
         kick: 0.0,
         frame_start: around.frame[0],
         frame_length: around.frame[1],
     };
     let placed = around.boundaries.all(around.paths, &now);
-    let pressing = placed.iter().filter(|placed| !binds(placed));
-    pressing.map(|placed| placed.id).collect()
+    for mover in group.iter_mut() {
+        let (given, begins) = (&mover.given, start == around.frame[0]);
+        let surface = &mover.object.surface;
+        let surface = (&surface.points[..], &surface.stiffness[..]);
+        let points = mover.faces.iter().flat_map(|face| face.points);
+        mover.solid.scratch.dissipation.begin(Faces {
+            places: points.map(|&p| surface.0[p].x).collect(),
+            velocity: mover.faces.first().map(|face| face.velocity),
+        });
+        let outside = &around.outside;
+        mover.solid.begin(outside, surface, begins, |n| given[n]);
+        // Walls that bind hold no energy, and make no motion faster.
+        let near = placed.iter().filter(|p| mover.colliders.contains(&p.id));
+        let mut near = near.map(|placed| placed.against(mover.friction));
+        let is_near_a_wall = near.any(|placed| !binds(&placed));
+        mover.solid.scratch.search.contact = match (meets, is_near_a_wall) {
+            (true, _) => ContactWith::Objects,
+            (false, true) => ContactWith::Walls,
+            (false, false) => ContactWith::Nothing,
+        };
+        if (meets || !mover.colliders.is_empty()) && !mover.solid.scratch.search.has_begun {
+            mover.solid.expect_contact();
+        }
+    }
 }
 
 impl Members<'_, '_> {

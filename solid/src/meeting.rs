@@ -4,7 +4,7 @@ use super::{
     bonds::{Bond, Bound, Hold, binds},
     grip::{Grip, NOTHING, OBJECTS},
     overlaps::Overlaps,
-    penalty::NormalContact,
+    penalty::{Account, NormalContact},
 };
 use crate::{
     colliders::{MovedPoint, Placed, primitives::Distance, shape::Shape},
@@ -23,6 +23,20 @@ pub(super) struct Pressed {
     pub received: Option<(usize, Received)>,
     pub more: Vec<(usize, Received)>,
     pub hold: Option<Hold>,
+}
+
+impl Pressed {
+    /// A point that nothing acts on.
+    fn none(point: usize) -> Self {
+        Self {
+            point,
+            grip: Grip::NONE,
+            force: [0.0; 3],
+            received: None,
+            more: vec![],
+            hold: None,
+        }
+    }
 }
 
 /// A point on its way.
@@ -113,7 +127,7 @@ impl At<'_> {
         let leaves = surface.surface == Surface::Separate;
         // What was put in is led out, whatever work that takes; what slips on a wall that holds it hangs there as well.
         let remembers = leaves && put_in == 0.0 && (known || before.with == NOTHING);
-        let account = remembers.then(|| before.account(self.stiffness));
+        let account = remembers.then(|| Account::of(before, self.stiffness));
         if depth <= 0.0 && (leaves || !known) {
             let ended = account.filter(|_| known);
             return ended.map(|account| account.part(depth - before.depth));
@@ -154,14 +168,7 @@ impl At<'_> {
         kick: f64,
     ) -> f64 {
         let mut clear = f64::INFINITY;
-        let mut out = Pressed {
-            point,
-            grip: Grip::NONE,
-            force: [0.0; 3],
-            received: None,
-            more: vec![],
-            hold: None,
-        };
+        let mut out = Pressed::none(point);
         // One holds it at a time: two would share its memory.
         let holder = |placed: &Placed<'_>| before.with == placed.id as u32 && binds(placed);
         let is_held = before.is_on_region() || colliders.iter().any(holder);
@@ -192,15 +199,15 @@ impl At<'_> {
                 continue;
             }
             let put_in = self.overlaps.depth(point, placed.id as u32);
-            let (depth, of_point) = (-found.value - put_in, (&before, put_in));
-            let at = (depth, found.normal);
-            let Some(mut grip) = self.press(placed, at, of_point, kick, &mut out) else {
-                continue;
+            let depth = -found.value - put_in;
+            let (at, of_point) = ((depth, found.normal), (&before, put_in));
+            let mut grip = match self.press(placed, at, of_point, kick, &mut out) {
+                Some(grip) if grip.with != NOTHING => grip,
+                ended => {
+                    parted = ended.unwrap_or(parted);
+                    continue;
+                }
             };
-            if grip.with == NOTHING {
-                parted = grip;
-                continue;
-            }
             grip.side = side;
             energy += grip.energy.max(0.0);
             if pressed.with == NOTHING || depth > deepest {
@@ -214,12 +221,10 @@ impl At<'_> {
         }
         // What holds is remembered, whatever presses besides.
         if out.hold.is_none() {
-            out.grip = if before.is_on_region() {
-                before
-            } else if presses {
-                pressed
-            } else {
-                parted
+            out.grip = match (before.is_on_region(), presses) {
+                (true, _) => before,
+                (false, true) => pressed,
+                (false, false) => parted,
             };
         }
         // By its own account what presses gives back no more than it took.

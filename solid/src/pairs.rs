@@ -9,7 +9,7 @@ use super::{
     grip::{Grip, NOTHING},
     inverse::{FACING, HALF_SURE, KnownPlace, LocalInverse, Missing, SURE, SeenSurface, Start},
     nodes::Bears,
-    penalty::NormalContact,
+    penalty::{Account, NormalContact},
     search::{CLUSTER, Candidate, CandidateList, FoundInCluster, PARTS, find_near},
 };
 use crate::{
@@ -325,7 +325,7 @@ impl<'a> Presence<'a> {
         let relative = std::array::from_fn(|a| v[a] - u[a]);
         if nearest.distance >= 0.0 {
             let approach = -moved * dot(relative, nearest.normal);
-            let grip = held.account(stiffness).part(approach);
+            let grip = Account::of(&held, stiffness).part(approach);
             return Some(PointContact {
                 grip,
                 ..PointContact::none(n, x)
@@ -336,7 +336,8 @@ impl<'a> Presence<'a> {
             return None;
         }
         // A point on which two others press remembers one of them.
-        let account = (before.is_some() || held.with == NOTHING).then(|| held.account(stiffness));
+        let account =
+            (before.is_some() || held.with == NOTHING).then(|| Account::of(&held, stiffness));
         let contact = NormalContact {
             stiffness,
             depth: found.depth,

@@ -26,6 +26,14 @@ pub struct Account {
 }
 
 impl Account {
+    /// Of a point, with a spring of some stiffness [N/m].
+    pub fn of(grip: &Grip, stiffness: f64) -> Self {
+        Self {
+            energy: grip.energy - 0.5 * stiffness * dot(grip.stretch, grip.stretch),
+            pressure: grip.pressure,
+        }
+    }
+
     /// Depth [m] at which a spring of some stiffness [N/m] holds what there is after an approach [m] along which it
     /// gets deeper by `slope`: half of the work is that of the force before, half that of the force then, as leapfrog kicks.
     pub fn deepest(&self, stiffness: f64, slope: f64, approach: f64) -> f64 {
@@ -228,7 +236,7 @@ mod tests {
         let (stiffness, fastest) = (1.5 * spring, 5.618_f64.sqrt() * c / dx);
         let dt = share * 2.0 / fastest;
         let (mut u, mut v) = ([0.0_f64; 6], [0.5_f64; 6]);
-        let (mut grips, mut largest) = ([Grip::NONE; 2], 0.0_f64);
+        let (mut memories, mut largest) = ([Grip::NONE; 2], 0.0_f64);
         let pull = |u: &[f64; 6], n: usize| spring * (u[n + 1] - u[n]);
         for _ in 0..(6.0 / dt) as usize {
             let mut force = [0.0; 6];
@@ -236,9 +244,9 @@ mod tests {
                 force[n] += pull(&u, n);
                 force[n + 1] -= pull(&u, n);
             }
-            for (held, (n, normal)) in grips.iter_mut().zip(ENDS) {
+            for (held, (n, normal)) in memories.iter_mut().zip(ENDS) {
                 let (depth, known) = (-normal * u[n] - 0.005, held.with == 0);
-                let account = keeps_account.then(|| held.account(stiffness));
+                let account = keeps_account.then(|| Account::of(held, stiffness));
                 let approach = match known {
                     true => depth - held.depth,
                     false => -dt * normal * v[n],
@@ -266,7 +274,7 @@ mod tests {
                 v[n] += dt * force[n] / mass(n);
                 u[n] += dt * v[n];
             }
-            if grips.iter().all(|grip| grip.with == NOTHING) {
+            if memories.iter().all(|grip| grip.with == NOTHING) {
                 let moving: f64 = (0..6).map(|n| 0.5 * mass(n) * v[n] * v[n]).sum();
                 let strain = (0..5).map(|n| 0.5 * pull(&before, n) * pull(&u, n) / spring);
                 largest = largest.max(moving + strain.sum::<f64>());
@@ -279,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn what_bounces_gains_no_energy_up_to_the_share_that_substeps_take() {
+    fn contact_makes_no_energy_in_substeps_as_long_as_are_taken() {
         for share in [0.3, 0.5, 0.7, 0.8] {
             let (kept, alone) = (growth(true, share), growth(false, share));
             // But for what the last substep of a contact gave too much at both ends, and the next has not yet kept: at most an eighth of

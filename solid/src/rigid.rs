@@ -9,7 +9,7 @@ use super::{
     contact::ContactSurface,
     grip::{Grip, NOTHING},
     pairs::PointContact,
-    penalty::NormalContact,
+    penalty::{Account, NormalContact},
     search::{CandidateList, FoundInCluster, find_near},
     stand::Stand,
 };
@@ -150,7 +150,7 @@ impl Pressed<'_> {
             let stiffness = scale * self.surface.stiffness[n];
             // What was put in is led out, whatever work that takes.
             let remembers = put_in == 0.0 && (known || before.with == NOTHING);
-            let account = remembers.then(|| before.account(stiffness));
+            let account = remembers.then(|| Account::of(&before, stiffness));
             let touches = depth > 0.0 && (known || put_in > 0.0 || depth <= ENTRY * self.dx);
             if !touches {
                 met.extend(known.then(|| PointContact {
