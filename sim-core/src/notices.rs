@@ -13,8 +13,6 @@ const SHORT: f64 = 16.0;
 #[derive(Clone, Debug)]
 pub struct Notices {
     objects: Vec<Said>,
-    /// Whether the search for impacts was said to end early.
-    says_late: bool,
     /// Whether substeps were said to be short.
     says_short: bool,
     /// Simulated time of the latest report [s].
@@ -32,7 +30,6 @@ impl Notices {
     pub fn new(scene: &Scene) -> Self {
         Self {
             objects: vec![Said::default(); scene.objects.len()],
-            says_late: false,
             says_short: false,
             time: 0.0,
         }
@@ -45,7 +42,7 @@ impl Notices {
         let time = report.sim_time;
         if time < self.time {
             self.objects.fill(Said::default());
-            (self.says_late, self.says_short) = (false, false);
+            self.says_short = false;
         }
         self.time = time;
         let objects = self.objects.iter_mut().zip(&report.objects);
@@ -94,13 +91,6 @@ impl Notices {
                 torn.pieces,
                 100.0 * torn.apart,
                 bridged_stretch(per_cell)
-            ));
-        }
-        if report.unfinished_searches > 0 && !std::mem::replace(&mut self.says_late, true) {
-            sentences.push(format!(
-                "impacts of rigid bodies are late at {time:.3} s: the search for their moments ended after {} steps of turns, as \
-                 many as a frame may take; such bodies touch where they are at the start of a step",
-                report.work.body_turns
             ));
         }
         if !self.says_short

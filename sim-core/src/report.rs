@@ -59,9 +59,6 @@ pub struct StepReport {
     pub gone_over: Vec<GoneOver>,
     /// Elastic objects that are in more pieces than at rest, in the order of their numbers.
     pub torn: Vec<Torn>,
-    /// Searches for impacts of rigid bodies that ended before they were done, because they took as much as a frame may: such
-    /// an impact happens at the end of a step in place of its moment.
-    pub unfinished_searches: u32,
     /// Operations by kind.
     pub work: Work,
     /// Wall time per phase.
@@ -89,8 +86,6 @@ pub struct Work {
     pub object_pairs: u64,
     /// Particles held together by the coherence constraint.
     pub constrained_particles: u64,
-    /// Steps of turns of rigid bodies that were made in the search for impacts.
-    pub body_turns: u64,
 }
 
 impl std::ops::AddAssign for Work {
@@ -103,7 +98,6 @@ impl std::ops::AddAssign for Work {
         self.object_particles += other.object_particles;
         self.object_pairs += other.object_pairs;
         self.constrained_particles += other.constrained_particles;
-        self.body_turns += other.body_turns;
     }
 }
 

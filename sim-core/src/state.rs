@@ -10,7 +10,7 @@ pub(crate) mod sleep;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    bodies::{body::Body, engine::CachedImpulse, shape::Shape},
+    bodies::{body::Body, shape::Shape, warm_start::CachedImpulse},
     colliders::{Paths, rules::Pins},
     coupling::{near::Watch, sweeps::WarmStart},
     grid::Grid,

@@ -1,18 +1,11 @@
 //! A body in a step, and what it moves in.
 
-use std::cell::Cell;
-
 use super::{
     body::Body,
-    impact_time::SearchEffort,
     shape::Shape,
     vector::{Vec3, add, sub},
 };
 use crate::{colliders::Placed, interruption::Interruption, mat3::length};
-
-/// Gap up to which bodies touch, and depth that is left alone [cells].
-pub(super) const TOUCH: f64 = 1e-3;
-pub(super) const SLOP: f64 = 2e-3;
 
 /// What moves a body besides contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,11 +52,6 @@ pub struct Actor<'a> {
 }
 
 impl Actor<'_> {
-    /// Steps that its turn of `dt` [s] under a torque [N m] takes.
-    pub fn turn_steps(&self, torque: Vec3, dt: f64) -> f64 {
-        self.body.turn_steps(&self.shape.inertia, torque, dt)
-    }
-
     /// How deep a place is in it [m], < 0 outside.
     pub fn depth(&self, x: Vec3) -> f64 {
         let beyond = length(sub(x, self.body.com)) - self.shape.radius;
@@ -85,18 +73,9 @@ pub struct Setting<'a> {
     /// Colliders in a part of the step: from when, how long [s].
     pub walls: &'a dyn Fn(f64, f64) -> Vec<Placed<'a>>,
     /// Restitution and friction of a pair of bodies.
-    pub surface: &'a dyn Fn(usize, usize) -> (f64, f64),
+    pub surface: &'a (dyn Fn(usize, usize) -> (f64, f64) + Sync),
     /// Friction that the surface of a body states for colliders.
-    pub friction: &'a dyn Fn(usize) -> Option<f64>,
-    /// What the search for impacts takes, and may take.
-    pub effort: &'a Cell<SearchEffort>,
+    pub friction: &'a (dyn Fn(usize) -> Option<f64> + Sync),
     /// Whether the step has to end before it is done.
     pub interruption: &'a Interruption<'a>,
-}
-
-/// Constant acceleration and torque of a body during a part of a step.
-#[derive(Clone, Copy)]
-pub(super) struct Load {
-    pub acceleration: Vec3,
-    pub torque: Vec3,
 }

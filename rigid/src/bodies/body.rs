@@ -77,15 +77,6 @@ impl Body {
         rotate(conjugate(self.rotation), r)
     }
 
-    /// Turns it by a rotation vector [rad], to first order.
-    pub fn nudge(&mut self, shift: Vec3, turn: Vec3) {
-        self.com = add(self.com, shift);
-        self.rotation = product(
-            [0.5 * turn[0], 0.5 * turn[1], 0.5 * turn[2], 1.0],
-            self.rotation,
-        );
-    }
-
     /// The body after `dt` [s] under a constant force per mass [m/s^2] and torque [N m]: exact for the centre of
     /// mass. Without torque angular momentum and energy stay to round-off; with it the turn is that of the mean
     /// angular momentum.
@@ -102,12 +93,6 @@ impl Body {
         );
         next.angular_momentum = along(self.angular_momentum, dt, torque);
         next
-    }
-
-    /// Steps that [`after`](Self::after) takes for the turn of `dt` [s].
-    pub fn turn_steps(&self, inertia: &Inertia, torque: Vec3, dt: f64) -> f64 {
-        let mean = along(self.angular_momentum, 0.5 * dt, torque);
-        steps_of_turn(self.rotation, mean, inertia.moments, dt)
     }
 }
 

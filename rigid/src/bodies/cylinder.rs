@@ -1,4 +1,4 @@
-//! Circular cylinders: how they are recognised, their distance, points of their surface, where their axis is.
+//! Circular cylinders: how they are recognised, their distance, where their axis is.
 
 use super::{
     grain::Grain,
@@ -17,13 +17,6 @@ const ROUND: f64 = 0.03;
 /// on a lattice along the axis the outermost layer is half a spacing inside, on a turned one about none.
 const OUTSIDE: f64 = 0.3;
 const INSIDE: f64 = 0.9;
-/// Rings of points on a lid at most, and points of a rim at least.
-const RINGS: f64 = 6.0;
-const FEWEST_OF_RIM: usize = 24;
-/// Layers of points on the side at most.
-const LAYERS: f64 = 12.0;
-/// Part of its size within which a point is on a lid or on the side.
-const ON: f64 = 1e-9;
 
 /// A circular cylinder about the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,48 +52,6 @@ impl Cylinder {
         normal[self.axis] = found.normal[1];
         normal[others[1]] = found.normal[2];
         Distance { normal, ..found }
-    }
-
-    /// Outward normals of the lid and of the side, of what a point of the surface is on.
-    pub fn normals(&self, x: Vec3) -> [Option<Vec3>; 2] {
-        let mut radial = x;
-        radial[self.axis] = 0.0;
-        let out = length(radial);
-        let mut lid = [0.0; 3];
-        lid[self.axis] = x[self.axis].signum();
-        [
-            (x[self.axis].abs() >= (1.0 - ON) * self.half).then_some(lid),
-            (out >= (1.0 - ON) * self.radius).then(|| scaled(radial, 1.0 / out)),
-        ]
-    }
-
-    /// Points of lids, rims and side, about `spacing` apart.
-    pub fn points(&self, spacing: f64) -> Vec<Vec3> {
-        let rings = (self.radius / spacing).round().clamp(1.0, RINGS) as usize;
-        let layers = (2.0 * self.half / spacing).round().clamp(1.0, LAYERS) as usize;
-        let around = FEWEST_OF_RIM.max(6 * rings);
-        let mut points = Vec::new();
-        let mut circle = |part: f64, height: f64, count: usize| {
-            for n in 0..count {
-                let angle = 2.0 * std::f64::consts::PI * n as f64 / count as f64;
-                let (sin, cos) = angle.sin_cos();
-                let mut x = [0.0; 3];
-                x[self.axis] = height * self.half;
-                x[(self.axis + 1) % 3] = part * self.radius * cos;
-                x[(self.axis + 2) % 3] = part * self.radius * sin;
-                points.push(x);
-            }
-        };
-        for height in [-1.0, 1.0] {
-            circle(0.0, height, 1);
-            for ring in 1..rings {
-                circle(ring as f64 / rings as f64, height, 6 * ring);
-            }
-        }
-        for layer in 0..=layers {
-            circle(1.0, 2.0 * layer as f64 / layers as f64 - 1.0, around);
-        }
-        points
     }
 }
 
@@ -214,77 +165,4 @@ pub(super) fn upright(grains: &[Grain]) -> Option<Mat3<f64>> {
     fit(pairs, axis)?;
     let across = perpendicular(axis);
     Some(Mat3::from_columns(across, cross(axis, across), axis))
-}
-
-/// Points of the circle about `center` across the unit vector `axis`.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Circle {
-    pub center: Vec3,
-    pub axis: Vec3,
-    pub radius: f64,
-}
-
-impl Circle {
-    /// The direction from the centre to the point where a distance with this normal is least, looked for from `start`,
-    /// a direction across the axis, downhill.
-    pub fn lowest(&self, normal: &dyn Fn(Vec3) -> Vec3, start: Vec3) -> Vec3 {
-        let side = cross(self.axis, start);
-        let at = |w: f64| {
-            let turned = scaled(along(start, w, side), 1.0 / (1.0 + w * w).sqrt());
-            let onward = cross(self.axis, turned);
-            let x = along(self.center, self.radius, turned);
-            (turned, dot(normal(x), onward))
-        };
-        let (_, slope) = at(0.0);
-        // A slope of 1e-11 is 1e-22 radii above the lowest point.
-        if slope.abs() <= 1e-11 {
-            return start;
-        }
-        let sign = -slope.signum();
-        let rise = |w: f64| sign * at(sign * w).1;
-        let (mut low, mut high) = ((0.0, -slope.abs()), None);
-        let mut w = (1.5 * slope.abs()).min(0.5);
-        while w < 4.0 {
-            let value = rise(w);
-            if value >= 0.0 {
-                high = Some((w, value));
-                break;
-            }
-            low = (w, value);
-            w *= 2.0;
-        }
-        let found = high.map_or(low.0, |high| crossing(&rise, low, high, 1e-13));
-        at(sign * found).0
-    }
-}
-
-/// Where a function that is negative at the first place and not at the second changes sign, within `close`: the place
-/// where it is not negative. False position and halving in turns, as it may jump.
-pub(super) fn crossing(
-    f: &dyn Fn(f64) -> f64,
-    mut low: (f64, f64),
-    mut high: (f64, f64),
-    close: f64,
-) -> f64 {
-    for n in 0..80 {
-        let width = high.0 - low.0;
-        if width.abs() <= close || high.1 == 0.0 {
-            break;
-        }
-        let part = match n % 2 {
-            0 => (low.1 / (low.1 - high.1)).clamp(1e-3, 1.0 - 1e-3),
-            _ => 0.5,
-        };
-        let x = low.0 + part * width;
-        let value = f(x);
-        if value.abs() <= 1e-13 {
-            return x;
-        }
-        if value < 0.0 {
-            low = (x, value);
-        } else {
-            high = (x, value);
-        }
-    }
-    high.0
 }

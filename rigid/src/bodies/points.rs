@@ -15,27 +15,6 @@ pub(super) struct Cluster {
     pub points: std::ops::Range<usize>,
 }
 
-/// Points per edge of a cuboid at most.
-const PER_EDGE: f64 = 12.0;
-
-/// Points on the faces of a cuboid, about `spacing` apart, edges and corners included.
-pub(super) fn of_cuboid(half: Vec3, spacing: f64) -> Vec<Vec3> {
-    let counts = half.map(|x| (2.0 * x / spacing).round().clamp(1.0, PER_EDGE) as usize);
-    let mut points = Vec::new();
-    for i in 0..=counts[0] {
-        for j in 0..=counts[1] {
-            for k in 0..=counts[2] {
-                let at = [i, j, k];
-                if (0..3).any(|a| at[a] == 0 || at[a] == counts[a]) {
-                    let way = |a: usize| 2.0 * at[a] as f64 / counts[a] as f64 - 1.0;
-                    points.push([0, 1, 2].map(|a| half[a] * way(a)));
-                }
-            }
-        }
-    }
-    points
-}
-
 /// Sorts points that are about `spacing` [m] apart into clusters.
 pub(super) fn cluster(points: &[Vec3], spacing: f64) -> (Vec<Vec3>, Vec<Cluster>) {
     // A patch of n by n spacings of surface holds about n^2 points.

@@ -1,12 +1,20 @@
 //! What never changes of a body: mass, inertia, the distance from its surface, points of the surface.
 
+use std::sync::Arc;
+
+use rapier3d_f64::parry::{
+    math::{Pose, Rotation, Vector},
+    shape::SharedShape,
+};
+
 use super::{
     ball::Ball,
     body::{Body, Inertia},
     cylinder::{Cylinder, upright},
     field::Field,
     grain::Grain,
-    points::{Cluster, cluster, of_cuboid},
+    points::cluster,
+    sampled::{Sampled, Source},
     surface::Surface,
     vector::{Vec3, add, along, length, scaled, solve, sub},
 };
@@ -18,6 +26,10 @@ use crate::{
 
 /// Largest relative difference between the volume of a cuboid and what its moments say about it.
 const FILLED: f64 = 0.015;
+/// Radius by which edges of bodies are rounded [m], and the most of it in parts of the least half length: what edges meet has a normal then
+/// that does not jump.
+const ROUNDING: f64 = 5e-4;
+const MOST_ROUNDING: f64 = 0.05;
 /// Difference of two second moments, in units of their sum, up to which their axes mean nothing.
 const ALIKE: f64 = 5e-3;
 
@@ -31,9 +43,8 @@ pub struct Shape {
     /// Depth of the point that is deepest inside [m].
     pub depth: f64,
     pub(super) form: Form,
-    /// Points of the surface, cluster after cluster; a ball needs none, a cylinder has more that move (`rims`).
-    pub(super) points: Vec<Vec3>,
-    pub(super) clusters: Vec<Cluster>,
+    /// The same as contact knows it, and where it is in the frame.
+    pub(super) contact: (SharedShape, Pose),
 }
 
 /// Where the surface is.
@@ -45,7 +56,42 @@ pub(super) enum Form {
     Cuboid(Vec3),
     /// Along an axis of the frame.
     Cylinder(Cylinder),
-    Field(Box<Field>),
+    Field(Arc<Sampled>),
+}
+
+/// Edges rounded by a part of the least half length [m].
+fn rounding(least: f64) -> f64 {
+    ROUNDING.min(MOST_ROUNDING * least)
+}
+
+impl Form {
+    /// The shape that contact knows, and where it is in the frame.
+    fn contact(&self) -> (SharedShape, Pose) {
+        match self {
+            Self::Ball(ball) if ball.cavity.is_some() => {
+                let sampled = Sampled::new(Source::Hollow(*ball), vec![], vec![]);
+                (SharedShape(Arc::new(sampled)), Pose::IDENTITY)
+            }
+            Self::Ball(ball) => {
+                let at = Pose::from_parts(ball.outer.center.into(), Rotation::IDENTITY);
+                (SharedShape::ball(ball.outer.radius), at)
+            }
+            Self::Cuboid(half) => {
+                let round = rounding(half.iter().copied().fold(f64::INFINITY, f64::min));
+                let [x, y, z] = half.map(|h| h - round);
+                (SharedShape::round_cuboid(x, y, z, round), Pose::IDENTITY)
+            }
+            Self::Cylinder(Cylinder { axis, radius, half }) => {
+                let round = rounding(radius.min(*half));
+                let mut along = Vector::ZERO;
+                along[*axis] = 1.0;
+                let turn = Rotation::from_rotation_arc(Vector::Y, along);
+                let shape = SharedShape::round_cylinder(half - round, radius - round, round);
+                (shape, Pose::from_parts(Vector::ZERO, turn))
+            }
+            Self::Field(sampled) => (SharedShape(sampled.clone()), Pose::IDENTITY),
+        }
+    }
 }
 
 /// A body at rest where these particles are: its origin is their centre of mass, its axes those of inertia; where an
@@ -96,39 +142,41 @@ impl Shape {
         let local: Vec<Vec3> = grains.iter().map(|g| g.x).collect();
         let volumes: Vec<f64> = grains.iter().map(|g| g.volume).collect();
         let spacing = (volumes.iter().sum::<f64>() / volumes.len() as f64).cbrt();
-        let (form, points) = if let Some(ball) = Ball::of_particles(&local, &volumes) {
-            (Form::Ball(ball), vec![])
+        let form = if let Some(ball) = Ball::of_particles(&local, &volumes) {
+            Form::Ball(ball)
         } else if let Some(half) = cuboid(&local, &volumes) {
-            (Form::Cuboid(half), of_cuboid(half, spacing))
+            Form::Cuboid(half)
         } else if let Some(cylinder) = Cylinder::of(&local, &volumes) {
-            (Form::Cylinder(cylinder), cylinder.points(spacing))
+            Form::Cylinder(cylinder)
         } else {
             let surface = Surface::of(&local, &volumes);
             match Ball::of_surface(&surface.triangles, &local, &volumes) {
-                Some(ball) => (Form::Ball(ball), vec![]),
+                Some(ball) => Form::Ball(ball),
                 None => {
                     let (field, points) = Field::new(surface);
-                    (Form::Field(Box::new(field)), points)
+                    let (points, clusters) = cluster(&points, spacing);
+                    let sampled = Sampled::new(Source::Field(field), points, clusters);
+                    Form::Field(Arc::new(sampled))
                 }
             }
         };
-        let (points, clusters) = cluster(&points, spacing);
-        let farthest = points.iter().map(|x| length(*x)).fold(0.0, f64::max);
         let (radius, depth) = match &form {
             Form::Ball(ball) => (ball.reach(), ball.depth()),
-            Form::Cuboid(half) => (farthest, half.iter().copied().fold(f64::INFINITY, f64::min)),
+            Form::Cuboid(half) => (
+                length(*half),
+                half.iter().copied().fold(f64::INFINITY, f64::min),
+            ),
             Form::Cylinder(Cylinder { radius, half, .. }) => {
                 (radius.hypot(*half), radius.min(*half))
             }
-            Form::Field(field) => (farthest, field.depth()),
+            Form::Field(sampled) => (sampled.reach(), sampled.depth()),
         };
         Self {
             inertia,
             radius,
             depth,
+            contact: form.contact(),
             form,
-            points,
-            clusters,
         }
     }
 
@@ -172,7 +220,7 @@ impl Shape {
             Form::Ball(ball) => ball.distance(x),
             Form::Cuboid(half) => box_distance(*half, x).value,
             Form::Cylinder(cylinder) => cylinder.distance(x).value,
-            Form::Field(field) => field.distance(x),
+            Form::Field(sampled) => sampled.distance(x),
         }
     }
 
@@ -182,7 +230,7 @@ impl Shape {
             Form::Ball(ball) => ball.normal(x),
             Form::Cuboid(half) => box_distance(*half, x).normal,
             Form::Cylinder(cylinder) => cylinder.distance(x).normal,
-            Form::Field(field) => field.normal(x),
+            Form::Field(sampled) => sampled.normal(x),
         }
     }
 }

@@ -4,7 +4,7 @@ use super::vector::{Vec3, add, along, length, scaled, solve, sub};
 use crate::mat3::{Mat3, cross, dot};
 
 /// Most sweeps over the points of bodies.
-pub const SWEEPS: usize = 40;
+const SWEEPS: usize = 40;
 /// Points below which more sweeps are allowed, as many as cost the same: the two rims of a disk that lies on its side
 /// and what rubs on them depend on each other so much that each sweep leaves 0.87 of the error.
 const FEW: usize = 20;
@@ -156,24 +156,17 @@ pub(crate) fn impact(point: &mut Point, movers: &mut [Mover]) {
 }
 
 /// Most sweeps over so many points.
-pub fn sweeps(points: usize) -> usize {
+pub(super) fn sweeps(points: usize) -> usize {
     SWEEPS * (FEW / points.max(1)).max(1)
 }
 
 /// Several points together: each in turn gets the impulse that brings its normal velocity to its
 /// target or more; sums of impulses press and never pull, and rub no more than Coulomb's law allows.
-/// Starts from the impulses that the points hold already.
 pub fn sweep(points: &mut [Point], movers: &mut [Mover], sweeps: usize) {
     let yields: Vec<f64> = points
         .iter()
         .map(|p| p.inverse_effective_mass(movers, p.normal))
         .collect();
-    for point in points.iter() {
-        let j = point.impulse();
-        if j != [0.0; 3] {
-            point.push(movers, j);
-        }
-    }
     for _ in 0..sweeps {
         let (mut most, mut change) = (0.0_f64, 0.0_f64);
         for (point, k_n) in points.iter_mut().zip(&yields) {
@@ -230,7 +223,7 @@ fn apply_friction(point: &mut Point, movers: &mut [Mover], limit: f64) -> f64 {
 
 /// Work of the impulses in the frames of what the bodies meet: what kinetic energy they add. The second part of the
 /// pair is that of impulses of the same size on bodies at rest.
-pub fn work(points: &[Point], movers: &[Mover]) -> (f64, f64) {
+fn work(points: &[Point], movers: &[Mover]) -> (f64, f64) {
     let (mut given, mut bend) = (0.0, 0.0);
     for point in points {
         let j = point.impulse();

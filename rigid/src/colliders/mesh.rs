@@ -1,6 +1,6 @@
 //! Triangle meshes as colliders: distance and ray queries through parry's bounding volume hierarchy.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use parry3d_f64::{
     math::Vector,
@@ -15,7 +15,7 @@ use crate::scene::TriangleMesh;
 #[derive(Clone, Debug)]
 pub struct Mesh {
     /// None when there is no triangle that could be hit.
-    surface: Option<TriMesh>,
+    surface: Option<Arc<TriMesh>>,
     /// Whether it has an inside.
     closed: bool,
     /// See [`Mesh::loose_edges`].
@@ -51,11 +51,15 @@ impl Mesh {
             .filter(|open| loose == 0 && open.num_triangles() > 0)
             .and_then(|open| {
                 let (points, triangles) = (open.vertices().to_vec(), open.indices().to_vec());
-                TriMesh::with_flags(points, triangles, TriMeshFlags::ORIENTED).ok()
+                let flags = TriMeshFlags::ORIENTED | TriMeshFlags::FIX_INTERNAL_EDGES;
+                TriMesh::with_flags(points, triangles, flags).ok()
             });
         let closed = solid.is_some();
         let mut mesh = Self {
-            surface: solid.or(open).filter(|surface| surface.num_triangles() > 0),
+            surface: solid
+                .or(open)
+                .filter(|surface| surface.num_triangles() > 0)
+                .map(Arc::new),
             closed,
             loose,
             radius,
@@ -95,26 +99,7 @@ impl Mesh {
         let Some(surface) = &self.surface else {
             return far;
         };
-        let projection = surface.project_local_point(vector(x), false);
-        let away = vector(x) - projection.point;
-        let length = away.length();
-        let sign = if self.closed && projection.is_inside {
-            -1.0
-        } else {
-            1.0
-        };
-        if length > 1e-12 * self.radius {
-            return Distance {
-                value: sign * length,
-                normal: array(away * (sign / length)),
-            };
-        }
-        let on = projection.subshape;
-        let normal = surface.triangle(on).normal().unwrap_or(Vector::Y);
-        Distance {
-            value: sign * length,
-            normal: array(normal),
-        }
+        signed_distance(surface, x)
     }
 
     /// Where the segment from `from` to `to` first crosses the surface: part of the way, and the normal of the
@@ -129,17 +114,9 @@ impl Mesh {
         Some((hit.time_of_impact, array(normal * facing)))
     }
 
-    /// Its corners [m], in its own frame.
-    pub fn corners(&self) -> Vec<[f64; 3]> {
-        let surface = self.surface.iter();
-        let points = surface.flat_map(|surface| surface.vertices());
-        points.map(|x| array(*x)).collect()
-    }
-
-    /// Its triangles, each by the places of its corners in their list.
-    pub fn triangles(&self) -> &[[u32; 3]] {
-        let surface = self.surface.as_ref();
-        surface.map_or(&[], |surface| surface.indices())
+    /// Its triangles, where it has any.
+    pub fn surface(&self) -> Option<&Arc<TriMesh>> {
+        self.surface.as_ref()
     }
 
     /// Radius of a ball about the origin that holds it.
@@ -160,6 +137,29 @@ impl Mesh {
     /// Smallest thickness, 0 for an open mesh.
     pub fn thickness(&self) -> f64 {
         self.thickness
+    }
+}
+
+/// Signed distance from triangles that enclose something, distance from others.
+pub fn signed_distance(surface: &TriMesh, x: [f64; 3]) -> Distance {
+    let projection = surface.project_local_point(vector(x), false);
+    let away = vector(x) - projection.point;
+    let length = away.length();
+    let is_closed = surface.flags().contains(TriMeshFlags::ORIENTED);
+    let sign = match is_closed && projection.is_inside {
+        true => -1.0,
+        false => 1.0,
+    };
+    let normal = match length > 1e-12 * surface.local_aabb().half_extents().length() {
+        true => away * (sign / length),
+        false => {
+            let on = surface.triangle(projection.subshape);
+            on.normal().unwrap_or(Vector::Y)
+        }
+    };
+    Distance {
+        value: sign * length,
+        normal: array(normal),
     }
 }
 

@@ -18,7 +18,6 @@ pub mod primitives;
 pub mod rules;
 pub mod shape;
 mod side;
-pub mod skeleton;
 pub mod springs;
 pub mod sweep;
 pub mod touch;
@@ -39,10 +38,10 @@ use contact::Contact;
 use friction::{Frictions, domain_walls};
 use held::{FixedRegion, has_faces};
 use moving::Motion;
+use parry3d_f64::shape::SharedShape;
 use primitives::Distance;
 use serde::{Deserialize, Serialize};
 use shape::Shape;
-use skeleton::Skeleton;
 
 use crate::{
     mat3::dot,
@@ -128,7 +127,8 @@ pub struct Boundaries {
 #[derive(Clone, Debug)]
 pub struct Body {
     shape: Shape,
-    skeleton: Skeleton,
+    /// The shape as contact of bodies knows it, where there is any.
+    contact_shape: Option<SharedShape>,
     rest: Pose,
     motion: ColliderMotion,
     span: TimeSpan,
@@ -408,7 +408,7 @@ impl Body {
             } else {
                 BODY_SKIN * cell
             },
-            skeleton: Skeleton::new(&shape),
+            contact_shape: shape.for_contact(),
             shape,
             rest: collider.pose,
             motion: collider.motion.clone(),
@@ -448,9 +448,9 @@ impl Placed<'_> {
         &self.body.shape
     }
 
-    /// What sticks out of it, in its own frame [units].
-    pub fn skeleton(&self) -> &Skeleton {
-        &self.body.skeleton
+    /// What it is as contact of bodies knows it [units]; none of a mesh without triangles.
+    pub fn contact_shape(&self) -> Option<&SharedShape> {
+        self.body.contact_shape.as_ref()
     }
 
     /// Whether it acts on matter that moves away from it.

@@ -108,6 +108,11 @@ impl Placed<'_> {
         std::array::from_fn(|a| self.ahead.linear[a] + turn[a])
     }
 
+    /// Whether it moves in the substep.
+    pub fn moves(&self) -> bool {
+        !self.ahead.is_none()
+    }
+
     /// Whether it turns in the substep.
     pub fn turns(&self) -> bool {
         self.ahead.angular != [0.0; 3]

@@ -21,7 +21,7 @@ pub(super) fn unit(v: [f64; 3], length: f64) -> [f64; 3] {
 }
 
 /// Distance from a ball about the origin.
-pub(super) fn ball(x: [f64; 3], radius: f64) -> Distance {
+pub(crate) fn ball(x: [f64; 3], radius: f64) -> Distance {
     let r = dot(x, x).sqrt();
     Distance {
         value: r - radius,

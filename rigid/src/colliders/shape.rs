@@ -1,5 +1,7 @@
 //! Signed distance and outward normal of every shape, in the collider's frame and unit.
 
+use parry3d_f64::{math::Vector, shape::SharedShape};
+
 use super::{
     mesh::Mesh,
     primitives::{Distance, ball, box_distance, cylinder_distance, unit},
@@ -97,17 +99,24 @@ impl Shape {
         }
     }
 
-    /// Whether each way between two points of it stays in it. Of what is not convex a way may leave it and come in again, and
-    /// more than the lowest point of a circle may touch it.
-    pub fn is_convex(&self) -> bool {
-        match self {
-            Self::HalfSpace { .. }
-            | Self::Box { .. }
-            | Self::Sphere { .. }
-            | Self::Cylinder { .. }
-            | Self::Capsule { .. } => true,
-            Self::Mesh(_) => false,
-        }
+    /// The shape as parry knows it; none of a mesh without triangles.
+    pub fn for_contact(&self) -> Option<SharedShape> {
+        Some(match *self {
+            Self::HalfSpace { normal } => SharedShape::halfspace(Vector::from(normal)),
+            Self::Box {
+                half_extents: [x, y, z],
+            } => SharedShape::cuboid(x, y, z),
+            Self::Sphere { radius } => SharedShape::ball(radius),
+            Self::Cylinder {
+                radius,
+                half_height,
+            } => SharedShape::cylinder(half_height, radius),
+            Self::Capsule {
+                radius,
+                half_height,
+            } => SharedShape::capsule_y(half_height, radius),
+            Self::Mesh(ref mesh) => SharedShape(mesh.surface()?.clone()),
+        })
     }
 
     /// Radius of a ball about the origin that holds the shape; infinite for a half-space.

@@ -44,7 +44,7 @@ pub(crate) fn move_bodies(
     };
     let (at_nodes, solids_at_nodes) =
         couple(given, now, passes, matter, motion, &off_grid, workspace);
-    let mut rigid = RigidGroup::new(given, off_grid.bodies, &at_nodes, now, tally.effort);
+    let mut rigid = RigidGroup::new(given, off_grid.bodies, &at_nodes, now);
     let received = at_nodes.received.iter().chain(&solids_at_nodes.received);
     // In a single field nobody knows whose matter a node holds.
     let is_known = !given.model.is_single_field();
@@ -63,7 +63,6 @@ pub(crate) fn move_bodies(
     } else {
         rigid.advance(now, None);
     }
-    tally.effort = rigid.effort();
     tally.timings.bodies += start.elapsed().as_secs_f64();
     at_nodes.largest.max(solids_at_nodes.largest)
 }

@@ -1,14 +1,13 @@
 //! All rigid bodies of a world, and what drives each of them through a span.
 
-use std::cell::Cell;
-
 use super::springs::{Pulled, parts, pull_on_body};
 use crate::{
     bodies::{
         actor::{Actor, Drive, Setting},
         body::Body,
-        engine::{CachedImpulse, Outcome, Partner, step},
-        impact_time::SearchEffort,
+        engine::{Outcome, step},
+        pairs::Partner,
+        warm_start::CachedImpulse,
     },
     colliders::Substep,
     coupling::nodes::Coupled,
@@ -29,8 +28,6 @@ pub(crate) struct RigidGroup<'a> {
     actors: Vec<Actor<'a>>,
     /// What matter on the grid gives to each throughout the span.
     at_nodes: Vec<Wrench>,
-    /// What the search for their impacts took in the frame.
-    effort: Cell<SearchEffort>,
 }
 
 /// Bodies where they are, and what their next step begins with.
@@ -46,7 +43,6 @@ impl<'a> RigidGroup<'a> {
         bodies: &'a mut RigidBodies,
         at_nodes: &Coupled,
         now: &Substep,
-        mut effort: SearchEffort,
     ) -> Self {
         let RigidBodies {
             of,
@@ -66,9 +62,7 @@ impl<'a> RigidGroup<'a> {
             }
         }
         let loads = actors.iter().zip(&at_nodes.loads);
-        effort.allow(actors.len(), now.frame_length);
         Self {
-            effort: Cell::new(effort),
             at_nodes: loads
                 .map(|(actor, (force, torque))| Wrench::about(actor.body.com, *force, *torque))
                 .collect(),
@@ -97,11 +91,6 @@ impl<'a> RigidGroup<'a> {
     /// Their numbers in the scene.
     pub fn numbers(&self) -> &[usize] {
         &self.objects
-    }
-
-    /// What the search for impacts has taken in the frame.
-    pub fn effort(&self) -> SearchEffort {
-        self.effort.get()
     }
 
     /// Where all are.
@@ -165,7 +154,6 @@ impl<'a> RigidGroup<'a> {
             &self.objects,
             &mut self.actors,
             self.warm_start,
-            &self.effort,
         );
         for touch in &outcome.touches {
             let other = match touch.other {
@@ -216,7 +204,6 @@ fn advance(
     objects: &[usize],
     actors: &mut [Actor<'_>],
     warm_start: &mut Vec<CachedImpulse>,
-    effort: &Cell<SearchEffort>,
 ) -> Outcome {
     let scene = &given.model.scene;
     let (solids, paths) = (&given.model.solids, &given.commanded.paths);
@@ -239,7 +226,6 @@ fn advance(
         walls: &walls,
         surface: &surface,
         friction: &|body| solids.friction_of(objects[body]),
-        effort,
         interruption: given.interruption,
     };
     step(actors, warm_start, &setting, now.dt)

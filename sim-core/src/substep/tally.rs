@@ -3,10 +3,7 @@
 use std::time::Instant;
 
 use super::limit::Limit;
-use crate::{
-    bodies::impact_time::SearchEffort,
-    report::{Timings, Work},
-};
+use crate::report::{Timings, Work};
 
 /// Time and operations of a frame, those taken back included.
 #[derive(Clone, Copy, Debug, Default)]
@@ -17,8 +14,6 @@ pub(crate) struct Tally {
     pub work: Work,
     /// What moving solids came to.
     pub solids: Moved,
-    /// What the search for impacts of rigid bodies took.
-    pub effort: SearchEffort,
 }
 
 /// What moving solids came to.

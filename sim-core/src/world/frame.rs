@@ -1,7 +1,7 @@
 //! What happens during one frame.
 
 use crate::{
-    report::{DtLimit, GoneOver, StepReport, Work},
+    report::{DtLimit, GoneOver, StepReport},
     state::State,
     substep::{Limit, Schedule, Tally},
 };
@@ -150,11 +150,7 @@ impl Frame {
             stopped: self.stopped,
             quarantined: self.quarantined.clone(),
             timings: self.tally.timings,
-            work: Work {
-                body_turns: self.tally.effort.taken,
-                ..self.tally.work
-            },
-            unfinished_searches: self.tally.effort.unfinished,
+            work: self.tally.work,
             ..StepReport::default()
         }
     }

@@ -66,11 +66,7 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
     hash_solids(&mut hash, state);
     // Zeros where versions with affine objects said more: the same motion keeps the hash it had.
     hash.update(&vec![0; state.bodies.of.len()]);
-    for known in &state.bodies.warm_start {
-        hash.update(bytes_of(&known.pair));
-        hash.update(bytes_of(&known.normal_impulse));
-        hash.update(bytes_of(&known.friction_impulse));
-    }
+    hash_warm_start(&mut hash, state);
     for level in &state.levels {
         level.add_to(&mut hash);
     }
@@ -90,6 +86,18 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
     }
     hash_grabs(&mut hash, state);
     hash.digest()
+}
+
+/// Adds what points of contact of rigid bodies bore.
+fn hash_warm_start(hash: &mut Xxh3, state: &State) {
+    for known in &state.bodies.warm_start {
+        hash.update(bytes_of(&known.pair));
+        hash.update(bytes_of(&known.normal_impulse));
+        hash.update(bytes_of(&known.friction_impulse));
+        hash.update(bytes_of(&known.places));
+        hash.update(bytes_of(&known.normal));
+        hash.update(bytes_of(&known.twist));
+    }
 }
 
 /// Adds the patches that clients hold, and what they edited.

@@ -2,7 +2,7 @@
 
 use super::{World, frame::Frame};
 use crate::{
-    bodies::{body::Body, engine::CachedImpulse},
+    bodies::{body::Body, warm_start::CachedImpulse},
     colliders::Substep,
     coupling::near::Watch,
     interruption::Interruption,

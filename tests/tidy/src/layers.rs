@@ -12,7 +12,6 @@ const MAX_LINES: usize = 80;
 
 /// Circles of parts of one folder that name each other: crate, folder, parts. None may come, and what is gone leaves this list.
 const CIRCLES: &[(&str, &str, &[&str])] = &[
-    ("rigid", "bodies", &["edges", "feature", "overlap", "rims"]),
     ("solid", "", &["kernel", "memory"]),
     (
         "scene",

@@ -2,22 +2,21 @@
 
 mod cylinders;
 mod flight;
+mod heaps;
 mod impacts;
 mod narrow;
 mod resting;
 mod shapes;
 mod uneven;
 
-use std::cell::Cell;
-
 use super::{
     actor::{Actor, Drive, Setting},
     body::Body,
-    engine::{CachedImpulse, step},
+    engine::step,
     grain::{Grain, of_cubes},
-    impact_time::SearchEffort,
     shape::{Shape, frame},
     vector::{Vec3, add, along, length, scaled, sub},
+    warm_start::CachedImpulse,
 };
 use crate::{
     Scene,
@@ -131,14 +130,6 @@ impl Stage {
     }
 
     fn step(&mut self, dt: f64) {
-        let mut effort = SearchEffort::default();
-        effort.allow(self.bodies.len(), dt);
-        self.step_with(effort, dt);
-    }
-
-    /// A step after which the search for impacts has taken what it returns.
-    fn step_with(&mut self, effort: SearchEffort, dt: f64) -> SearchEffort {
-        let effort = Cell::new(effort);
         let boundaries = Boundaries::new(&self.scene, 1.0);
         let paths = vec![None; self.scene.colliders.len()];
         let start = self.time;
@@ -160,7 +151,6 @@ impl Stage {
             walls: &walls,
             surface: &|_, _| surface,
             friction: &|_| None,
-            effort: &effort,
             interruption: Interruption::never(),
         };
         let mut actors: Vec<Actor<'_>> = (0..self.bodies.len())
@@ -173,7 +163,6 @@ impl Stage {
         step(&mut actors, &mut self.memory, &setting, dt);
         self.bodies = actors.iter().map(|actor| actor.body).collect();
         self.time += dt;
-        effort.get()
     }
 
     fn energy(&self) -> f64 {

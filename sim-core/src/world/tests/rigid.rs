@@ -1,7 +1,6 @@
 //! Rigid objects in the world: one body each, that meets colliders, other bodies and matter on the grid.
 
 use super::*;
-use crate::notices::Notices;
 
 /// A brick of unequal edges that tumbles about no axis of symmetry.
 fn tumbling_brick() -> Scene {
@@ -188,26 +187,45 @@ fn a_rigid_cube_slides_bounces_and_sticks_as_its_contact_says() {
     );
 }
 
+/// Rigid boxes, cans and a bent piece that fall on each other.
+fn heap() -> Scene {
+    let mut scene = empty(0.1);
+    scene.gravity = [0.0, 0.0, -9.81];
+    let rigid = elastic(Law::Rigid, 0.0, 0.0);
+    for n in 0..6 {
+        let at = [0.02 * n as f64, 0.01 * n as f64, 0.01 + 0.22 * n as f64];
+        add_box(&mut scene, rigid.clone(), at, 0.05, [4 + n % 2, 4, 4]);
+        scene.objects[n].linear_velocity = [0.0, 0.1 * n as f64, -0.5];
+    }
+    let up = [0.0, 0.0, 1.0];
+    add_plane(&mut scene, [0.0; 3], up, Surface::Separate, 0.4);
+    scene.colliders[0].restitution = 0.3;
+    scene
+}
+
 #[test]
-fn impacts_that_are_late_are_said_once() {
-    let mut scene = tumbling_brick();
-    add_plane(
-        &mut scene,
-        [0.0; 3],
-        [0.0, 0.0, 1.0],
-        Surface::Separate,
-        0.4,
-    );
-    let mut world = World::new(scene).expect("valid scene");
-    let mut notices = Notices::new(world.scene());
-    let mut report = world.step(1.0 / 60.0, &[]);
-    assert_eq!(report.unfinished_searches, 0);
-    assert!(notices.of(world.scene(), &report).is_empty());
-    report.unfinished_searches = 2;
-    let said = notices.of(world.scene(), &report);
-    assert!(
-        said.len() == 1 && said[0].contains("impacts of rigid bodies are late"),
-        "{said:?}"
-    );
-    assert!(notices.of(world.scene(), &report).is_empty());
+fn a_heap_has_the_same_bits_on_any_threads_and_from_checkpoints() {
+    let run = |threads: usize, from: Option<&[u8]>, frames: u32| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("a small pool").install(|| {
+            let mut world = World::new(heap()).expect("valid scene");
+            if let Some(bytes) = from {
+                world.restore(bytes).expect("its own checkpoint");
+            }
+            let hashes: Vec<u64> = (0..frames)
+                .map(|_| world.step(1.0 / 60.0, &[]).state_hash)
+                .collect();
+            (hashes, world.checkpoint())
+        })
+    };
+    let (expected, _) = run(1, None, 60);
+    for threads in [2, 3] {
+        assert_eq!(run(threads, None, 60).0, expected, "{threads} threads");
+    }
+    // In the air, in an impact, at rest.
+    for middle in [5, 12, 40] {
+        let (_, saved) = run(1, None, middle);
+        let left = run(2, Some(&saved), 60 - middle).0;
+        assert_eq!(left, expected[middle as usize..], "from frame {middle}");
+    }
 }
