@@ -1,7 +1,5 @@
 //! Cases of rigid bodies.
 
-use anyhow::Context;
-
 use super::super::cases::{Case, ONCE, Reading, largest, rate};
 use crate::{
     trial::scene_text,
