@@ -15,7 +15,7 @@ use crate::mat3::cross;
 /// Longest step [s].
 const LONGEST: f64 = 1.0 / 960.0;
 /// Impacts that a step is cut at, at most: later ones in it are felt at the start of the next.
-const MOST_IMPACTS: usize = 16;
+const MOST_IMPACTS: usize = 4;
 /// Speed of approach below which nothing bounces, at least [m/s].
 const SLOWEST_BOUNCE: f64 = 1e-6;
 /// Time that is too short for forces to do anything [s].

@@ -250,3 +250,29 @@ fn a_box_lies_still_on_a_lid_wherever_it_is_on_it() {
         }
     }
 }
+
+/// Under a ceiling that sticks, and on a wall that slips, both pulled away from it.
+#[test]
+fn what_colliders_hold_stays_on_them() {
+    for (surface, normal, gravity) in [
+        (Surface::Sticky, [0.0, 0.0, -1.0], [0.0, 1.0, -G]),
+        (Surface::Slip, [1.0, 0.0, 0.0], [2.0, 0.0, -G]),
+    ] {
+        let mut stage = Stage::new(gravity);
+        add_plane(&mut stage.scene, [0.0; 3], normal, surface, 0.0);
+        let id = stage.add(&block(normal.map(|n| 0.1 * n), 0.05, [4; 3]));
+        let start = stage.bodies[id].com;
+        let seconds = 0.5;
+        for _ in 0..30 {
+            stage.step(1.0 / 60.0);
+        }
+        let way = sub(stage.bodies[id].com, start);
+        let expected = match surface {
+            Surface::Sticky => [0.0; 3],
+            _ => [0.0, 0.0, -0.5 * G * seconds * seconds],
+        };
+        let error = length(sub(way, expected));
+        // A joint gives way by its own softness, and what falls is taken half an iteration late.
+        assert!(error < 2e-3, "{surface:?}: {way:?} for {expected:?}");
+    }
+}
