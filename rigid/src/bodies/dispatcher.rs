@@ -24,7 +24,7 @@ use rapier3d_f64::{
 use super::{
     by_points::Manifold,
     manifolds::{lies_on_lid, manifolds},
-    warm_start::{CachedImpulse, Known, of_pair},
+    warm_start::{CachedImpulse, PairImpulses, of_pair},
 };
 
 /// Cosine of the turn and square of the way [m^2] within which points of a manifold stay: of flat faces as parry has it, a degree and a
@@ -85,7 +85,7 @@ pub(super) fn borne(manifolds: &[SolverManifold]) -> impl Iterator<Item = Cached
 
 impl Dispatcher {
     /// Forces that a pair is known to have borne, as impulses of the coming iterations.
-    fn known(&self, pair: [u32; 2], manifolds: &[SolverManifold]) -> Known {
+    fn known(&self, pair: [u32; 2], manifolds: &[SolverManifold]) -> PairImpulses {
         let scaled = |one: CachedImpulse, scale: f64| CachedImpulse {
             normal_impulse: scale * one.normal_impulse,
             friction_impulse: one.friction_impulse.map(|j| scale * j),
@@ -94,10 +94,10 @@ impl Dispatcher {
         };
         if !manifolds.is_empty() {
             let scale = self.length / self.before;
-            return Known(borne(manifolds).map(|one| scaled(one, scale)).collect());
+            return PairImpulses(borne(manifolds).map(|one| scaled(one, scale)).collect());
         }
         let cached = of_pair(&self.warm_start, pair).iter();
-        Known(cached.map(|one| scaled(*one, self.length)).collect())
+        PairImpulses(cached.map(|one| scaled(*one, self.length)).collect())
     }
 }
 
@@ -110,7 +110,7 @@ fn keep(data: &mut ContactData, scale: f64) {
 }
 
 /// Writes the points of a manifold, with what they are known to have borne.
-fn write(found: &Manifold, known: &mut Known, into: &mut SolverManifold) {
+fn write(found: &Manifold, known: &mut PairImpulses, into: &mut SolverManifold) {
     into.points.clear();
     (into.local_n1, into.local_n2) = (found.local_n1, found.local_n2);
     let unknown = PackedFeatureId::UNKNOWN;

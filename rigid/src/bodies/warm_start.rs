@@ -37,9 +37,9 @@ impl CachedImpulse {
 }
 
 /// Points of one pair, each to be taken once.
-pub(super) struct Known(pub Vec<CachedImpulse>);
+pub(super) struct PairImpulses(pub Vec<CachedImpulse>);
 
-impl Known {
+impl PairImpulses {
     /// Takes the nearest point.
     pub fn take(&mut self, places: [Vec3; 2], normal: Vec3) -> Option<CachedImpulse> {
         let ways = self.0.iter().enumerate();

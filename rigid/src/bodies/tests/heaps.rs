@@ -1,7 +1,10 @@
 //! Bodies on bodies: towers, light below heavy, edges that cross, captures.
 
 use super::*;
-use crate::rotation::{from_rotation_vector, product};
+use crate::{
+    rotation::{from_rotation_vector, product},
+    scene::{Collider, ColliderShape, Pose},
+};
 
 const G: f64 = 9.81;
 
@@ -186,4 +189,39 @@ fn bits_depend_on_nothing_but_the_state() {
     }
     assert_eq!(one.bodies, other.bodies);
     assert_eq!(one.memory, other.memory);
+}
+
+/// A plank on a round bar, with 1 kg at 0.4 m and 2 kg at 0.23 m on the other side.
+#[test]
+fn a_seesaw_falls_to_the_side_of_the_larger_moment() {
+    let mut stage = Stage::new([0.0, 0.0, -G]);
+    stage.surface = (0.0, 0.8);
+    let bar = ColliderShape::Cylinder {
+        radius: 0.1,
+        half_height: 0.5,
+    };
+    let at = Pose::at([0.0, 0.0, -0.1]);
+    stage.scene.colliders.push(Collider {
+        friction: Some(0.8),
+        ..Collider::fixed("bar", bar, at, Surface::Separate)
+    });
+    let mut plank = block([0.0, 0.0, 0.025], 0.025, [48, 8, 2]);
+    for g in &mut plank {
+        g.mass *= 0.5;
+    }
+    let plank = stage.add(&plank);
+    for (x, density) in [(0.4, 1.0), (-0.23, 2.0)] {
+        let mut load = block([x, 0.0, 0.1], 0.025, [4; 3]);
+        for g in &mut load {
+            g.mass *= density;
+        }
+        stage.add(&load);
+    }
+    for _ in 0..12 {
+        stage.step(1.0 / 60.0);
+    }
+    let spin = stage.bodies[plank].spin(&stage.shapes[plank].inertia);
+    let found = -spin[1] / stage.time;
+    // The moment over the inertia about the line of contact, [0, 1, 0].
+    assert!((found / 0.574 - 1.0).abs() < 0.05, "{found}: {spin:?}");
 }
