@@ -29,7 +29,7 @@ pub use self::{outer::follow_again, relax::Relaxing};
 use super::{
     memory::BlockMemory,
     model::{NO_BLOCK, SolidModel},
-    nodes::{Conditions, NODES, NodeBlock, NodeRow, Planes, read, write},
+    nodes::{Conditions, NODES, NodeBlock, NodeRow, Planes},
 };
 use crate::{
     materials::{Coefficients, Law},
