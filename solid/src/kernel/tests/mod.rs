@@ -16,6 +16,7 @@ use crate::{
         testing::Random,
     },
     model::{gauss_point, stencil},
+    nodes::{read, write},
     simd::LANES,
 };
 
