@@ -89,6 +89,8 @@ pub(super) struct Moment<'a> {
     pub bodies: usize,
     /// Pairs of which one at least is free, in their order.
     pub pairs: Vec<[u32; 2]>,
+    /// By the number of each solid, what it is near to.
+    pub neighbours: Vec<Vec<u32>>,
 }
 
 impl<'a> Moment<'a> {
@@ -108,6 +110,7 @@ impl<'a> Moment<'a> {
             bodies: actors.len(),
             walls: vec![],
             pairs: vec![],
+            neighbours: vec![],
         };
         let mut margins: Vec<f64> = actors
             .iter()
@@ -131,6 +134,7 @@ impl<'a> Moment<'a> {
             }
         }
         moment.pairs = near_pairs(&moment.solids, moment.bodies, &margins);
+        moment.neighbours = neighbours(&moment.pairs, moment.solids.len());
         moment
     }
 
@@ -227,7 +231,7 @@ pub(super) fn near_pairs(solids: &[Solid], bodies: usize, margins: &[f64]) -> Ve
 }
 
 /// By the number of each, what it is near to.
-pub(super) fn neighbours(pairs: &[[u32; 2]], count: usize) -> Vec<Vec<u32>> {
+fn neighbours(pairs: &[[u32; 2]], count: usize) -> Vec<Vec<u32>> {
     let mut all = vec![vec![]; count];
     for [a, b] in pairs {
         all[*a as usize].push(*b);

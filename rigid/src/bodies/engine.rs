@@ -2,7 +2,7 @@
 
 use super::{
     actor::{Actor, Drive, Setting},
-    candidates::{Moment, flown, neighbours},
+    candidates::{Moment, flown},
     hooks::Surroundings,
     impacts::{Impacts, TOUCH},
     pairs::ExchangedImpulse,
@@ -76,10 +76,8 @@ fn piece(
         }
         let walls = (setting.walls)(start + h - left, left);
         let moment = Moment::new(actors, walls, setting, left, TOUCH);
-        let neighbours = neighbours(&moment.pairs, moment.solids.len());
         let impacts = Impacts {
             moment: &moment,
-            neighbours: &neighbours,
             setting,
             bounce,
         };
@@ -97,7 +95,6 @@ fn piece(
         } else {
             let surroundings = Surroundings {
                 moment: &moment,
-                neighbours: &neighbours,
                 setting,
                 coming: &coming,
             };

@@ -4,7 +4,7 @@ use rapier3d_f64::pipeline::{ContactModificationContext, PhysicsHooks};
 
 use super::{
     actor::{Actor, Setting},
-    candidates::{Moment, Solid, is_free},
+    candidates::{Moment, is_free},
     pairs::{SurfaceOfPair, surface_of},
     seams::is_at_seam,
     vector::{Vec3, along, scaled, sub},
@@ -14,7 +14,6 @@ use crate::mat3::{cross, dot};
 /// What bodies are among in a step.
 pub(super) struct Surroundings<'a, 'b> {
     pub moment: &'a Moment<'b>,
-    pub neighbours: &'a [Vec<u32>],
     pub setting: &'a Setting<'b>,
     /// Pairs that come fast and have not arrived: their impact is no matter of the solver's.
     pub coming: &'a [[u32; 2]],
@@ -28,9 +27,7 @@ impl Surroundings<'_, '_> {
 
 /// What the solver is to know of points of contact, and which are none.
 pub(super) struct Hooks<'a> {
-    solids: &'a [Solid],
-    bodies: usize,
-    neighbours: &'a [Vec<u32>],
+    moment: &'a Moment<'a>,
     dx: f64,
     /// Pairs with their friction, none where the solver has nothing to do with them.
     pairs: Vec<([u32; 2], Option<f64>)>,
@@ -92,14 +89,7 @@ impl PhysicsHooks for Hooks<'_> {
         }
         contact.solver_contacts.retain(|point| {
             let x = Vec3::from((point.anchor1 + point.anchor2) * 0.5);
-            !is_at_seam(
-                self.solids,
-                self.bodies,
-                self.neighbours,
-                pair,
-                (x, normal),
-                self.dx,
-            )
+            !is_at_seam(self.moment, pair, (x, normal), self.dx)
         });
     }
 }
@@ -127,9 +117,7 @@ pub(super) fn hooks<'a>(actors: &[Actor<'_>], around: &Surroundings<'a, '_>, dt:
         mass: f64::INFINITY,
     });
     Hooks {
-        solids: &moment.solids,
-        bodies: moment.bodies,
-        neighbours: around.neighbours,
+        moment,
         dx: around.setting.dx,
         pairs: pairs.collect(),
         motions: bodies.chain(walls).collect(),

@@ -35,7 +35,6 @@ struct Contact {
 /// Bodies, what they meet, and how fast they must come to bounce [m/s].
 pub(super) struct Impacts<'a, 'b> {
     pub moment: &'a Moment<'b>,
-    pub neighbours: &'a [Vec<u32>],
     pub setting: &'a Setting<'b>,
     pub bounce: f64,
 }
@@ -98,15 +97,7 @@ impl Impacts<'_, '_> {
                 ];
                 let x = Vec3::from((p + q) * 0.5);
                 let at = (x, normal);
-                let dx = self.setting.dx;
-                if is_at_seam(
-                    &self.moment.solids,
-                    self.moment.bodies,
-                    self.neighbours,
-                    pair,
-                    at,
-                    dx,
-                ) {
+                if is_at_seam(self.moment, pair, at, self.setting.dx) {
                     continue;
                 }
                 let second = actors.get(b).map(|actor| actor.body.com);

@@ -4,7 +4,7 @@
 //! is. A body that slides would stop there, or be thrown up.
 
 use super::{
-    candidates::Solid,
+    candidates::{Moment, Solid},
     vector::{Vec3, along, length},
 };
 use crate::mat3::dot;
@@ -40,11 +40,9 @@ fn is_covered(obstacle: &Solid, out: Vec3, x: Vec3, support: &Solid, dx: f64) ->
 }
 
 /// Whether a point of contact of two, with the normal out of the second, is at a seam between one of them and what the other is on
-/// besides: by their numbers, with what each is near to. The first so many solids are bodies: a collider is on nothing.
+/// besides: by their numbers. A collider is on nothing.
 pub(super) fn is_at_seam(
-    solids: &[Solid],
-    bodies: usize,
-    neighbours: &[Vec<u32>],
+    moment: &Moment<'_>,
     [a, b]: [u32; 2],
     (x, normal): (Vec3, Vec3),
     dx: f64,
@@ -53,9 +51,11 @@ pub(super) fn is_at_seam(
     [(a, b, normal), (b, a, out)]
         .iter()
         .any(|&(of, obstacle, out)| {
-            let supports = neighbours[of as usize].iter();
-            let mut supports = supports.filter(|n| (of as usize) < bodies && **n != obstacle);
-            let obstacle = &solids[obstacle as usize];
-            supports.any(|n| is_covered(obstacle, out, x, &solids[*n as usize], dx))
+            let supports = moment.neighbours[of as usize].iter();
+            let mut supports =
+                supports.filter(|n| (of as usize) < moment.bodies && **n != obstacle);
+            let solid = |n: u32| &moment.solids[n as usize];
+            let obstacle = solid(obstacle);
+            supports.any(|n| is_covered(obstacle, out, x, solid(*n), dx))
         })
 }
