@@ -123,7 +123,10 @@ fn begin(group: &mut [Mover<'_>], around: &Around<'_>, start: f64, meets: bool) 
         frame_start: around.frame[0],
         frame_length: around.frame[1],
     };
-    let placed = around.boundaries.all(around.paths, &now);
+    let placed = match group.iter().any(|mover| !mover.colliders.is_empty()) {
+        true => around.boundaries.all(around.paths, &now),
+        false => vec![],
+    };
     for mover in group.iter_mut() {
         let (given, begins) = (&mover.given, start == around.frame[0]);
         let surface = &mover.object.surface;

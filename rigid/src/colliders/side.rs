@@ -72,13 +72,10 @@ impl Placed<'_> {
         self.body.is_thin
     }
 
-    /// Signed distance of a point of matter from the side that it is on, and the outward normal of the face that it came through, if it
+    /// Signed distance of a point of matter from the side of a thin collider that it is on, and the outward normal of the face that it came through, if it
     /// is behind one; zero otherwise.
     pub fn separation(&self, point: &MovedPoint) -> (Distance, [f32; 3]) {
         let found = self.distance(point.x);
-        if !self.is_thin() {
-            return (found, [0.0; 3]);
-        }
         let is_behind = |normal: [f64; 3]| normal.map(|n| n as f32);
         let inside = |found: Distance| match found.value < 0.0 {
             true => (found, is_behind(found.normal)),
