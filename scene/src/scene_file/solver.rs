@@ -2,7 +2,7 @@
 
 use cosplat_sim_core::{
     World, WorldError,
-    scene::{Fidelity, Object, Scene, Solver, Transfer},
+    scene::{ContactMethod, Object, Scene, Solver, Transfer},
 };
 
 use super::{
@@ -88,12 +88,12 @@ fn why_spatial(
             Some(format!("{what} does not go with a grid of its own"))
         }
         (None, Err(other)) => Some(other.to_string()),
-        (None, Ok(())) => why_better(scene, object),
+        (None, Ok(())) => why_all_spatial(scene),
     }
 }
 
-/// Why an object that may have a grid of its own is better off on the spatial one.
-fn why_better(scene: &Scene, object: &Object) -> Option<String> {
+/// Why all matter of a scene is on the spatial grid: what it asks for acts there alone.
+fn why_all_spatial(scene: &Scene) -> Option<String> {
     let conditions = &scene.conditions;
     if conditions.transfer == Transfer::Pic {
         return Some("transfer = \"pic\" acts on the spatial grid alone".into());
@@ -101,16 +101,14 @@ fn why_better(scene: &Scene, object: &Object) -> Option<String> {
     if conditions.rpic_damping > 0.0 {
         return Some("rpic_damping acts on the spatial grid alone".into());
     }
-    // What vibrates without loss does not come to rest.
-    if object.fidelity == Fidelity::Auto {
-        return Some("fidelity = \"auto\" is for what comes to rest, which it does there".into());
-    }
-    // Its contact with solids is less exact than what is lost by sharing the grid with it.
-    let mut others = scene.objects.iter().filter(|object| object.is_matter());
-    let flowing = others.find(|other| !other.keeps_shape())?;
+    let method = match scene.contact.method {
+        ContactMethod::TwoScale => return None,
+        ContactMethod::SingleField => "single_field",
+        ContactMethod::MultiField => "multi_field",
+        ContactMethod::ComSphere => "com_sphere",
+    };
     Some(format!(
-        "`{}` needs that grid, and both share it",
-        flowing.name
+        "contact = \"{method}\" acts on the spatial grid alone"
     ))
 }
 
@@ -186,10 +184,7 @@ mod tests {
                 "single_field",
             ),
             (format!("contact = \"com_sphere\"\n{BLOCK}"), "com_sphere"),
-            (
-                format!("{BLOCK}fidelity = \"auto\"\n"),
-                "fidelity = \"auto\"",
-            ),
+            (format!("contact = \"multi_field\"\n{BLOCK}"), "multi_field"),
             (format!("transfer = \"pic\"\n{BLOCK}"), "transfer = \"pic\""),
             (format!("rpic_damping = 0.1\n{BLOCK}"), "rpic_damping"),
             (
@@ -205,14 +200,15 @@ mod tests {
             }
             assert_eq!(World::check_scene(&scene), Ok(()), "{text}");
         }
-        // Beside sand it shares the grid with that.
+        // Beside sand, and where it may sleep, it has a grid of its own.
         let beside = format!("{BLOCK}{OTHER}material = \"dry_sand\"\n");
         let (scene, report) = built(&beside);
-        assert_eq!(solvers(&scene), [Solver::Spatial; 2]);
-        let why = report.why_spatial[0].as_ref().expect("a reason");
-        assert!(why.contains("`other` needs that grid"), "{why}");
-        // Alone, objects that share one grid are the only ones on it.
-        let (scene, _) = built(&format!("contact = \"single_field\"\n{BLOCK}"));
+        let both = [Solver::Lagrangian, Solver::Spatial];
+        assert_eq!(
+            (solvers(&scene), &report.why_spatial[0]),
+            (both.to_vec(), &None)
+        );
+        let (scene, _) = built(&format!("{BLOCK}fidelity = \"auto\"\n"));
         assert_eq!(solvers(&scene), [Solver::Lagrangian]);
     }
 
@@ -230,11 +226,11 @@ mod tests {
         // A clone has what its source says, and chooses for itself where that says nothing.
         let (scene, _) = built(&format!("{BLOCK}solver = \"spatial\"\n{OTHER}"));
         assert_eq!(solvers(&scene), [Solver::Spatial; 2]);
-        let auto = format!("{BLOCK}{OTHER}fidelity = \"auto\"\n");
+        let auto = format!("{BLOCK}{OTHER}solver = \"spatial\"\n");
         let (scene, report) = built(&auto);
         let both = [Solver::Lagrangian, Solver::Spatial];
         assert_eq!(solvers(&scene), both);
-        assert_eq!(report.chosen, both.map(Some));
+        assert_eq!(report.chosen, [Some(Solver::Lagrangian), None]);
         // What bounces off it as is asked shares its grid.
         let (scene, report) = built(&format!("{auto}restitution = 0.5\n"));
         assert_eq!(solvers(&scene), [Solver::Spatial; 2]);
@@ -242,9 +238,7 @@ mod tests {
         assert!(why.contains("its restitution to `other`"), "{why}");
         // An entry that says otherwise is refused.
         let stated = auto.replacen("]]\n", "]]\nsolver = \"lagrangian\"\n", 1);
-        let (scene, _) = built(&format!(
-            "{stated}solver = \"spatial\"\nrestitution = 0.5\n"
-        ));
+        let (scene, _) = built(&format!("{stated}restitution = 0.5\n"));
         let error = World::check_scene(&scene)
             .expect_err("two grids")
             .to_string();
