@@ -20,7 +20,7 @@ use cosplat_sim_core::{
     moments::{Matter, matter},
     notices::Notices,
     probe::{Measured, Probes},
-    report::{GoneOver, Timings, Torn},
+    report::{GoneOver, Timings},
     scene::{Part, Solver},
 };
 use serde::Serialize;
@@ -93,7 +93,6 @@ struct Line<'a> {
     /// Absent for the reference solver, which has none.
     state_hash: Option<String>,
     contacts: Vec<ContactLine<'a>>,
-    torn: Vec<TornLine<'a>>,
     gone_over: Vec<GoneOverLine<'a>>,
     objects: Vec<ObjectLine<'a>>,
     probes: BTreeMap<&'a str, Option<Measured>>,
@@ -113,13 +112,6 @@ struct ContactLine<'a> {
     names: [&'a str; 2],
     #[serde(flatten)]
     episode: ContactEpisode,
-}
-
-#[derive(Serialize)]
-struct TornLine<'a> {
-    name: &'a str,
-    #[serde(flatten)]
-    torn: Torn,
 }
 
 #[derive(Serialize)]
@@ -323,7 +315,6 @@ fn line<'a>(
 ) -> Line<'a> {
     let name = |i: usize| scene.objects.get(i).map_or("", |o| o.name.as_str());
     let objects = report.objects.iter().zip(matter).enumerate();
-    let (contacts, torn) = (report.contacts.iter(), report.torn.iter());
     Line {
         step: report.step,
         sim_time: report.sim_time,
@@ -347,16 +338,10 @@ fn line<'a>(
         linear_momentum: report.linear_momentum,
         angular_momentum: report.angular_momentum,
         state_hash: (report.state_hash != 0).then(|| format!("{:016x}", report.state_hash)),
-        contacts: contacts
+        contacts: (report.contacts.iter())
             .map(|episode| ContactLine {
                 names: episode.objects.map(name),
                 episode: *episode,
-            })
-            .collect(),
-        torn: torn
-            .map(|torn| TornLine {
-                name: name(torn.object),
-                torn: *torn,
             })
             .collect(),
         gone_over: (report.gone_over.iter())

@@ -12,8 +12,6 @@ use cosplat_sim_core::{
 pub(crate) struct Node {
     /// Mass, of what is held as it weighs on nodes [kg].
     pub mass: f64,
-    /// Mass of the matter [kg].
-    pub matter: f64,
     /// Momentum after P2G [kg m/s].
     pub momentum: [f64; 3],
     /// Velocity after forces and boundaries [m/s].
@@ -97,20 +95,11 @@ impl Grid {
         }
     }
 
-    /// Adds `w m` of the matter itself to every node of the stencil.
-    pub fn weigh(&mut self, stencil: &Stencil, mass: f64) {
-        for neighbor in &stencil.0 {
-            self.nodes[neighbor.slot].1.matter += neighbor.weight * mass;
-        }
-    }
-
-    /// Gives all nodes velocities that boundaries allow; `nearest` is per node and collider, `reconstructs_surface` whether masses
-    /// tell where matter ends.
+    /// Gives all nodes velocities that boundaries allow; `nearest` is per node and collider.
     pub fn constrain(
         &mut self,
         boundaries: &NodeConditions<'_>,
         nearest: &[Vec<GapSample>],
-        reconstructs_surface: bool,
         dt: f64,
         dx: f64,
     ) {
@@ -118,15 +107,12 @@ impl Grid {
             grid: self,
             boundaries,
             nearest,
-            reconstructs_surface,
         };
         let velocities: Vec<[f64; 3]> = (self.nodes.iter().zip(nearest))
             .map(|((index, node), nearest)| {
                 let x = index.map(|i| f64::from(i) * dx);
                 let obeyed = attached(boundaries.faces(), *index, &seen, dx, dt);
                 let obeyed = obeyed.unwrap_or(Attached::free(node.velocity));
-                let ends = boundaries.ends(*index, nearest, dt, dx, &obeyed, &seen);
-                let nearest = ends.as_deref().unwrap_or(nearest);
                 boundaries.constrain(x, nearest, dt, dx, &obeyed, &mut |_| ())
             })
             .collect();
@@ -177,7 +163,6 @@ struct FreeNodes<'a> {
     grid: &'a Grid,
     boundaries: &'a NodeConditions<'a>,
     nearest: &'a [Vec<GapSample>],
-    reconstructs_surface: bool,
 }
 
 impl Nodes for FreeNodes<'_> {
@@ -185,11 +170,6 @@ impl Nodes for FreeNodes<'_> {
         let &slot = self.grid.slots.get(&index)?;
         let node = &self.grid.nodes[slot].1;
         (node.mass > 0.0).then_some((node.mass, node.velocity))
-    }
-
-    fn matter(&self, index: [i32; 3]) -> f64 {
-        let slot = self.grid.slots.get(&index);
-        slot.map_or(0.0, |&slot| self.grid.nodes[slot].1.matter)
     }
 
     fn gap(&self, index: [i32; 3], body: usize) -> f64 {
@@ -201,9 +181,5 @@ impl Nodes for FreeNodes<'_> {
             (Some(&slot), Some(b)) => self.nearest[slot][b].gap.into(),
             _ => f64::INFINITY,
         }
-    }
-
-    fn reconstructs_surface(&self) -> bool {
-        self.reconstructs_surface
     }
 }

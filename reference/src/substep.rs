@@ -1,7 +1,7 @@
 //! One substep of the reference solver: rules, P2G, grid, G2P, motion, domain.
 
 use cosplat_sim_core::{
-    colliders::{ANCHOR, GapSample, ParticleConditions, Substep, Way, reconstructs_surface},
+    colliders::{ANCHOR, GapSample, ParticleConditions, Substep, Way},
     kinematics::kick,
     mat3::Mat3,
     materials::{Coefficients, Material, Trial},
@@ -78,7 +78,6 @@ impl ReferenceWorld {
                 }
                 let c = self.affine_kept(p, material);
                 let stencil = grid.stencil(particles.position[p], dx);
-                grid.weigh(&stencil, m);
                 if held[p] {
                     // Heavy, free of stress, and past the gravity that is still to come.
                     let heavy = ANCHOR * m;
@@ -161,10 +160,7 @@ impl ReferenceWorld {
                 keep * (node.momentum[i] / node.mass + kick * self.gravity[i])
             });
         }
-        let parts = self.parts.iter().zip(&self.materials);
-        let all = parts.map(|(part, material)| (0, part.material.density, material.law));
-        let reconstructs_surface = reconstructs_surface(1, all)[0];
-        grid.constrain(&boundaries, &nearest, reconstructs_surface, substep.dt, dx);
+        grid.constrain(&boundaries, &nearest, substep.dt, dx);
     }
 
     /// Takes particles out that left the domain.

@@ -12,5 +12,5 @@ pub mod ledger;
 pub mod motion;
 
 #[cfg(test)]
-use cosplat_matter::{Scene, test_scenes};
-use cosplat_matter::{expression, mat3, materials, num, rotation, scene};
+use cosplat_matter::{Scene, materials, test_scenes};
+use cosplat_matter::{expression, mat3, rotation, scene};

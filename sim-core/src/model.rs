@@ -10,24 +10,19 @@ use parts::Portion;
 
 use crate::{
     bodies::grain::Grain,
-    colliders::{Boundaries, approach::half_spacing, edge::reconstructs_surface, rules::Rules},
+    colliders::{Boundaries, approach::half_spacing, rules::Rules},
     materials::{
         Coefficients, Law, Material,
-        limits::{DeformationBounds, bridged_stretch, critical_dt},
+        limits::{DeformationBounds, critical_dt},
     },
     scene::{ContactMethod, DomainPolicy, Fidelity, Part, Scene},
     simd::Isa,
     solid::object::SolidObject,
-    step::{constitutive::PartLaw, volume::NEARLY_INCOMPRESSIBLE},
+    step::constitutive::PartLaw,
 };
 
 /// Largest coordinate [cells]: beyond it single precision cannot tell nodes apart.
 pub(crate) const MAX_CELLS: f64 = 16_777_216.0;
-
-/// Share of the stretch that tears matter from which on objects are looked at: the fit is right within a tenth.
-const WARY: f64 = 0.9;
-/// Stretch below which nothing tears, however few its particles are.
-const HARMLESS: f64 = 1.05;
 
 /// A scene, and what every step reads of it.
 #[derive(Debug)]
@@ -58,8 +53,6 @@ pub(crate) struct Model {
     pub rules: Rules,
     /// Radius of every particle of the scene, as colliders see it [cells].
     pub half_spacings: Vec<f64>,
-    /// Per part the stretch from which on it may have torn.
-    pub tearing_stretch: Vec<f64>,
     /// Per part the volume of one unit of mass at rest [cells].
     pub cells_per_mass: Vec<f64>,
     /// Per object the rest volume per mass, up to a common factor.
@@ -79,8 +72,6 @@ pub(crate) struct Constants {
     pub viscous_laws: Vec<PartLaw>,
     /// Bound of the substep at rest [s].
     pub rest_dt: Vec<f64>,
-    /// Per grid field, whether its surface is reconstructed from nodal masses.
-    pub reconstructs_surface: Vec<bool>,
 }
 
 impl Model {
@@ -107,7 +98,6 @@ impl Model {
             former: scene.objects.iter().map(|_| None).collect(),
             rules: Rules::new(&scene, scene.dx),
             half_spacings: half_spacings(&scene),
-            tearing_stretch: tearing_stretch(&scene, &parts),
             cells_per_mass: parts
                 .iter()
                 .map(|part| mass_unit / (part.material.density * cell))
@@ -122,8 +112,7 @@ impl Model {
         };
         model.paint(&[]);
         let at_rest: Vec<Material> = model.parts.iter().map(|p| p.material.clone()).collect();
-        let wanted = vec![None; model.scene.objects.len()];
-        model.set_materials(&at_rest, &wanted);
+        model.set_materials(&at_rest);
         model
     }
 
@@ -139,7 +128,7 @@ impl Model {
     }
 
     /// Makes the constants of what commands may change.
-    pub fn set_materials(&mut self, materials: &[Material], fidelity: &[Option<Fidelity>]) {
+    pub fn set_materials(&mut self, materials: &[Material]) {
         let parts = 0..self.parts.len();
         let rest = &DeformationBounds::REST;
         self.constants = Constants {
@@ -154,7 +143,6 @@ impl Model {
             rest_dt: parts
                 .map(|part| self.critical_dt(part, &materials[part], rest))
                 .collect(),
-            reconstructs_surface: self.reconstructs_surface(materials, fidelity),
         };
     }
 
@@ -165,8 +153,6 @@ impl Model {
         PartLaw {
             law: material.law,
             coefficients: Coefficients::new(material),
-            shares_volume: material.law.is_fluid()
-                || material.law.is_solid() && material.poisson_ratio > NEARLY_INCOMPRESSIBLE,
             cells_per_rest_mass: self.mass_unit / (density * dx * dx * dx),
             inertia: density * dx * dx,
             visible: self.is_visible(part),
@@ -189,26 +175,6 @@ impl Model {
                 ..whole
             },
         }
-    }
-
-    /// Per grid field, whether its surface is reconstructed from nodal masses.
-    fn reconstructs_surface(
-        &self,
-        materials: &[Material],
-        wanted: &[Option<Fidelity>],
-    ) -> Vec<bool> {
-        let scene = &self.scene;
-        let parts = self.parts.iter().zip(materials).enumerate();
-        let on_grid = parts.filter(|(_, (part, _))| {
-            let fidelity = scene.objects[part.object].fidelity;
-            let fidelity = wanted[part.object].unwrap_or(fidelity);
-            !matches!(fidelity, Fidelity::Static | Fidelity::Rigid)
-        });
-        let densities = on_grid.map(|(id, (part, material))| {
-            let field = self.field_of(id) as usize;
-            (field, part.material.density, material.law)
-        });
-        reconstructs_surface(scene.objects.len(), densities)
     }
 
     /// Bound of the substep of a part by the speed of sound, where it is of `material` and deformed within `bounds` [s].
@@ -305,14 +271,4 @@ fn half_spacings(scene: &Scene) -> Vec<f64> {
     volumes
         .map(|volume| half_spacing(volume / scene.dx.powi(3), 1.0))
         .collect()
-}
-
-/// Per part the stretch from which on it may have torn.
-fn tearing_stretch(scene: &Scene, parts: &[Part]) -> Vec<f64> {
-    let stretch = |part: &Part| {
-        let volumes = &scene.particles.volume[part.particles.clone()];
-        let mean = volumes.iter().sum::<f64>() / volumes.len().max(1) as f64;
-        (WARY * bridged_stretch(scene.dx.powi(3) / mean)).max(HARMLESS)
-    };
-    parts.iter().map(stretch).collect()
 }

@@ -1,7 +1,7 @@
 //! What happens to objects in a run that people should hear of, and hear of once.
 
 use crate::{
-    materials::limits::{DeformationBounds, bridged_stretch, critical_dt},
+    materials::limits::{DeformationBounds, critical_dt},
     report::{Level, OverReason, StepReport},
     scene::{Scene, Solver},
 };
@@ -12,50 +12,45 @@ const SHORT: f64 = 16.0;
 /// Remembers what was said.
 #[derive(Clone, Debug)]
 pub struct Notices {
-    objects: Vec<Said>,
+    /// Whether nothing was left of each object.
+    gone: Vec<bool>,
     /// Whether substeps were said to be short.
     says_short: bool,
     /// Simulated time of the latest report [s].
     time: f64,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
-struct Said {
-    is_gone: bool,
-    is_torn: bool,
-}
-
 impl Notices {
     /// Of a run of this scene of which nothing has been said yet.
     pub fn new(scene: &Scene) -> Self {
         Self {
-            objects: vec![Said::default(); scene.objects.len()],
+            gone: vec![false; scene.objects.len()],
             says_short: false,
             time: 0.0,
         }
     }
 
-    /// Sentences about what a report of the scene's run says first: an object of which nothing is left, one that fell apart or is crushed,
-    /// impacts that were not searched for. After a reset they may be said again.
+    /// Sentences about what a report of the scene's run says first: an object of which nothing is left, one that went over to the spatial
+    /// grid, one that is crushed. After a reset they may be said again.
     pub fn of(&mut self, scene: &Scene, report: &StepReport) -> Vec<String> {
         let mut sentences = Vec::new();
         let time = report.sim_time;
         if time < self.time {
-            self.objects.fill(Said::default());
+            self.gone.fill(false);
             self.says_short = false;
         }
         self.time = time;
-        let objects = self.objects.iter_mut().zip(&report.objects);
-        for ((said, state), object) in objects.zip(&scene.objects) {
+        let objects = self.gone.iter_mut().zip(&report.objects);
+        for ((was_gone, state), object) in objects.zip(&scene.objects) {
             let is_gone = state.level == Level::Gone;
-            if is_gone && !said.is_gone {
+            if is_gone && !*was_gone {
                 sentences.push(format!(
                     "nothing is left of object `{}` at {time:.3} s: its {} particles left the domain or were frozen",
                     object.name,
                     object.particles.len()
                 ));
             }
-            said.is_gone = is_gone;
+            *was_gone = is_gone;
         }
         for gone in &report.gone_over {
             if let Some(object) = scene.objects.get(gone.object) {
@@ -71,27 +66,6 @@ impl Notices {
                     "object `{name}` goes over to the spatial grid at {time:.3} s: {why}"
                 ));
             }
-        }
-        for torn in &report.torn {
-            let (Some(said), Some(object)) = (
-                self.objects.get_mut(torn.object),
-                scene.objects.get(torn.object),
-            ) else {
-                continue;
-            };
-            if std::mem::replace(&mut said.is_torn, true) {
-                continue;
-            }
-            let volumes = &scene.particles.volume[object.particles.clone()];
-            let per_cell = volumes.len() as f64 * scene.dx.powi(3) / volumes.iter().sum::<f64>();
-            sentences.push(format!(
-                "object `{}` is torn at {time:.3} s: it is in {} pieces, {:.2} % of it is not in the largest. Its law does not \
-                 tear: it was stretched by more than its {per_cell:.0} particles per cell bridge, about {:.1}",
-                object.name,
-                torn.pieces,
-                100.0 * torn.apart,
-                bridged_stretch(per_cell)
-            ));
         }
         if !self.says_short
             && let Some(sentence) = short_substeps(scene, report)

@@ -57,8 +57,6 @@ pub struct StepReport {
     pub contacts: Vec<ContactEpisode>,
     /// Solids on grids of their own that went over to the spatial grid at the start of this frame, in the order of their numbers.
     pub gone_over: Vec<GoneOver>,
-    /// Elastic objects that are in more pieces than at rest, in the order of their numbers.
-    pub torn: Vec<Torn>,
     /// Operations by kind.
     pub work: Work,
     /// Wall time per phase.
@@ -78,8 +76,6 @@ pub struct Work {
     pub grid_nodes: u64,
     /// Nodes that two objects share, which contact looks at.
     pub contact_nodes: u64,
-    /// Particles looked at for the gaps between objects.
-    pub contact_particles: u64,
     /// Particles summed for the moments that contact between objects needs.
     pub object_particles: u64,
     /// Pairs of objects tested for contact.
@@ -94,7 +90,6 @@ impl std::ops::AddAssign for Work {
         self.grid_to_particle += other.grid_to_particle;
         self.grid_nodes += other.grid_nodes;
         self.contact_nodes += other.contact_nodes;
-        self.contact_particles += other.contact_particles;
         self.object_particles += other.object_particles;
         self.object_pairs += other.object_pairs;
         self.constrained_particles += other.constrained_particles;
@@ -197,17 +192,6 @@ pub struct GoneOver {
     pub angular_momentum: [f64; 3],
     /// Kinetic and elastic energy that it has more than before [J].
     pub energy: f64,
-}
-
-/// An object that fell apart although its law is elastic: stretched by more than its particles bridge.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct Torn {
-    /// Object id.
-    pub object: usize,
-    /// Groups of its particles with an empty layer of cells around them.
-    pub pieces: usize,
-    /// Part of its volume at rest that is not in the largest piece, 0..1.
-    pub apart: f64,
 }
 
 /// Contact of two objects that deform, or one of which does, from first touch to parting. Speeds are those of their rigid motions at the

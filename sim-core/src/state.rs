@@ -323,8 +323,6 @@ pub(crate) struct Workspace {
     pub prescribed: Vec<f64>,
     /// Smallest and largest block index.
     pub extent: [[i32; 3]; 2],
-    /// Objects that were stretched by as much as tears them; empty while none was.
-    pub strained: Vec<bool>,
     /// Velocities at the end of the segment, until it is accepted.
     pub motion: Vec<Motion>,
     /// The coarse substep at hand.

@@ -65,7 +65,7 @@ pub(crate) fn substep(
     let input = &NodeInput::new(at, passes, matter, concerned, grid, tally);
     let on_nodes = grid_pass(at, input, grid, tally);
     // Contact: between the fields of objects.
-    let in_contact = contact(at, input, matter, motion, grid, moving.in_contact, tally);
+    let in_contact = contact(at, input, motion, grid, moving.in_contact, tally);
     // Rigid bodies and solids: at nodes, at each other and at colliders.
     let off_grid = OffGrid {
         bodies: moving.bodies,
@@ -96,6 +96,6 @@ pub(crate) fn substep(
     // Guard: nothing may be inside out, or nowhere.
     bounds.and(deformation)?;
     offset_velocities(at, motion);
-    collect_extremes(&given, matter, &mut workspace.strained);
+    collect_extremes(matter);
     Ok((!ends).then_some(next))
 }

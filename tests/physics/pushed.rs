@@ -151,11 +151,9 @@ fn a_plant_is_pushed_the_same_whatever_found_it() {
             .zip(&places)
             .map(|(a, b)| distance(*a, *b))
             .collect();
-        let torn = run.last()["torn"].as_array().map_or(0, Vec::len);
         // What was measured (docs/semantics.md), half as much again: a plant of a metre that tips.
         assert!(share > 0.99 && off[0] < 0.07, "{source}: {share} {off:?}");
         assert!(off[1] < 0.005 && off[2] < 0.005, "{source}: {off:?}");
-        assert_eq!(torn, 0, "{source}");
-        println!("{source}: {share:.4} right, com {places:.3?}, off {off:.4?} m, {torn} torn");
+        println!("{source}: {share:.4} right, com {places:.3?}, off {off:.4?} m");
     }
 }

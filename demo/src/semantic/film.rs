@@ -33,8 +33,6 @@ pub struct Moved {
     pub velocity: [[f64; 3]; 2],
     /// How far the centre of mass came [m].
     pub distance: f64,
-    /// Pieces that it is in, where these are more than at rest; else 0.
-    pub pieces: usize,
 }
 
 /// A contact of two of them, from the first touch to the parting or to the end of the run.
@@ -142,7 +140,6 @@ pub(super) fn collide(
             material: object.material.name.clone(),
             velocity: [a.linear_velocity, b.linear_velocity],
             distance: apart.sqrt(),
-            pieces: (report.torn.iter().find(|t| t.object == n)).map_or(0, |t| t.pieces),
         }
     };
     let name = |n: usize| world.scene().objects[n].name.clone();

@@ -488,16 +488,12 @@ impl Outcome {
         let shown = |v: &[f64; 3]| v.map(|x| format!("{x:.2}")).join(" ");
         for moved in &self.collision.objects {
             text.push_str(&format!(
-                "{} of {}: {} -> {} m/s, came {:.3} m, {}\n",
+                "{} of {}: {} -> {} m/s, came {:.3} m\n",
                 moved.name,
                 moved.material,
                 shown(&moved.velocity[0]),
                 shown(&moved.velocity[1]),
                 moved.distance,
-                match moved.pieces {
-                    0 => "whole".to_owned(),
-                    pieces => format!("in {pieces} pieces"),
-                }
             ));
         }
         for impact in &self.collision.impacts {

@@ -84,14 +84,6 @@ pub fn critical_dt(material: &Material, rho0: f64, dx: f64, bounds: &Deformation
     dx * (rho0 / tangent).sqrt()
 }
 
-/// Stretch at which elastic matter with so many particles in a cell of the grid, > 0, tears although its law does not:
-/// what is between its particles is then too far from all of them. A fit to a bar of 16 x 4 x 4 cells that is drawn out
-/// slowly, whose energy is largest at stretches of 1.11, 1.32, 1.45, 1.67, 2.04, 2.31 and 3.03 with 1, 2, 4, 8, 16, 27
-/// and 64 particles per cell; within a tenth of each.
-pub fn bridged_stretch(particles_per_cell: f64) -> f64 {
-    particles_per_cell.sqrt().sqrt()
-}
-
 /// Upper bound of the squared largest principal stretch, from the invariants of `b = F F^T`:
 /// `tr(b)/3 + sqrt(2/3) |dev b|`. Exact for uniaxial and equal stretches, at most a third above otherwise.
 #[inline(always)]

@@ -11,7 +11,7 @@ pub enum ContactMethod {
     MultiField,
     /// The paper's equations (2) to (6): objects are spheres about their centres of mass.
     ComSphere,
-    /// Objects collide as bodies where they are rigid and over patches of nodes where they deform.
+    /// Bodies and solids on grids of their own meet surface to surface; what shares the spatial grid meets as by [`MultiField`](Self::MultiField).
     #[default]
     TwoScale,
 }

@@ -4,7 +4,6 @@ use super::{
     FixedRegion, Placed, THIN,
     approach::{RANGE, TOUCHING},
     contact::coefficient,
-    edge,
     shape::Shape,
 };
 use crate::{
@@ -62,16 +61,8 @@ pub trait Nodes {
     /// Mass and velocity of a node by its place in the grid; none where there is no matter.
     fn node(&self, index: [i32; 3]) -> Option<(f64, [f64; 3])>;
 
-    /// Mass of the matter at a node, 0 where there is none: what is held weighs no more than it does.
-    fn matter(&self, index: [i32; 3]) -> f64 {
-        self.node(index).map_or(0.0, |(mass, _)| mass)
-    }
-
     /// How near matter that reaches a node is to a collider [units].
     fn gap(&self, index: [i32; 3], body: usize) -> f64;
-
-    /// Whether masses tell where matter ends: it keeps its shape and has one density.
-    fn reconstructs_surface(&self) -> bool;
 }
 
 /// Mass and velocity, relative to the boundary, of the three nodes of a line: the target and the two behind.
@@ -238,13 +229,7 @@ impl Face {
         let Owner::Body(id) = self.owner else {
             return Some(0.0);
         };
-        let mut gap = nodes.gap(nearest, id);
-        if self.releases && gap < RANGE * cell && nodes.reconstructs_surface() {
-            let mut normal = [0.0; 3];
-            normal[self.axis] = f64::from(self.side);
-            let edge = edge::line(nearest, normal, self.eta - 1.0, |at| nodes.matter(at));
-            gap = cell * edge::gap(gap / cell, edge);
-        }
+        let gap = nodes.gap(nearest, id);
         let range = if self.releases { RANGE } else { TOUCHING };
         (OVERLAP * cell..range * cell).contains(&gap).then_some(gap)
     }

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use cosplat_sim_core::{
     cost::SceneCost,
     distance::SignedDistance,
-    materials::limits::bridged_stretch,
+    materials::Material,
     scene::{Aabb, Collider, ContactMethod, Fidelity, Object, Scene, Selection, Solver},
 };
 
@@ -22,8 +22,6 @@ const TOUCHING: f64 = 0.03;
 /// Cells across the thinnest side of what bends. A bar 2 cells thick swings 5 % too slowly and loses 3.9 % of its way each
 /// period, one of 4 cells 2 % and 1.6 %.
 const FEW_CELLS: f64 = 4.0;
-/// Particles per cell below which it is said what that tears: those of all presets of quality.
-const FEW_PARTICLES: f64 = 8.0;
 /// Particle-substeps per simulated second from which on it is said that they are many.
 const DEAR: f64 = 1e9;
 /// Particle-substeps per second of one core, about.
@@ -61,7 +59,8 @@ pub(super) fn check(
         let found = impossible(scene, object).into_iter();
         errors.extend(found.map(|message| Finding::new(at, message)));
         let thin = thin(scene, object, file).into_iter();
-        for message in thin.chain(buried(scene, object, &surfaces)) {
+        let restless = restless(object).into_iter();
+        for message in thin.chain(buried(scene, object, &surfaces)).chain(restless) {
             warn(at, message);
         }
     }
@@ -70,11 +69,6 @@ pub(super) fn check(
     }
     for (i, falls) in unsupported(scene, &surfaces) {
         warn(at[i], falls);
-    }
-    if let Some(at) = &file.particles_per_cell_at
-        && let Some(message) = tearing(scene, file.particles_per_cell)
-    {
-        warn(at, message);
     }
     for (at, message) in idle(scene, file) {
         warn(&at, message);
@@ -193,6 +187,19 @@ fn thin_walled(object: &Object, fill: &FillReport) -> Option<String> {
     })
 }
 
+/// The warning about an object that is to sleep where it lies still, and whose matter never does.
+fn restless(object: &Object) -> Option<String> {
+    let is_automatic = object.fidelity == Fidelity::Auto && object.solver == Solver::Lagrangian;
+    let loses = |material: &Material| material.loss > 0.0 || material.law.is_plastic();
+    (is_automatic && !object.materials().any(loses)).then(|| {
+        format!(
+            "object `{}` has fidelity = \"auto\" and a material without `loss`: it vibrates for ever and does not sleep; rubber has \
+             loss = 0.1, wood 0.01",
+            object.name
+        )
+    })
+}
+
 /// The warning about an object that the grid cannot resolve, or only just.
 fn thin(scene: &Scene, object: &Object, file: &SceneFile) -> Option<String> {
     let b = bounds_of(
@@ -235,25 +242,6 @@ fn thin(scene: &Scene, object: &Object, file: &SceneFile) -> Option<String> {
          the work",
         count * finer.powi(3),
         finer.powi(4)
-    ))
-}
-
-/// The warning about elastic matter of few particles on the spatial grid, if there is some.
-fn tearing(scene: &Scene, particles_per_cell: f64) -> Option<String> {
-    let tears = |object: &&Object| {
-        object.fidelity != Fidelity::Static
-            && object.solver == Solver::Spatial
-            && object.material.law.keeps_elastic()
-    };
-    let few = particles_per_cell < FEW_PARTICLES;
-    let object = scene.objects.iter().find(tears).filter(|_| few)?;
-    Some(format!(
-        "elastic matter, as that of `{}`, tears with {particles_per_cell} particles per cell where it is stretched \
-         beyond {:.1}; with 8 beyond {:.1}, with 27 beyond {:.1}",
-        object.name,
-        bridged_stretch(particles_per_cell),
-        bridged_stretch(8.0),
-        bridged_stretch(27.0)
     ))
 }
 

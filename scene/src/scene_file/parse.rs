@@ -101,7 +101,6 @@ fn scene(table: &Table, warnings: &mut Vec<Finding>) -> SceneFile {
         resolution,
         resolution_at,
         particles_per_cell,
-        particles_per_cell_at: table.get("particles_per_cell").map(|entry| entry.at),
         frame_rate,
         cfl,
         tolerance,

@@ -30,8 +30,6 @@ pub struct SceneFile {
     pub resolution_at: At,
     /// Particles per filled grid cell, 1..=64.
     pub particles_per_cell: f64,
-    /// Where [`particles_per_cell`](Self::particles_per_cell) stands, if it does.
-    pub particles_per_cell_at: Option<At>,
     /// Published frames per simulated second [1/s].
     pub frame_rate: f64,
     /// Fraction of the stability limit, 0 < cfl <= 1.5.

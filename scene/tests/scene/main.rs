@@ -5,7 +5,6 @@ mod converter;
 mod costs;
 mod filling;
 mod frictions;
-mod pieces;
 mod rolling;
 mod shipped;
 mod splats;

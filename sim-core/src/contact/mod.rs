@@ -1,29 +1,21 @@
 //! Contact between objects that deform: impulses between their velocity fields at the nodes that they share.
 //!
-//! Order: shared nodes and normals (`sites`), normals of patches (`patches`), gaps (`edge`, `gap`), impulses (`solve`), and
-//! objects as wholes (`motion`), of which [`episodes`](crate::episodes) ask restitution.
+//! Order: shared nodes and normals (`sites`), impulses (`solve`), and objects as wholes (`motion`), of which
+//! [`episodes`](crate::episodes) ask restitution.
 
-mod edge;
-mod gap;
 mod impulse;
 mod motion;
-mod patches;
 mod sites;
 mod solve;
 
-use edge::ClosingSpeed;
-pub(crate) use gap::{LARGEST_RADIUS, Radii};
 use motion::Fields;
-use sites::{ContactBlocks, read};
+use sites::ContactBlocks;
 use solve::{Surroundings, by_pair};
 
 use crate::{
     episodes::{Episodes, PairExchange, RequestedRestitution},
     grid::{Grid, approach::BoundaryConditions},
-    mat3::dot,
-    particles::Particles,
     scene::ContactMethod,
-    simd::Isa,
 };
 
 /// Nodes lighter than this share of the heaviest particle meet nobody.
@@ -33,12 +25,6 @@ const LIGHTEST: f32 = 1e-12;
 pub(crate) struct ContactInput<'a> {
     /// The method.
     pub method: ContactMethod,
-    /// Instruction set of the kernels.
-    pub isa: Isa,
-    /// All particles.
-    pub particles: &'a Particles,
-    /// Per part the volume of one unit of mass at rest [cells].
-    pub cells_per_mass: &'a [f64],
     /// Per field the rest volume per mass, up to a common factor.
     pub specific_volumes: &'a [f64],
     /// Friction coefficient of two fields, the lower first.
@@ -57,15 +43,6 @@ pub(crate) struct ContactInput<'a> {
     pub frame_velocity: [f64; 3],
 }
 
-/// What contact looked at.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Work {
-    /// Nodes that two objects shared.
-    pub nodes: u64,
-    /// Particles, for gaps.
-    pub particles: u64,
-}
-
 /// What came of a meeting.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ContactResult {
@@ -73,8 +50,8 @@ pub(crate) struct ContactResult {
     pub exchanged: Vec<PairExchange>,
     /// Largest velocity component that some node was given [cells/s]; NaN when one is.
     pub largest: f32,
-    /// What it took.
-    pub work: Work,
+    /// Nodes that two objects shared.
+    pub nodes: u64,
 }
 
 /// Lets the objects of a grid meet.
@@ -90,7 +67,13 @@ pub(crate) fn meet(
     if !on_nodes {
         return ContactResult::default();
     }
-    let (sites, work) = touching(grid, meeting);
+    let acting = &meeting.acting;
+    let sites = ContactBlocks::find(
+        grid,
+        meeting.specific_volumes,
+        acting.passes,
+        acting.anchors,
+    );
     let friction: Vec<f64> = sites
         .sites
         .iter()
@@ -129,64 +112,8 @@ pub(crate) fn meet(
     ContactResult {
         exchanged,
         largest: f32::from_bits(fields.largest),
-        work,
-    }
-}
-
-/// The nodes that objects share, with their normals and, where the method asks for them, gaps.
-fn touching(grid: &Grid, meeting: &ContactInput<'_>) -> (ContactBlocks, Work) {
-    let acting = &meeting.acting;
-    let mut sites = ContactBlocks::find(
-        grid,
-        meeting.specific_volumes,
-        acting.passes,
-        acting.anchors,
-    );
-    let mut work = Work {
         nodes: sites.nodes.len() as u64,
-        particles: 0,
-    };
-    if meeting.method == ContactMethod::TwoScale && !sites.sites.is_empty() {
-        patches::smooth_normals(&mut sites);
-        let approaches = approaches(grid, &sites, meeting.frame_velocity);
-        let edges = edge::edges(
-            &sites,
-            &approaches,
-            grid,
-            acting.reconstructs_surface,
-            acting.anchors,
-        );
-        work.particles = gap::measure_gaps(
-            &mut sites,
-            &edges.close,
-            meeting.particles,
-            grid,
-            meeting.cells_per_mass,
-            meeting.isa,
-        );
-        edges.widen(&mut sites.nodes, &approaches);
     }
-    (sites, work)
-}
-
-/// Per node how its two sides approach along its normal.
-fn approaches(grid: &Grid, sites: &ContactBlocks, frame_velocity: [f64; 3]) -> Vec<ClosingSpeed> {
-    let mut found = Vec::with_capacity(sites.nodes.len());
-    for site in &sites.sites {
-        for node in &sites.nodes[site.range()] {
-            let [(a, _), (b, _)] = site.blocks.map(|n| read(&grid.velocities[n], node.at));
-            let u: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
-            let [far_a, far_b] = site.passes.map(|pass| pass.elapsed);
-            let way = std::array::from_fn(|i| {
-                far_a * (a[i] + frame_velocity[i]) - far_b * (b[i] + frame_velocity[i])
-            });
-            found.push(ClosingSpeed {
-                speed: dot(u, node.normal),
-                closed: dot(way, node.normal),
-            });
-        }
-    }
-    found
 }
 
 #[cfg(test)]

@@ -25,8 +25,6 @@ pub(super) struct ContactBlock {
     pub mask: u64,
     /// Position of its first node in [`ContactBlocks::nodes`].
     pub first: usize,
-    /// What the substep does to both sides.
-    pub passes: [FieldPass; 2],
 }
 
 /// A node with mass of two fields.
@@ -38,16 +36,6 @@ pub(super) struct Node {
     pub mass: [f64; 2],
     /// Direction from `a` to `b`, of length 1; zero where the masses tell none.
     pub normal: [f64; 3],
-    /// Distance of the surfaces along the normal [cells]; infinite where one is out of reach.
-    pub gap: f64,
-}
-
-impl Node {
-    /// Reduced mass.
-    pub fn weight(&self) -> f64 {
-        let [a, b] = self.mass;
-        a * b / (a + b)
-    }
 }
 
 /// All nodes that objects share in one substep.
@@ -60,20 +48,9 @@ pub(super) struct ContactBlocks {
 }
 
 impl ContactBlock {
-    /// Which of its nodes one of the block that is in the mask is.
-    pub fn rank(&self, at: usize) -> usize {
-        (self.mask & ((1 << at) - 1)).count_ones() as usize
-    }
-
     /// Its nodes in [`ContactBlocks::nodes`].
     pub fn range(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.mask.count_ones() as usize
-    }
-
-    /// Time until both sides have moved [s].
-    pub fn left(&self) -> f64 {
-        let [a, b] = self.passes.map(|pass| pass.left());
-        a.max(b)
     }
 
     /// Coordinates of a node [cells].
@@ -165,8 +142,10 @@ fn at_place(
             }
             let blocks = [one, two].map(|n| sharers[n] as usize);
             let fields = blocks.map(|block| grid.nodes[block].field);
-            let passes = fields.map(|field| passes[field as usize]);
-            if passes.iter().any(|pass| pass.is_inactive) {
+            if fields
+                .iter()
+                .any(|&field| passes[field as usize].is_inactive)
+            {
                 continue;
             }
             for n in [one, two] {
@@ -191,7 +170,6 @@ fn at_place(
                     at,
                     mass: blocks.map(|block| read(&grid.velocities[block], at).1),
                     normal: unit(way),
-                    gap: f64::NEG_INFINITY,
                 });
             }
             let site = ContactBlock {
@@ -201,7 +179,6 @@ fn at_place(
                 blocks,
                 mask,
                 first: 0,
-                passes,
             };
             found.push((site, nodes));
         }

@@ -7,7 +7,7 @@ use super::{
     sites::{ContactBlock, ContactBlocks, Node, read},
 };
 use crate::{
-    colliders::VelocityChange,
+    colliders::{Attached, VelocityChange},
     episodes::PairExchange,
     grid::{
         Grid, Velocities,
@@ -119,7 +119,7 @@ fn solve_place(
         nodes.any(|node| {
             let [(a, _), (b, _)] = site.blocks.map(|n| read(&grid.velocities[n], node.at));
             let u: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
-            dot(u, node.normal) > allowed(node, site.left())
+            dot(u, node.normal) > 0.0
         })
     });
     if !presses {
@@ -183,11 +183,6 @@ fn solve_place(
     }
 }
 
-/// Approach that needs no impulse within some time [s], in cells/s.
-fn allowed(node: &Node, left: f64) -> f64 {
-    node.gap.max(0.0) / left
-}
-
 /// One sweep over the nodes of a site; returns those whose impulse changed.
 fn press(
     site: &ContactBlock,
@@ -207,14 +202,7 @@ fn press(
         let [(v_a, _), (v_b, _)] = [a, b].map(|n| read(&blocks[n].1, node.at));
         let u: [f64; 3] = std::array::from_fn(|i| v_a[i] - v_b[i]);
         let k = 1.0 / node.mass[0] + 1.0 / node.mass[1];
-        let Some(impulse) = accumulate(
-            held,
-            u,
-            node.normal,
-            k,
-            friction,
-            allowed(node, site.left()),
-        ) else {
+        let Some(impulse) = accumulate(held, u, node.normal, k, friction) else {
             continue;
         };
         touched |= 1 << node.at;
@@ -242,7 +230,7 @@ fn constrain(
 ) {
     let (v, _) = read(block, at);
     let v = std::array::from_fn(|a| v[a] + frame_velocity[a]);
-    let v = conditions.constrain(at, v, &mut record);
+    let v = conditions.constrain(at, &Attached::free(v), &mut record);
     let node = &mut block.0[at / 4].0[4 * (at % 4)..][..3];
     for a in 0..3 {
         node[a] = (v[a] - frame_velocity[a]) as f32;

@@ -3,13 +3,14 @@
 pub(crate) mod near;
 pub(crate) mod nodes;
 mod obstacle;
+mod radii;
 pub(crate) mod solids;
 pub(crate) mod sweeps;
 
 use crate::{
     bodies::vector::Vec3,
-    grid::{FieldPass, Grid, anchors::Anchors},
-    particles::{BLOCK, Particles},
+    grid::{FieldPass, Grid},
+    particles::Particles,
 };
 
 /// Nodes lighter than this share of the heaviest particle meet nobody.
@@ -21,8 +22,6 @@ pub(crate) struct Fields<'a> {
     pub cells_per_mass: &'a [f64],
     /// What the substep does to each field.
     pub passes: &'a [FieldPass],
-    /// Per field whether the masses of nodes tell where matter ends.
-    pub reconstructs_surface: &'a [bool],
 }
 
 /// What the grid is filled with, and how bodies meet it.
@@ -30,8 +29,6 @@ pub(crate) struct CouplingInput<'a> {
     /// What it is the grid of.
     pub particles: &'a Particles,
     pub fields: Fields<'a>,
-    /// What of masses is not matter.
-    pub anchors: &'a Anchors<'a>,
     /// How fast it moves at most, about [m/s].
     pub fastest: f64,
     /// Cell size [m].
@@ -79,16 +76,4 @@ impl CouplingInput<'_> {
         }
         (left, largest)
     }
-}
-
-/// Mass of the matter of a field at a node by its place in the grid.
-pub(super) fn matter(grid: &Grid, anchors: &Anchors<'_>, field: u32, index: [i32; 3]) -> f64 {
-    let block = index.map(|i| i.div_euclid(BLOCK));
-    let nodes = &grid.nodes;
-    let Ok(found) = nodes.binary_search_by_key(&(field, block), |n| (n.field, n.index)) else {
-        return 0.0;
-    };
-    let [i, j, k] = index.map(|i| i.rem_euclid(BLOCK) as usize);
-    let mass = f64::from(grid.velocities[found].0[4 * i + j].0[4 * k + 3]);
-    anchors.matter(found, &nodes[found], 16 * i + 4 * j + k, mass)
 }

@@ -9,11 +9,10 @@ use rayon::prelude::*;
 use super::{
     CouplingInput,
     obstacle::{GAP_LOOKAHEAD, NearParticle, Obstacle, Towards},
+    radii::{LARGEST_RADIUS, Radii},
 };
 use crate::{
     bodies::vector::Vec3,
-    colliders::edge,
-    contact::{LARGEST_RADIUS, Radii},
     grid::{Grid, NODES},
     mat3::length,
     particles::{BLOCK, Block, Particles},
@@ -309,10 +308,17 @@ impl<O: Obstacle> CandidateSearch<'_, O> {
     }
 }
 
+/// The node nearest to a place on an axis [nodes], the one farther from 0 of two: a call of the library per axis and node otherwise,
+/// where the processor need not round.
+#[inline(always)]
+fn nearest_node(x: f64) -> i32 {
+    (x + 0.5_f64.copysign(x)) as i32
+}
+
 /// The nodes that a particle reaches, given where it is from the first node of its block [cells]: which of the 27 blocks around
 /// that, and which node of it.
 fn reached(x: Vec3, mut node: impl FnMut(usize, usize)) {
-    let [i, j, k] = x.map(|x| edge::nearest_node(x) - 1);
+    let [i, j, k] = x.map(|x| nearest_node(x) - 1);
     for i in i..i + 3 {
         for j in j..j + 3 {
             for k in k..k + 3 {

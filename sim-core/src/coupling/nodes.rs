@@ -124,7 +124,6 @@ impl Coupling {
         for (block, nodes) in grid.nodes.iter().enumerate() {
             let meeting = BodyBlock {
                 faced: FacedBlock {
-                    grid,
                     input,
                     obstacle: &obstacle,
                     nodes,
@@ -134,13 +133,13 @@ impl Coupling {
                 bonded: (input.bonded)(coupled.object, nodes.field),
             };
             if meeting.is_possible() {
-                self.find_points_in(block, n, &meeting);
+                self.find_points_in(grid, block, n, &meeting);
             }
         }
     }
 
     /// Finds the points of the body `n` in a block of nodes.
-    fn find_points_in(&mut self, block: usize, n: usize, meeting: &BodyBlock<'_>) {
+    fn find_points_in(&mut self, grid: &Grid, block: usize, n: usize, meeting: &BodyBlock<'_>) {
         let BodyBlock {
             faced,
             coupled,
@@ -148,7 +147,7 @@ impl Coupling {
         } = meeting;
         let (input, nodes, bonded) = (faced.input, faced.nodes, *bonded);
         for at in 0..NODES {
-            let Some((mass, velocity)) = input.node(faced.grid, block, at) else {
+            let Some((mass, velocity)) = input.node(grid, block, at) else {
                 continue;
             };
             let Some((normal, target)) = meeting.at(at, velocity) else {

@@ -1,6 +1,6 @@
 //! What matter on the grid may meet off it: a rigid body, or a solid on a grid of its own.
 
-use super::{CouplingInput, matter};
+use super::CouplingInput;
 use crate::{
     bodies::{
         body::Body,
@@ -8,8 +8,7 @@ use crate::{
         solve::Mover,
         vector::{Vec3, add, length, sub},
     },
-    colliders::edge,
-    grid::{Grid, NODES, NodeBlock, place_of},
+    grid::{NODES, NodeBlock, place_of},
     mat3::{Mat3, cross, dot},
     rotation::rotate,
     simd::LANES,
@@ -20,7 +19,7 @@ use crate::{
 pub(super) const GAP_LOOKAHEAD: f64 = 0.1;
 /// Cosine of the angle beyond which a node's normal is that of the other side of a thin obstacle.
 const SAME_SIDE: f64 = 0.5;
-/// Share of an overlap, of a cell at most, that is undone in a substep of what flows. Velocities of nodes keep matter out, but what moves
+/// Share of an overlap, of a cell at most, that is undone in a substep. Velocities of nodes keep matter out, but what moves
 /// between them creeps in: by up to a third of that share of a cell per substep where a block floats.
 const RECOVERY: f64 = 1e-3;
 
@@ -128,7 +127,6 @@ impl Obstacle for RigidObstacle<'_> {
 
 /// An obstacle and a block of nodes.
 pub(super) struct FacedBlock<'a, O> {
-    pub grid: &'a Grid,
     pub input: &'a CouplingInput<'a>,
     pub obstacle: &'a O,
     pub nodes: &'a NodeBlock,
@@ -164,32 +162,11 @@ impl<O: Obstacle> FacedBlock<'_, O> {
         let way = input.dt * dot(sub(velocity, own.velocity), normal);
         // What is on its way since it came to the grid is farther than where it was.
         let pass = &input.fields.passes[self.nodes.field as usize];
-        let mut gap = nearest.gap + pass.elapsed * dot(velocity, normal);
+        let gap = nearest.gap + pass.elapsed * dot(velocity, normal);
         if gap + way > GAP_LOOKAHEAD * input.dx {
             return None;
         }
-        let keeps_shape = input.fields.reconstructs_surface[self.nodes.field as usize];
-        if keeps_shape && gap + way < 0.0 {
-            gap = input.dx * edge::gap(gap / input.dx, self.edge(at, nearest.towards.known));
-        }
-        let way_out = match keeps_shape {
-            true => 0.0,
-            false => RECOVERY * (-gap).clamp(0.0, input.dx),
-        };
+        let way_out = RECOVERY * (-gap).clamp(0.0, input.dx);
         Some((normal, (way_out - gap.max(0.0)) / input.dt, own.place))
-    }
-
-    /// Gap in front of a node by where masses say that matter ends [cells].
-    fn edge(&self, at: usize, known: Known) -> f64 {
-        let surface = |index: [i32; 3]| {
-            let place = self.place(index);
-            match self.obstacle.towards(place, f64::INFINITY, Some(known)) {
-                Ok(found) => (found.distance / self.input.dx, found.normal),
-                Err(_) => (f64::INFINITY, [0.0; 3]),
-            }
-        };
-        edge::edge(self.index(at), surface, |index| {
-            matter(self.grid, self.input.anchors, self.nodes.field, index)
-        })
     }
 }

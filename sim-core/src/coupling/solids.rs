@@ -209,7 +209,6 @@ fn find_contacts(
     for block in told.blocks() {
         let nodes = &grid.nodes[block];
         let faced = FacedBlock {
-            grid,
             input,
             obstacle: solid,
             nodes,

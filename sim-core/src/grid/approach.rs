@@ -9,13 +9,13 @@ use flat::{Flat, merge, see_plane};
 use super::{
     FieldPass, NONE, NodeBlock, TILE,
     anchors::Anchors,
-    boundary::{attaches, corners, near_block},
+    boundary::{corners, near_block},
     place_of,
     topology::OFFSETS,
 };
 use crate::{
     colliders::{
-        Attached, NODES_REACH, NodeConditions, Nodes, Placed, VelocityChange,
+        Attached, NodeConditions, Placed, VelocityChange,
         approach::{GapSample, RADIUS_MAX, RANGE},
     },
     particles::{BLOCK, Block, NO_PARTICLE, Particles, position_in_cells},
@@ -61,8 +61,6 @@ pub(crate) struct BoundaryConditions<'a> {
     pub moving: &'a NodeConditions<'a>,
     /// Per particle block.
     pub approaches: &'a [ParticleGaps],
-    /// Per field whether masses tell where matter ends.
-    pub reconstructs_surface: &'a [bool],
     /// What of masses is not matter.
     pub anchors: &'a Anchors<'a>,
     /// Per field.
@@ -300,20 +298,6 @@ impl<'a> BoundaryConditions<'a> {
         block.constrained || super::boundary::covers_block(self.moving, block.index)
     }
 
-    /// Whether what boundaries make of the nodes of a block depends on nodes around them.
-    pub fn by_neighbours(&self, block: &NodeBlock) -> bool {
-        attaches(self.boundaries, block.index)
-            || self.may_reach(block) && self.near_edges(block, 0.0)
-    }
-
-    /// Whether masses tell how near matter, in a block or within `margin` [cells] of it, is to a surface that lets go.
-    pub fn near_edges(&self, block: &NodeBlock, margin: f64) -> bool {
-        let [first, last] = corners(block.index);
-        let mut bodies = self.boundaries.bodies().iter();
-        self.reconstructs_surface[block.field as usize]
-            && bodies.any(|body| !body.holds() && body.is_near(first, last, NODES_REACH + margin))
-    }
-
     /// What acts on the nodes of a block, if anything does.
     pub fn on(&self, block: &NodeBlock) -> Option<BlockConstraints<'a>> {
         if !self.may_reach(block) {
@@ -424,48 +408,21 @@ impl BlockConstraints<'_> {
         self.conditions.speed(first, last)
     }
 
-    /// Velocity that the node `at`, 0..64 with z fastest, may have when forces alone would give it `v` [cells/s]; `record` is
-    /// told what colliders change.
+    /// Velocity that the node `at`, 0..64 with z fastest, may have when it `obeyed` what it is attached to; `record` is told what
+    /// colliders change.
     pub fn constrain(
         &self,
         at: usize,
-        v: [f64; 3],
-        record: &mut impl FnMut(VelocityChange),
-    ) -> [f64; 3] {
-        let nearest = self.near(at);
-        if self.is_outside && is_clear(nearest, v, self.dt) {
-            return v;
-        }
-        let (x, free) = (self.place(at).map(f64::from), Attached::free(v));
-        self.conditions
-            .constrain(x, nearest, self.dt, 1.0, &free, record)
-    }
-
-    /// The same where some of it is obeyed already, and the nodes around may tell where matter ends.
-    pub fn constrain_among(
-        &self,
-        at: usize,
         obeyed: &Attached,
-        nodes: &impl Nodes,
         record: &mut impl FnMut(VelocityChange),
     ) -> [f64; 3] {
         let nearest = self.near(at);
         if self.is_outside && is_clear(nearest, obeyed.velocity, self.dt) {
             return obeyed.velocity;
         }
-        let (index, conditions) = (self.place(at), &self.conditions);
-        let x = index.map(f64::from);
-        let mut ends = None;
-        if nodes.reconstructs_surface() {
-            // Matter ends no nearer than the nearest particle: what that leaves alone is let be.
-            let tried = conditions.constrain(x, nearest, self.dt, 1.0, obeyed, &mut |_| ());
-            if tried == obeyed.velocity {
-                return tried;
-            }
-            ends = conditions.ends(index, nearest, self.dt, 1.0, obeyed, nodes);
-        }
-        let nearest = ends.as_deref().unwrap_or(nearest);
-        conditions.constrain(x, nearest, self.dt, 1.0, obeyed, record)
+        let x = self.place(at).map(f64::from);
+        self.conditions
+            .constrain(x, nearest, self.dt, 1.0, obeyed, record)
     }
 
     /// Per collider the nearest of the particles that reach a node.

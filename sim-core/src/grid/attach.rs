@@ -1,5 +1,4 @@
-//! Nodes whose matter is attached to flat boundaries along the axes move as lines across them; others that boundaries act
-//! on may ask the nodes around them how near matter is.
+//! Nodes whose matter is attached to flat boundaries along the axes move as lines across them.
 
 use std::{borrow::Cow, cell::Cell};
 
@@ -9,12 +8,12 @@ use super::{
     NODES, NONE, NodeBlock, Velocities,
     anchors::Anchors,
     approach::{BlockConstraints, BoundaryConditions},
-    boundary::{constrain, holds_matter},
+    boundary::{attaches, constrain, holds_matter},
     place_of,
     topology::Place,
 };
 use crate::{
-    colliders::{Attached, Face, Nodes, attached, attached_line, edge},
+    colliders::{Attached, Face, Nodes, attached, attached_line},
     ledger::ColliderImpulses,
     particles::BLOCK,
 };
@@ -33,14 +32,12 @@ struct Before<'a> {
     allowed: Option<BlockConstraints<'a>>,
 }
 
-/// A block near a boundary as it becomes: which of all it is, what colliders give it, and whether boundaries may act on it,
-/// which otherwise is only a neighbour of such a block.
+/// A block near a boundary as it becomes: which of all it is, and what colliders give it.
 type NearBlock<'a> = (
     usize,
     &'a NodeBlock,
     &'a mut Velocities,
     &'a mut ColliderImpulses,
-    bool,
 );
 
 /// A block and those around it, as they were.
@@ -54,8 +51,6 @@ struct Around<'a> {
     frame_velocity: [f64; 3],
     /// Substep of the particles [s].
     dt: f64,
-    /// Whether masses tell where matter ends.
-    reconstructs_surface: bool,
     anchors: &'a Anchors<'a>,
 }
 
@@ -87,25 +82,14 @@ impl Nodes for Around<'_> {
         (node[3] != 0.0).then_some((node[3].into(), velocity))
     }
 
-    fn matter(&self, index: [i32; 3]) -> f64 {
-        self.at(index).map_or(0.0, |(block, at)| {
-            let mass = block.velocities.0[at / 4].0[4 * (at % 4) + 3];
-            self.anchors.matter(block.n, block.block, at, mass.into())
-        })
-    }
-
     fn gap(&self, index: [i32; 3], body: usize) -> f64 {
         self.at(index)
             .and_then(|(block, at)| Some(block.allowed.as_ref()?.gap(at, body)))
             .unwrap_or(f64::INFINITY)
     }
-
-    fn reconstructs_surface(&self) -> bool {
-        self.reconstructs_surface
-    }
 }
 
-/// Applies colliders and held regions to the blocks where that depends on nodes around. Returns the largest magnitude of a
+/// Applies colliders and held regions to the blocks with lines of nodes that end at flat boundaries. Returns the largest magnitude of a
 /// velocity component, or speed of a boundary there, as bits.
 pub(super) fn attach(
     nodes: &[NodeBlock],
@@ -124,9 +108,8 @@ pub(super) fn attach(
         .with_min_len(TASK[0])
         .filter(|(_, ((block, _), _))| !acting.pass(block).is_inactive)
         .filter_map(|(n, ((block, out), given))| {
-            let acts = acting.by_neighbours(block);
-            ((acts || acting.near_edges(block, edge::REACH)) && holds_matter(out))
-                .then_some((n, block, out, given, acts))
+            let acts = attaches(acting.boundaries, block.index);
+            (acts && holds_matter(out)).then_some((n, block, out, given))
         })
         .collect();
     let places: Vec<Place> = near
@@ -138,19 +121,18 @@ pub(super) fn attach(
     let before: Vec<Before<'_>> = near
         .par_iter()
         .with_min_len(TASK[1])
-        .map(|&(n, block, ref out, _, acts)| Before {
+        .map(|&(n, block, ref out, _)| Before {
             n,
             block,
             velocities: **out,
-            allowed: acts.then(|| acting.on(block)).flatten(),
+            allowed: acting.on(block),
         })
         .collect();
     near.par_iter_mut()
         .zip(&before)
         .zip(&places)
         .with_min_len(TASK[1])
-        .filter(|(((.., acts), _), _)| *acts)
-        .map(|(((_, _, out, given, _), own), &place)| {
+        .map(|(((_, _, out, given), own), &place)| {
             let pass = acting.pass(own.block);
             let around = Around {
                 place,
@@ -160,7 +142,6 @@ pub(super) fn attach(
                 before: &before,
                 frame_velocity: pass.frame_velocity,
                 dt: pass.dt,
-                reconstructs_surface: acting.reconstructs_surface[place.0 as usize],
                 anchors: acting.anchors,
             };
             constrain_block(out, given, &around, &faces[place.0 as usize])
@@ -201,7 +182,7 @@ fn constrain_block(
             given.add(mass, &change);
         }
         match allowed {
-            Some(allowed) => allowed.constrain_among(at, &obeyed, around, &mut |change| {
+            Some(allowed) => allowed.constrain(at, &obeyed, &mut |change| {
                 given.add(mass, &change);
             }),
             None => obeyed.velocity,

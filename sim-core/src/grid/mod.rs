@@ -124,27 +124,6 @@ pub(crate) struct FieldPass {
     pub continues: Option<f32>,
 }
 
-impl FieldPass {
-    /// Of particles that have just come to the grid, for a substep of `dt` [s], without damping or a moving frame.
-    #[cfg(test)]
-    pub fn of(dt: f64) -> Self {
-        Self {
-            dt,
-            elapsed: 0.0,
-            is_inactive: false,
-            keep: 1.0,
-            frame_velocity: [0.0; 3],
-            shift: [0.0; 3],
-            continues: None,
-        }
-    }
-
-    /// What is left of its substep [s].
-    pub fn left(&self) -> f64 {
-        self.dt - self.elapsed
-    }
-}
-
 /// A place where node blocks of two or more fields lie over each other.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Shared {

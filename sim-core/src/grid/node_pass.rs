@@ -6,10 +6,11 @@ use super::{
     Cells, FRONT, FieldPass, Grid, NONE, NodeBlock, Tile, Velocities,
     approach::BoundaryConditions,
     attach::attach,
-    boundary::{constrain, holds_matter},
+    boundary::{attaches, constrain, holds_matter},
     topology::OFFSETS,
 };
 use crate::{
+    colliders::Attached,
     ledger::ColliderImpulses,
     particles::BLOCK,
     simd::{F32x16, Isa, Lanes, on_isa},
@@ -60,14 +61,16 @@ pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, acting: &BoundaryConditions<'
                 (false, None) => sum_block(isa, block, tiles, keep, frame_velocity, out),
             };
             if acting.may_reach(block)
-                && !acting.by_neighbours(block)
+                && !attaches(acting.boundaries, block.index)
                 && holds_matter(out)
                 && let Some(allowed) = acting.on(block)
             {
                 let speed = (allowed.speed() as f32).to_bits();
                 let left = constrain(out, frame_velocity, |at, mass, v| {
                     let mass = acting.anchors.matter(n, block, at, mass.into());
-                    allowed.constrain(at, v, &mut |change| given.add(mass, &change))
+                    allowed.constrain(at, &Attached::free(v), &mut |change| {
+                        given.add(mass, &change)
+                    })
                 });
                 largest = largest.max(speed).max(left);
             }

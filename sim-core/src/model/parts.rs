@@ -27,7 +27,6 @@ impl Model {
     /// Has parts painted that way, and no others; materials and all that is made of them are to follow.
     pub fn paint(&mut self, painted: &[Painted]) {
         self.parts.truncate(self.scene_parts);
-        self.tearing_stretch.truncate(self.scene_parts);
         self.cells_per_mass.truncate(self.scene_parts);
         let mut of = vec![0; self.scene.particles.position.len()];
         for (n, part) in self.parts.iter().enumerate() {
@@ -40,7 +39,6 @@ impl Model {
             // Mass stays: a particle has the density of the scene's part.
             let part: Part = self.parts[entry.part].clone();
             self.parts.push(part);
-            self.tearing_stretch.push(self.tearing_stretch[entry.part]);
             self.cells_per_mass.push(self.cells_per_mass[entry.part]);
         }
         self.particle_counts = vec![0; self.parts.len()];

@@ -20,8 +20,6 @@ pub(crate) struct PartLaw {
     pub coefficients: Coefficients<f64>,
     /// `rho0 dx^2` [kg/m], see [`stress_scale`](Self::stress_scale); infinite where stress does nothing.
     pub inertia: f64,
-    /// Whether particles share their volume ratio over the grid.
-    pub shares_volume: bool,
     /// One over the mass that fills a cell at rest, in the solver's unit.
     pub cells_per_rest_mass: f64,
     /// Whether Gaussians follow the deformation, which a fluid need not know otherwise.

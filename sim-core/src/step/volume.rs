@@ -1,12 +1,6 @@
-//! What particles know together about volume, between two segments of substeps.
+//! What the grid knows about the volume of fluids, between two segments of substeps.
 //!
-//! Nearly incompressible solids: eight particles in a cell make eight demands on the volume where the grid has
-//! freedom for about one; near `nu = 1/2` nothing can bend any more. `F <- F (J' / J)^(1/3)`, with `J'` the
-//! mass-weighted mean over the particle's nodes (the F-bar idea of de Souza Neto et al. 1996, with the grid in place
-//! of elements): what a particle demands alone is dropped, what its neighbourhood demands stays. `sum m J` does not
-//! change, volumetric energy can only fall.
-//!
-//! Fluids: errors of `J` add up as long as the fluid moves, and the pool sinks into itself. Where the grid holds more
+//! Errors of `J` add up as long as a fluid moves, and the pool sinks into itself. Where the grid holds more
 //! fluid than `J` admits, `J` gives way by [`CORRECTION`] of the difference; where it holds less there may be a
 //! surface, and nothing is done.
 
@@ -16,7 +10,7 @@ use super::{
     block::load_velocities,
     constitutive::PartLaw,
     gather::gather,
-    lanes::{cells_in_use, load3, load9, store9},
+    lanes::{cells_in_use, load3},
     scatter::Accumulator,
     stencil::Stencil,
 };
@@ -26,9 +20,6 @@ use crate::{
     particles::{Block, Fixed, Group, Particles, Run},
     simd::{F32x16, Isa, Lanes, on_isa},
 };
-
-/// Poisson's ratio above which matter is nearly incompressible: below, bending is within 6 % of what it should be.
-pub(crate) const NEARLY_INCOMPRESSIBLE: f64 = 0.4;
 
 /// Share of the difference to the grid that the volume ratio of a fluid gives way by.
 const CORRECTION: f64 = 0.2;
@@ -45,14 +36,14 @@ struct Work<'a> {
     fixed: &'a [Fixed],
 }
 
-/// Averages the volume ratio of all parts whose law says so.
-pub(crate) fn average_volume(
+/// Lets the volume ratio of fluids give way to what the grid holds.
+pub(crate) fn correct_fluid_volume(
     isa: Isa,
     laws: &[PartLaw],
     particles: &mut Particles,
     grid: &mut Grid,
 ) {
-    if !laws.iter().any(|law| law.shares_volume) {
+    if !laws.iter().any(|law| law.law.is_fluid()) {
         return;
     }
     let mut work = split(particles);
@@ -60,7 +51,6 @@ pub(crate) fn average_volume(
         .zip(&mut grid.tiles)
         .zip(&mut grid.cells)
         .for_each(|((work, tile), cells)| give_with_isa(isa, laws, work, tile, cells));
-    // Mass times J - 1 over mass, as if it were a velocity.
     node_means(isa, grid, Sums::Velocities, |_| true);
     let Grid {
         cells,
@@ -72,7 +62,7 @@ pub(crate) fn average_volume(
         .zip(&*nodes_of)
         .zip(&*cells)
         .for_each(|((work, nodes_of), cells)| {
-            if !work.runs.iter().any(|run| laws[run.part].shares_volume) {
+            if !work.runs.iter().any(|run| laws[run.part].law.is_fluid()) {
                 return;
             }
             let mut means = Tile::ZERO;
@@ -119,7 +109,7 @@ on_isa! {
     fn take_with_isa = take(laws: &[PartLaw], work: &mut Work<'_>, means: &Tile)
 }
 
-/// Scatters `m (J - 1)` of one block.
+/// Scatters the mass of one block.
 #[inline(always)]
 fn give<V: Lanes>(laws: &[PartLaw], work: &Work<'_>, packed: &mut Tile, used: &mut Cells) {
     let mut tile = Tile::ZERO;
@@ -127,23 +117,18 @@ fn give<V: Lanes>(laws: &[PartLaw], work: &Work<'_>, packed: &mut Tile, used: &m
     let mut cells = [(V::splat(4.0), V::splat(-1.0)); 3];
     let mut accumulator = Accumulator::<V>::new();
     for run in work.runs {
-        if !laws[run.part].shares_volume {
+        if !laws[run.part].law.is_fluid() {
             continue;
         }
         for g in run.groups.start - work.origin..run.groups.end - work.origin {
-            let Group { x, f } = &work.groups[g];
-            let stencil = Stencil::<V>::new(load3(x));
+            let stencil = Stencil::<V>::new(load3(&work.groups[g].x));
             for a in 0..3 {
                 cells[a].0 = cells[a].0.min(stencil.cell[a]);
                 cells[a].1 = cells[a].1.max(stencil.cell[a]);
             }
             let mass = V::load(&work.fixed[g].mass);
-            let excess = match laws[run.part].law.is_fluid() {
-                true => V::load(&work.memory[g]),
-                false => load9::<V>(f).det() - V::broadcast(1.0),
-            };
             let nothing = Mat3([[zero; 3]; 3]);
-            accumulator.scatter(&mut tile, &stencil, mass, [excess, zero, zero], &nothing);
+            accumulator.scatter(&mut tile, &stencil, mass, [zero; 3], &nothing);
         }
     }
     accumulator.flush(&mut tile);
@@ -151,38 +136,24 @@ fn give<V: Lanes>(laws: &[PartLaw], work: &Work<'_>, packed: &mut Tile, used: &m
     tile.pack::<V>(used, packed);
 }
 
-/// Gathers the mean of `J - 1` and the mass per cell, and gives them to the particles of one block.
+/// Gathers the mass per cell, and lets the volume ratio of the particles of one block give way to it.
 #[inline(always)]
 fn take<V: Lanes>(laws: &[PartLaw], work: &mut Work<'_>, means: &Tile) {
     let (zero, one) = (V::broadcast(0.0), V::broadcast(1.0));
     for run in work.runs {
         let law = &laws[run.part];
-        if !law.shares_volume {
+        if !law.law.is_fluid() {
             continue;
         }
         for g in run.groups.start - work.origin..run.groups.end - work.origin {
             let found = gather(means, &Stencil::<V>::new(load3(&work.groups[g].x)));
             let live = zero.lt(V::load(&work.fixed[g].mass));
-            if law.law.is_fluid() {
-                let memory = V::load(&work.memory[g]);
-                let crowding = found.mass * V::splat(law.cells_per_rest_mass);
-                let shown = (one / crowding.max(one)).max(V::splat(LEAST)) - one;
-                let corrected = V::splat(CORRECTION).mul_add(shown - memory, memory);
-                let denser = live & one.lt(crowding) & shown.lt(memory);
-                V::select(denser, corrected, memory).store(&mut work.memory[g]);
-                continue;
-            }
-            let f = load9::<V>(&work.groups[g].f);
-            let mean = found.v[0] + one;
-            let j = f.det();
-            let usable = live & zero.lt(j) & zero.lt(mean);
-            let ratio = V::select(usable, mean / j, one);
-            let factor = (ratio.ln() * V::splat(1.0 / 3.0)).exp();
-            let mut scaled = f;
-            for n in 0..9 {
-                scaled.0[n / 3][n % 3] = f.0[n / 3][n % 3] * factor;
-            }
-            store9(&Mat3::select(usable, &scaled, &f), &mut work.groups[g].f);
+            let memory = V::load(&work.memory[g]);
+            let crowding = found.mass * V::splat(law.cells_per_rest_mass);
+            let shown = (one / crowding.max(one)).max(V::splat(LEAST)) - one;
+            let corrected = V::splat(CORRECTION).mul_add(shown - memory, memory);
+            let denser = live & one.lt(crowding) & shown.lt(memory);
+            V::select(denser, corrected, memory).store(&mut work.memory[g]);
         }
     }
 }

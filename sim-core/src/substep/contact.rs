@@ -12,14 +12,13 @@ use crate::{
     mat3::dot,
     materials::Law,
     particles::Particles,
-    state::{Given, GridMotion, Matter, in_contact::InContact},
+    state::{Given, GridMotion, in_contact::InContact},
 };
 
 /// Lets fields meet at the nodes that they share; returns the largest velocity component given to a node [cells/s].
 pub(super) fn contact(
     at: &Context<'_>,
     input: &NodeInput<'_>,
-    matter: &Matter,
     motion: &GridMotion,
     grid: &mut Grid,
     in_contact: &mut InContact,
@@ -30,9 +29,6 @@ pub(super) fn contact(
     let (scene, gravity) = (&model.scene, given.commanded.gravity);
     let meeting = ContactInput {
         method: scene.contact.method,
-        isa: model.isa,
-        particles: &matter.particles,
-        cells_per_mass: &model.cells_per_mass,
         specific_volumes: &model.specific_volumes,
         friction: &|[a, b]| scene.surface_between(a as usize, b as usize).friction,
         wish: &|fields| requested_restitution(given, fields),
@@ -46,8 +42,7 @@ pub(super) fn contact(
         meet(grid, &meeting, &mut in_contact.at_nodes)
     });
     in_contact.book(&met.exchanged, model.mass_unit, scene.dx);
-    work.contact_nodes += met.work.nodes;
-    work.contact_particles += met.work.particles;
+    work.contact_nodes += met.nodes;
     met.largest
 }
 

@@ -12,7 +12,7 @@ use crate::{
         solids::{CoupledSolid, CoupledSolids, couple_solids_to_grid},
     },
     episodes::Episodes,
-    grid::{FieldPass, anchors::Anchors},
+    grid::FieldPass,
     solid::{advance::Scratch, inverse::LocalInverse, outline::Outline, state::SolidState},
     state::{Given, GridMotion, Matter, RigidBodies, Workspace},
 };
@@ -72,22 +72,12 @@ pub(super) fn couple(
         true => scene.objects[object].surface.friction_to_objects(),
         false => scene.surface_between(object, field as usize).friction,
     };
-    let anchors = Anchors::new(
-        &matter.particles,
-        &model.rules,
-        &given.commanded.pins,
-        *now,
-        &workspace.concerned,
-        workspace.grid.nodes.len(),
-    );
     let input = CouplingInput {
         particles: &matter.particles,
         fields: Fields {
             cells_per_mass: &model.cells_per_mass,
             passes,
-            reconstructs_surface: &model.constants.reconstructs_surface,
         },
-        anchors: &anchors,
         // Of the substep before: that of this one is not known yet.
         fastest: 3.0_f64.sqrt() * motion.max_speed * scene.dx,
         dx: scene.dx,

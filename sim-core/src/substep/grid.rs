@@ -78,7 +78,6 @@ pub(super) struct NodeInput<'a> {
     moving: NodeConditions<'a>,
     approaches: Vec<ParticleGaps>,
     anchors: Anchors<'a>,
-    reconstructs_surface: &'a [bool],
     passes: &'a [FieldPass],
 }
 
@@ -122,7 +121,6 @@ impl<'a> NodeInput<'a> {
                 concerned,
                 grid.nodes.len(),
             ),
-            reconstructs_surface: &model.constants.reconstructs_surface,
             passes,
             boundaries,
         }
@@ -134,7 +132,6 @@ impl<'a> NodeInput<'a> {
             boundaries: &self.boundaries,
             moving: &self.moving,
             approaches: &self.approaches,
-            reconstructs_surface: self.reconstructs_surface,
             anchors: &self.anchors,
             passes: self.passes,
         }

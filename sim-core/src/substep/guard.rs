@@ -136,7 +136,7 @@ pub(super) fn offset_velocities(at: &Context<'_>, motion: &mut GridMotion) {
 }
 
 /// Joins the extremes of all runs per part, and takes how far particles are out of their blocks.
-pub(super) fn collect_extremes(given: &Given<'_>, matter: &mut Matter, strained: &mut Vec<bool>) {
+pub(super) fn collect_extremes(matter: &mut Matter) {
     matter.extremes.fill(Extremes::NONE);
     let mut reach = 0.0_f32;
     for run in &matter.particles.runs {
@@ -144,16 +144,4 @@ pub(super) fn collect_extremes(given: &Given<'_>, matter: &mut Matter, strained:
         reach = reach.max(run.extremes.reach);
     }
     matter.drift = (f64::from(reach) - 0.5 * f64::from(BLOCK)).max(0.0);
-    let Given {
-        model, commanded, ..
-    } = *given;
-    // Objects that are stretched now by as much as tears them.
-    for (n, part) in model.parts.iter().enumerate() {
-        let stretch = f64::from(matter.extremes[n].stretch_squared).sqrt();
-        let tears = stretch > model.tearing_stretch[n];
-        if tears && commanded.materials[n].law.keeps_elastic() {
-            strained.resize(model.scene.objects.len(), false);
-            strained[part.object] = true;
-        }
-    }
 }

@@ -172,8 +172,7 @@ impl World {
         }
         let before = std::mem::replace(&mut self.state, state);
         let commanded = &self.state.commanded;
-        self.model
-            .set_materials(&commanded.materials, &commanded.fidelity);
+        self.model.set_materials(&commanded.materials);
         self.published = published;
         self.reshape(before.bodies);
         self.publish_bodies();
@@ -184,7 +183,6 @@ impl World {
         }
         self.workspace = Workspace::default();
         self.fit_workspace();
-        self.suspect_all();
         self.report = StepReport::default();
         self.report = self.measure(&Frame::new(0.0));
         self.sight.forget();

@@ -99,8 +99,7 @@ impl World {
             Some(particles) => self.paint(particles, material),
         }
         let commanded = &self.state.commanded;
-        self.model
-            .set_materials(&commanded.materials, &commanded.fidelity);
+        self.model.set_materials(&commanded.materials);
         self.reconsider_solid(object);
         self.freeze(object);
         if is_made_rigid && !self.is_one_body(object) {

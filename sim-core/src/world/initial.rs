@@ -62,8 +62,7 @@ impl World {
         self.workspace = Workspace::default();
         self.published = Published::new(scene);
         let commanded = &self.state.commanded;
-        self.model
-            .set_materials(&commanded.materials, &commanded.fidelity);
+        self.model.set_materials(&commanded.materials);
         self.flag_outside();
         self.take_out(|flags| flags.outside);
         self.form_bodies();

@@ -59,7 +59,6 @@ impl World {
         report.contacts.extend(of_solids);
         (report.linear_momentum, report.angular_momentum) = total_momentum(&report.objects);
         report.state_hash = hash::state_hash(&self.published, &self.state);
-        report.torn = self.torn(|id| report.objects[id].level);
         report
     }
 

@@ -21,7 +21,6 @@ mod measure;
 mod outside;
 mod overlap;
 mod paint;
-mod pieces;
 mod place;
 mod proxy;
 mod published;

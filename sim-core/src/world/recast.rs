@@ -90,8 +90,7 @@ impl World {
         self.loosen(object);
         self.state.commanded.fidelity[object] = Some(fidelity);
         let commanded = &self.state.commanded;
-        self.model
-            .set_materials(&commanded.materials, &commanded.fidelity);
+        self.model.set_materials(&commanded.materials);
         let is_joined = matches!(fidelity, Fidelity::Rigid | Fidelity::Static);
         if !is_joined {
             // What the scene has as one body is matter now, but for what its law makes rigid.

@@ -11,7 +11,7 @@ use crate::{
     particles::Extremes,
     solid::state::SolidState,
     state::{GridMotion, in_contact::InContact},
-    step::{shapes::limit_shapes, volume::average_volume},
+    step::{shapes::limit_shapes, volume::correct_fluid_volume},
     substep::{
         Failure, Limit, OffGrid, Rates, Schedule, Segment, choose_rates, move_bodies, smallest_dt,
         substep, timed,
@@ -215,7 +215,7 @@ impl World {
         let particles = &mut self.state.matter.particles;
         std::mem::swap(&mut particles.motion, &mut self.workspace.motion);
         self.cohere(frame, elapsed);
-        self.share_volume(frame);
+        self.correct_fluid_volume(frame);
         let flags = &self.state.matter.particles.flags;
         if flags.iter().any(|f| f.outside != 0) {
             let left = self.take_out(|flags| flags.outside);
@@ -223,10 +223,10 @@ impl World {
         }
     }
 
-    /// Lets nearly incompressible parts share their volume over the grid.
-    fn share_volume(&mut self, frame: &mut Frame) {
+    /// Lets the volume ratio of fluids give way to what the grid holds.
+    fn correct_fluid_volume(&mut self, frame: &mut Frame) {
         timed(&mut frame.tally.timings.particles, || {
-            average_volume(
+            correct_fluid_volume(
                 self.model.isa,
                 &self.model.constants.laws,
                 &mut self.state.matter.particles,

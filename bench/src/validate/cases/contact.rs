@@ -54,11 +54,6 @@ pub fn disks(size: Size) -> Vec<Case> {
                 .set("objects.0.translation", format!("[0.2, 0.2, {dx}]"))
                 .set("objects.1.translation", format!("[0.8, 0.8, {dx}]"))
                 .set("colliders.1.point", format!("[0, 0, {}]", 2.0 * dx));
-            // Methods are of the grid that objects share; the default method meets what users get.
-            let trial = match method {
-                "multi_field" => trial.set("objects.0.solver", "spatial"),
-                _ => trial,
-            };
             let name = |quantity: &str| format!("{quantity}, {method}, {cells} cells");
             if method != "single_field" {
                 let quantity = name("restitution of the centres of mass");

@@ -14,10 +14,6 @@ impl Nodes for Row {
     fn gap(&self, _: [i32; 3], _: usize) -> f64 {
         0.0
     }
-
-    fn reconstructs_surface(&self) -> bool {
-        false
-    }
 }
 
 fn wall(at: f64, side: i32, sticky: bool) -> Face {
@@ -245,10 +241,6 @@ fn friction_of_one_boundary_leaves_what_another_holds() {
 
         fn gap(&self, _: [i32; 3], _: usize) -> f64 {
             0.0
-        }
-
-        fn reconstructs_surface(&self) -> bool {
-            false
         }
     }
     let rough = attached(&faces, [0, 0, 0], &Block, 1.0, 1e-3)

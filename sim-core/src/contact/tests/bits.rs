@@ -6,7 +6,7 @@ use crate::Isa;
 fn hashes(isa: Isa, threads: usize, frames: usize) -> (Vec<u64>, usize) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.expect("a small pool").install(|| {
-        let scene = glancing(ContactMethod::TwoScale);
+        let scene = glancing();
         let mut world = World::with_isa(scene, isa).expect("valid scene");
         let mut meetings = 0;
         let hashes = (0..frames)
@@ -34,7 +34,7 @@ fn threads_and_instruction_sets_never_show_in_contact() {
 
 #[test]
 fn a_checkpoint_in_contact_goes_on_with_the_same_bits() {
-    let mut scene = glancing(ContactMethod::TwoScale);
+    let mut scene = glancing();
     for object in &mut scene.objects {
         object.surface.restitution = Some(0.2);
     }

@@ -58,79 +58,72 @@ fn turn([x, y, z]: [f64; 3], angle: f64) -> [f64; 3] {
     [c * x - s * y, s * x + c * y, z]
 }
 
-const METHODS: [ContactMethod; 2] = [ContactMethod::MultiField, ContactMethod::TwoScale];
-
 #[test]
 fn the_order_of_objects_does_not_matter() {
-    for method in METHODS {
-        let scene = glancing(method);
-        let mut swapped = empty(scene.dx);
-        swapped.contact = scene.contact.clone();
-        for id in [1, 0] {
-            let mut object = scene.objects[id].clone();
-            let first = swapped.particles.position.len();
-            let range = object.particles.clone();
-            swapped
-                .particles
-                .position
-                .extend(&scene.particles.position[range.clone()]);
-            swapped
-                .particles
-                .volume
-                .extend(&scene.particles.volume[range]);
-            object.particles = first..swapped.particles.position.len();
-            swapped.objects.push(object);
-        }
-        let (expected, [b, a]) = (outcome(scene), outcome(swapped));
-        let found = compare(&expected, &[a, b]);
-        // Every object has its own field: not even the order of sums changes.
-        assert_eq!(found, [0.0; 2], "{method:?}");
+    let scene = glancing();
+    let mut swapped = empty(scene.dx);
+    swapped.contact = scene.contact.clone();
+    for id in [1, 0] {
+        let mut object = scene.objects[id].clone();
+        let first = swapped.particles.position.len();
+        let range = object.particles.clone();
+        swapped
+            .particles
+            .position
+            .extend(&scene.particles.position[range.clone()]);
+        swapped
+            .particles
+            .volume
+            .extend(&scene.particles.volume[range]);
+        object.particles = first..swapped.particles.position.len();
+        swapped.objects.push(object);
     }
+    let (expected, [b, a]) = (outcome(scene), outcome(swapped));
+    let found = compare(&expected, &[a, b]);
+    // Every object has its own field: not even the order of sums changes.
+    assert_eq!(found, [0.0; 2]);
 }
 
 #[test]
 fn a_quarter_turn_of_the_scene_turns_the_outcome() {
-    for method in METHODS {
-        let angle = std::f64::consts::FRAC_PI_2;
-        let expected = outcome(glancing(method));
-        let found = outcome(turned(glancing(method), angle));
-        let expected = expected.map(|object| object.map(|v| turn(v, angle)));
-        let found = compare(&expected, &found);
-        // The grid is turned into itself: round-off, measured 2e-7 m and 3e-7 m/s.
-        assert!(found[0] < 2e-6 && found[1] < 4e-6, "{method:?}: {found:?}");
-    }
+    let angle = std::f64::consts::FRAC_PI_2;
+    let expected = outcome(glancing());
+    let found = outcome(turned(glancing(), angle));
+    let expected = expected.map(|object| object.map(|v| turn(v, angle)));
+    let found = compare(&expected, &found);
+    // The grid is turned into itself: round-off, measured 2e-7 m and 3e-7 m/s.
+    assert!(found[0] < 2e-6 && found[1] < 4e-6, "{found:?}");
 }
 
 #[test]
 fn other_turns_and_boosts_show_no_more_than_the_grid_does() {
     // Other frames see other nodes. Gradients without a gap test feel that most: contact sets in as much as 1.5 cells
     // early, more or less by where the nodes are. Speeds are about 1 m/s, cells 0.1 m; measured 0.033 m and
-    // 0.069 m/s, with gaps and patch normals 0.005 m and 0.010 m/s.
-    for (method, most) in METHODS.into_iter().zip([[0.05, 0.1], [0.01, 0.02]]) {
-        let expected = outcome(glancing(method));
-        for angle in [0.4, 0.785] {
-            let found = outcome(turned(glancing(method), angle));
-            let expected = expected.map(|object| object.map(|v| turn(v, angle)));
-            let found = compare(&expected, &found);
-            let small = found[0] < most[0] && found[1] < most[1];
-            assert!(small, "{method:?} turned by {angle}: {found:?}");
-        }
-        let boost = [0.37, -0.21, 0.53];
-        let mut scene = glancing(method);
-        for object in &mut scene.objects {
-            for a in 0..3 {
-                object.linear_velocity[a] += boost[a];
-            }
-        }
-        let mut found = outcome(scene);
-        for object in &mut found {
-            for a in 0..3 {
-                object[0][a] -= boost[a] * 40.0 / 60.0;
-                object[1][a] -= boost[a];
-            }
-        }
+    // 0.069 m/s.
+    let most = [0.05, 0.1];
+    let expected = outcome(glancing());
+    for angle in [0.4, 0.785] {
+        let found = outcome(turned(glancing(), angle));
+        let expected = expected.map(|object| object.map(|v| turn(v, angle)));
         let found = compare(&expected, &found);
         let small = found[0] < most[0] && found[1] < most[1];
-        assert!(small, "{method:?} boosted: {found:?}");
+        assert!(small, "turned by {angle}: {found:?}");
     }
+    let boost = [0.37, -0.21, 0.53];
+    let mut scene = glancing();
+    for object in &mut scene.objects {
+        for a in 0..3 {
+            object.linear_velocity[a] += boost[a];
+        }
+    }
+    let mut found = outcome(scene);
+    for object in &mut found {
+        for a in 0..3 {
+            object[0][a] -= boost[a] * 40.0 / 60.0;
+            object[1][a] -= boost[a];
+        }
+    }
+    let found = compare(&expected, &found);
+    let small = found[0] < most[0] && found[1] < most[1];
+    assert!(small, "boosted: {found:?}");
 }

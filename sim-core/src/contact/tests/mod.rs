@@ -2,7 +2,6 @@
 
 mod bits;
 mod closed;
-mod disks;
 mod frames;
 mod held;
 mod pairs;
@@ -25,9 +24,9 @@ fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// Two blocks that hit each other off centre, with spin and friction, after 0.1 s.
-fn glancing(method: ContactMethod) -> Scene {
+fn glancing() -> Scene {
     let mut scene = empty(0.1);
-    scene.contact.method = method;
+    scene.contact.method = ContactMethod::MultiField;
     for (x, v, w, cells) in [
         ([-0.52, -0.2, -0.15], 1.0, [1.0, -0.5, 2.0], [8, 7, 6]),
         ([0.05, -0.05, -0.22], -0.6, [-0.5, 1.0, 0.4], [6, 8, 7]),

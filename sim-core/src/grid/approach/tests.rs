@@ -124,7 +124,7 @@ fn what_is_clear_of_all_colliders_goes_on_as_it_was() {
             let obeyed = Attached::free(v);
             let expected = conditions.constrain(x, near, NOW.dt, 1.0, &obeyed, &mut |_| ());
             assert_eq!(
-                allowed.constrain(at, v, &mut |_| ()),
+                allowed.constrain(at, &obeyed, &mut |_| ()),
                 expected,
                 "{near:?} {v:?}"
             );

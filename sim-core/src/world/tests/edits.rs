@@ -231,7 +231,11 @@ fn what_is_removed_comes_back_as_it_was() {
 #[test]
 fn who_is_put_onto_a_sleeper_falls_and_rests_on_it() {
     let mut scene = two_blocks(Kind::Asleep);
-    scene.objects[1].fidelity = Fidelity::Auto;
+    for object in &mut scene.objects {
+        object.fidelity = Fidelity::Auto;
+        object.solver = Solver::Lagrangian;
+        object.material.loss = 0.2;
+    }
     let mut world = World::new(scene).expect("valid scene");
     for _ in 0..20 {
         world.step(FRAME, &[]);

@@ -53,28 +53,3 @@ fn fields_share_places_where_node_blocks_of_both_exist() {
         }
     }
 }
-
-#[test]
-fn objects_that_pass_without_touching_move_as_if_alone() {
-    // Bit for bit but for the frame velocity, which is the mean of all: so one that is the same in both.
-    let apart = |gap: f64| {
-        let mut scene = two_boxes(ContactMethod::TwoScale);
-        let other = scene.objects[1].particles.clone();
-        for x in &mut scene.particles.position[other] {
-            x[2] += 0.4 + gap * scene.dx;
-        }
-        World::new(scene).expect("valid")
-    };
-    // Within reach of one grid, and out of it.
-    let (mut near, mut far) = (apart(1.2), apart(61.2));
-    let mut met = false;
-    for _ in 0..20 {
-        near.step(1.0 / 60.0, &[]);
-        far.step(1.0 / 60.0, &[]);
-        met |= !near.workspace.grid.shared.is_empty();
-    }
-    assert!(met && far.workspace.grid.shared.is_empty());
-    let mine = near.scene().objects[0].particles.clone();
-    let same = near.positions()[mine.clone()] == far.positions()[mine];
-    assert!(same, "what does not touch was felt");
-}

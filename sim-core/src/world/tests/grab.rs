@@ -155,7 +155,7 @@ fn what_springs_give_is_what_an_object_has() {
 fn a_sleeping_object_wakes_and_is_held_up() {
     let mut scene = empty(0.1);
     scene.gravity = [0.0, 0.0, -9.81];
-    scene.contact.method = ContactMethod::TwoScale;
+    scene.contact.method = ContactMethod::MultiField;
     add_box(
         &mut scene,
         elastic(Law::NeoHookean, 2e5, 0.3),
@@ -267,7 +267,7 @@ fn bad_holds_are_refused_with_the_range() {
 fn played(material: Material, solver: Solver, frames: u32) -> (World, u32, usize) {
     let mut scene = empty(0.05);
     scene.gravity = [0.0, 0.0, -9.81];
-    scene.contact.method = ContactMethod::TwoScale;
+    scene.contact.method = ContactMethod::MultiField;
     add_box(&mut scene, material, [-0.4, -0.1, 0.0], 0.025, [32, 8, 8]);
     scene.objects[0].solver = solver;
     add_plane(
@@ -424,7 +424,7 @@ fn a_stack_taken_apart_gains_what_a_hand_gives() {
     ] {
         let mut scene = empty(0.1);
         scene.gravity = [0.0, 0.0, -9.81];
-        scene.contact.method = ContactMethod::TwoScale;
+        scene.contact.method = ContactMethod::MultiField;
         for n in 0..3_u32 {
             let material = match kind {
                 Kind::Body => elastic(Law::Rigid, 0.0, 0.0),

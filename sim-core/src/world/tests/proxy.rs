@@ -21,7 +21,7 @@ const SOLVERS: [Solver; 2] = [Solver::Spatial, Solver::Lagrangian];
 fn thrown(fidelity: Fidelity, law: Law, solver: Solver) -> Scene {
     let mut scene = empty(0.05);
     scene.gravity = [0.0, -9.81, 0.0];
-    scene.contact.method = ContactMethod::TwoScale;
+    scene.contact.method = ContactMethod::MultiField;
     let floor = [0.0; 3];
     add_plane(&mut scene, floor, [0.0, 1.0, 0.0], Surface::Separate, 0.5);
     let id = add_box(

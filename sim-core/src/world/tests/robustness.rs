@@ -272,45 +272,6 @@ fn one_particle_per_cell_falls_bounces_and_stays_in_one_piece() {
     assert!(ratios.iter().all(|j| (0.8..1.25).contains(j)), "{ratios:?}");
 }
 
-/// Largest deflection of the tip of a cantilever of 1 m x 0.2 m x 0.2 m within half a period of its first mode,
-/// after gravity is switched on.
-fn deflection(nu: f64) -> f64 {
-    let mut scene = empty(0.05);
-    scene.gravity = [0.0, 0.0, -0.1];
-    let material = elastic(Law::NeoHookean, 1e5, nu);
-    add_box(&mut scene, material, [-0.2, 0.0, 0.0], 0.025, [48, 8, 8]);
-    let clamp = crate::scene::Aabb {
-        min: [-0.4, -0.3, -0.3],
-        max: [0.0, 0.5, 0.5],
-    };
-    let clamp = crate::scene::PinnedRegion::fixed(clamp);
-    scene.pinned_regions.push(clamp);
-    let tip = scene.particles.position.len() - 1;
-    let rest = scene.particles.position[tip][2];
-    let mut world = World::new(scene).expect("valid scene");
-    let mut lowest = 0.0_f64;
-    for _ in 0..36 {
-        let report = world.step(1.0 / 20.0, &[]);
-        assert!(report.quarantined.is_empty());
-        lowest = lowest.max(rest - f64::from(world.positions()[tip][2]));
-    }
-    lowest
-}
-
-#[test]
-fn a_beam_bends_as_much_when_it_is_nearly_incompressible() {
-    let compressible = deflection(0.3);
-    // Bending does not depend on Poisson's ratio but for the clamp. Measured 1.02, 1.12, 1.04 and 0.85 of what 0.3
-    // gives; without the shared volume 0.94, 0.86 and 0.39 for the last three.
-    for nu in [0.0, 0.45, 0.49, 0.4999] {
-        let ratio = deflection(nu) / compressible;
-        assert!(
-            (0.8..1.2).contains(&ratio),
-            "nu {nu}: {ratio} of {compressible} m"
-        );
-    }
-}
-
 #[test]
 fn a_dam_of_water_breaks_sloshes_and_keeps_its_volume() {
     let mut scene = empty(0.05);

@@ -91,7 +91,7 @@ fn stands_loaded(solver: Solver) {
 fn what_came_to_rest_sleeps_at_once() {
     let mut scene = column(0.5);
     scene.objects[0].fidelity = Fidelity::Auto;
-    scene.contact.method = crate::scene::ContactMethod::TwoScale;
+    scene.contact.method = crate::scene::ContactMethod::MultiField;
     let mut still = World::new(scene.clone()).expect("valid");
     let start = still.deformations().to_vec();
     let report = still.step(FRAME, &[]);
