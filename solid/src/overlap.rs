@@ -46,7 +46,7 @@ impl Others<'_> {
     fn depth(&self, x: [f64; 3], with: u32) -> f64 {
         let mut walls = self.colliders.iter();
         if let Some(wall) = walls.find(|placed| placed.id as u32 == with) {
-            return -wall.distance(x).value;
+            return wall.skin() - wall.distance(x).value;
         }
         let mut bodies = self.bodies.iter().zip(self.objects);
         let body = bodies.find(|(_, object)| Grip::on_object(**object) == with);

@@ -455,7 +455,7 @@ impl Placed<'_> {
         self.body.contact.surface != Surface::Separate
     }
 
-    /// Thickness that a wall without any has for bodies [units].
+    /// Thickness that a wall without any has for bodies and solids [units].
     pub fn skin(&self) -> f64 {
         self.body.skin
     }

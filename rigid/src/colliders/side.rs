@@ -72,10 +72,11 @@ impl Placed<'_> {
         self.body.is_thin
     }
 
-    /// Signed distance of a point of matter from the side of a thin collider that it is on, and the outward normal of the face that it came through, if it
-    /// is behind one; zero otherwise.
+    /// Signed distance of a point of matter, less the [skin](Self::skin), from the side of a thin collider that it is on, and the outward
+    /// normal of the face that it came through or touches, if it is behind that; zero otherwise.
     pub fn separation(&self, point: &MovedPoint) -> (Distance, [f32; 3]) {
-        let found = self.distance(point.x);
+        let mut found = self.distance(point.x);
+        found.value -= self.skin();
         let is_behind = |normal: [f64; 3]| normal.map(|n| n as f32);
         let inside = |found: Distance| match found.value < 0.0 {
             true => (found, is_behind(found.normal)),
@@ -107,7 +108,7 @@ impl Placed<'_> {
         match self.body.shape.depth_behind(local, n, reach) {
             Some(depth) => {
                 let behind = Distance {
-                    value: -depth,
+                    value: -depth - self.skin(),
                     normal: side,
                 };
                 (behind, is_behind(side))

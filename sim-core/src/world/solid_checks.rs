@@ -4,9 +4,8 @@ use std::sync::LazyLock;
 
 use super::error::WorldError;
 use crate::{
-    distance::SignedDistance,
     materials::laws::names_of_solids,
-    scene::{ColliderShape, ContactMethod, Fidelity, Object, Scene, Surface},
+    scene::{ContactMethod, Fidelity, Object, Scene, Surface},
     solid::object::is_solid,
 };
 
@@ -113,11 +112,6 @@ fn of_colliders(scene: &Scene) -> Option<Refused> {
         if collider.restitution > 0.0 && collider.surface == Surface::Slip {
             let what = format!("the restitution of the slip collider `{name}`");
             return Some((what, "none, or surface = \"separate\""));
-        }
-        let is_mesh = matches!(collider.shape, ColliderShape::Mesh(_));
-        if is_mesh && SignedDistance::new(&collider.shape).loose_edges().is_some() {
-            let what = format!("the open mesh of collider `{name}`");
-            return Some((what, "a closed one"));
         }
     }
     None

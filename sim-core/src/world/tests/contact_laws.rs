@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    scene::{Collider, ColliderShape, Object, Pose, Solver},
+    scene::{Collider, ColliderShape, Object, Pose, Solver, TriangleMesh},
     test_scenes::box_mesh,
 };
 
@@ -39,6 +39,15 @@ fn wall(shape: &str, thickness: f64) -> ColliderShape {
             radius: 1.0,
             half_height: 0.5 * thickness,
         },
+        "open mesh" => ColliderShape::Mesh(
+            TriangleMesh {
+                points: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+                    .map(|[y, z]| [0.0, y, z])
+                    .to_vec(),
+                triangles: vec![[0, 1, 2], [0, 2, 3]],
+            }
+            .into(),
+        ),
         _ => ColliderShape::Mesh(box_mesh([0.5 * thickness, 1.0, 1.0]).into()),
     }
 }
@@ -54,6 +63,8 @@ fn no_solid_passes_a_wall_however_thin() {
         ("box", 1.0, 8.0),
         ("disc", 0.05, 5.0),
         ("closed mesh", 0.05, 5.0),
+        ("open mesh", 0.0, 1.0),
+        ("open mesh", 0.0, 5.0),
     ] {
         let mut scene = empty(dx);
         let velocity = [speed, 0.0, 0.0];
