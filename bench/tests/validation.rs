@@ -27,7 +27,7 @@ fn holds(case: &str) {
 
 #[test]
 fn soft_matter_keeps_its_energy_beside_a_stiff_object() {
-    holds("multirate");
+    holds("soft_and_stiff");
 }
 
 /// And not above.

@@ -68,8 +68,6 @@ pub(crate) struct Model {
 pub(crate) struct Constants {
     /// Law and numbers.
     pub laws: Vec<PartLaw>,
-    /// The same of viscous stress alone, which depends on velocities.
-    pub viscous_laws: Vec<PartLaw>,
     /// Bound of the substep at rest [s].
     pub rest_dt: Vec<f64>,
 }
@@ -136,10 +134,6 @@ impl Model {
                 .clone()
                 .map(|part| self.law(part, &materials[part]))
                 .collect(),
-            viscous_laws: parts
-                .clone()
-                .map(|part| self.viscous_law(part, &materials[part]))
-                .collect(),
             rest_dt: parts
                 .map(|part| self.critical_dt(part, &materials[part], rest))
                 .collect(),
@@ -156,24 +150,6 @@ impl Model {
             cells_per_rest_mass: self.mass_unit / (density * dx * dx * dx),
             inertia: density * dx * dx,
             visible: self.is_visible(part),
-        }
-    }
-
-    /// The same of the stress alone that depends on velocities: viscous stress in fluids.
-    fn viscous_law(&self, part: usize, material: &Material) -> PartLaw {
-        let whole = self.law(part, material);
-        match material.law.friction() {
-            Some(law) => PartLaw {
-                coefficients: Coefficients::new(&Material {
-                    law,
-                    ..material.clone()
-                }),
-                ..whole
-            },
-            None => PartLaw {
-                inertia: f64::INFINITY,
-                ..whole
-            },
         }
     }
 

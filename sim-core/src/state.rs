@@ -132,8 +132,6 @@ pub(crate) struct GridMotion {
     /// Time by which velocities of particles are behind positions, see [`kick`](crate::kinematics::kick) [s]: half a
     /// substep, nothing where they begin to move.
     pub velocity_offset: f64,
-    /// The same per object: rates differ.
-    pub velocity_offsets: Vec<f64>,
 }
 
 /// The groups that substeps change.
@@ -325,8 +323,6 @@ pub(crate) struct Workspace {
     pub extent: [[i32; 3]; 2],
     /// Velocities at the end of the segment, until it is accepted.
     pub motion: Vec<Motion>,
-    /// The coarse substep at hand.
-    pub coarse: CoarseSubstep,
     /// Boxes around solids when the frame began, per object [m].
     pub solid_boxes: Vec<Option<[[f64; 3]; 2]>>,
     /// Energy [J] and mass [kg] that edits of the coming frame brought into the world.
@@ -339,13 +335,4 @@ pub(crate) struct Workspace {
     pub watches: Vec<Watch>,
     /// Substeps of the latest frame [s], for comparison with the reference solver.
     pub substeps: Vec<f64>,
-}
-
-/// What is known of the coarse substep that some objects are in, since its first fine one.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct CoarseSubstep {
-    /// Frame velocity in the first fine one [cells/s].
-    pub frame_velocity: [f64; 3],
-    /// Largest velocity component on the grid [cells/s].
-    pub max_speed: f32,
 }

@@ -1,7 +1,7 @@
 //! The substep on one page: P2G, grid pass, contact, rigid bodies, G2P, guard, in the order of `docs/model.md`.
 //!
-//! Every phase is a function over what it reads and what it changes. Who takes which substep is decided before a segment of
-//! them (`multirate`), how long it is before each (`limit`, `schedule`); the loop with its rollbacks is the world's.
+//! Every phase is a function over what it reads and what it changes. The length of a substep is chosen before it begins (`limit`,
+//! `schedule`); the loop with its rollbacks is the world's.
 
 mod bodies;
 mod contact;
@@ -9,9 +9,7 @@ mod coupling;
 mod grid;
 mod guard;
 mod limit;
-mod multirate;
 mod particles;
-mod rates;
 mod rigid;
 mod schedule;
 mod solids;
@@ -22,8 +20,6 @@ pub(crate) use bodies::move_bodies;
 pub(crate) use coupling::OffGrid;
 pub(crate) use guard::Failure;
 pub(crate) use limit::{Limit, smallest_dt};
-pub(crate) use multirate::choose_rates;
-pub(crate) use rates::Rates;
 pub(crate) use schedule::{Schedule, Segment};
 pub(crate) use solids::laws_of;
 pub(crate) use tally::{Tally, timed};
@@ -34,8 +30,8 @@ use crate::{
     state::{State, Workspace},
 };
 use contact::{book_colliders, contact};
-use grid::{NodeInput, field_passes, grid_pass};
-use guard::{check_travel, collect_extremes, larger, offset_velocities, travel};
+use grid::{NodeInput, grid_pass, kick_frame};
+use guard::{check_travel, collect_extremes, larger, travel};
 use particles::{gather, scatter};
 use schedule::Context;
 use springs::book_springs;
@@ -60,25 +56,23 @@ pub(crate) fn substep(
         scatter(at, matter, motion, workspace, tally)?;
     }
     // Grid pass: momentum to velocity, gravity, boundary conditions.
-    let passes = &field_passes(at, motion, &mut workspace.coarse);
+    kick_frame(at, motion);
     let (grid, concerned) = (&mut workspace.grid, &workspace.concerned);
-    let input = &NodeInput::new(at, passes, matter, concerned, grid, tally);
+    let input = &NodeInput::new(at, matter, motion, concerned, grid, tally);
     let on_nodes = grid_pass(at, input, grid, tally);
     // Contact: between the fields of objects.
-    let in_contact = contact(at, input, motion, grid, moving.in_contact, tally);
+    let in_contact = contact(at, input, grid, moving.in_contact, tally);
     // Rigid bodies and solids: at nodes, at each other and at colliders.
     let off_grid = OffGrid {
         bodies: moving.bodies,
         solids: moving.solids,
         episodes: &mut moving.in_contact.of_solids,
     };
-    let at_bodies = move_bodies(
-        &given, &at.now, passes, matter, motion, off_grid, workspace, tally,
-    );
+    let at_bodies = move_bodies(&given, &at.now, matter, motion, off_grid, workspace, tally);
     // Guard: nothing may travel farther than the tiles reach.
     let speeds = [on_nodes, larger(in_contact, at_bodies)];
     let travel = travel(at, speeds, workspace, motion);
-    let bounds = check_travel(at, matter.drift, travel);
+    let bounds = check_travel(travel);
     if !segment.is_last_try() {
         bounds?;
     }
@@ -95,7 +89,7 @@ pub(crate) fn substep(
     );
     // Guard: nothing may be inside out, or nowhere.
     bounds.and(deformation)?;
-    offset_velocities(at, motion);
+    motion.velocity_offset = at.velocity_offset;
     collect_extremes(matter);
     Ok((!ends).then_some(next))
 }

@@ -214,7 +214,8 @@ impl Solid<'_> {
             return due.iter().map(|_| FoundInCluster::none(far)).collect();
         }
         let clear = |x: [f64; 3]| {
-            let distances = (colliders.iter()).map(|placed| placed.distance(x).value - placed.skin());
+            let distances =
+                (colliders.iter()).map(|placed| placed.distance(x).value - placed.skin());
             distances.fold(f64::INFINITY, f64::min)
         };
         find_near(due, |cluster| {

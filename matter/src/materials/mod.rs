@@ -236,17 +236,6 @@ impl Law {
         matches!(self, Self::Fluid { .. })
     }
 
-    /// The law of that share of stress that depends on velocities, if there is one.
-    pub fn friction(self) -> Option<Self> {
-        match self {
-            Self::Fluid { viscosity, .. } => Some(Self::Fluid {
-                bulk_modulus: 0.0,
-                viscosity,
-            }),
-            _ => None,
-        }
-    }
-
     /// Whether `E` and `nu` belong to the law.
     pub fn is_elastic(self) -> bool {
         self.entry().elastic

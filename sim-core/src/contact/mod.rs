@@ -10,7 +10,7 @@ mod solve;
 
 use motion::Fields;
 use sites::ContactBlocks;
-use solve::{Surroundings, by_pair};
+use solve::by_pair;
 
 use crate::{
     episodes::{Episodes, PairExchange, RequestedRestitution},
@@ -35,12 +35,8 @@ pub(crate) struct ContactInput<'a> {
     pub gravity: f64,
     /// Simulated time [s].
     pub time: f64,
-    /// Substep [s].
-    pub dt: f64,
     /// Everything that acts on nodes.
     pub acting: BoundaryConditions<'a>,
-    /// Velocity that those of nodes are relative to [cells/s].
-    pub frame_velocity: [f64; 3],
 }
 
 /// What came of a meeting.
@@ -60,33 +56,20 @@ pub(crate) fn meet(
     meeting: &ContactInput<'_>,
     episodes: &mut Episodes,
 ) -> ContactResult {
-    let on_nodes = matches!(
-        meeting.method,
-        ContactMethod::MultiField | ContactMethod::TwoScale
-    );
-    if !on_nodes {
+    if !meeting.method.tells_apart() {
         return ContactResult::default();
     }
     let acting = &meeting.acting;
-    let sites = ContactBlocks::find(
-        grid,
-        meeting.specific_volumes,
-        acting.passes,
-        acting.anchors,
-    );
+    let sites = ContactBlocks::find(grid, meeting.specific_volumes, acting.anchors);
     let friction: Vec<f64> = sites
         .sites
         .iter()
         .map(|site| (meeting.friction)(site.fields))
         .collect();
-    let around = Surroundings {
-        acting: meeting.acting,
-        frame_velocity: meeting.frame_velocity,
-    };
-    let solved = solve::solve(grid, &sites, &friction, &around);
+    let solved = solve::solve(grid, &sites, &friction, acting);
     let mut exchanged = by_pair(&sites.sites, &solved);
     let mut fields = Fields { grid, largest: 0 };
-    episodes.take_in(&fields, &exchanged, meeting.frame_velocity, meeting.dt);
+    episodes.take_in(&fields, &exchanged, acting.frame_velocity, acting.dt);
     let blocks = solved
         .into_iter()
         .flat_map(|place| place.blocks.into_iter().zip(place.given));
@@ -100,7 +83,7 @@ pub(crate) fn meet(
         fields.grid.given_to_nodes[n].merge(&given);
     }
     // Twice what gravity adds in a substep: bodies at rest on each other do not bounce.
-    let resting = 2.0 * meeting.gravity * meeting.dt;
+    let resting = 2.0 * meeting.gravity * acting.dt;
     episodes.part(
         &mut fields,
         meeting.wish,

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::{
-    grid::{FieldPass, Grid, NONE, Shared, Velocities, anchors::Anchors},
+    grid::{Grid, NONE, Shared, Velocities, anchors::Anchors},
     mat3::unit,
 };
 
@@ -81,20 +81,14 @@ pub(super) fn read(block: &Velocities, at: usize) -> ([f64; 3], f64) {
 }
 
 impl ContactBlocks {
-    /// Finds them, but for those of inactive fields. `specific_volumes` is per field the rest volume per mass, up to a
-    /// common factor; `passes` likewise what the substep does to it.
-    pub fn find(
-        grid: &Grid,
-        specific_volumes: &[f64],
-        passes: &[FieldPass],
-        anchors: &Anchors<'_>,
-    ) -> Self {
+    /// Finds them. `specific_volumes` is per field the rest volume per mass, up to a common factor.
+    pub fn find(grid: &Grid, specific_volumes: &[f64], anchors: &Anchors<'_>) -> Self {
         let found: Vec<(ContactBlock, Vec<Node>)> = grid
             .shared
             .par_iter()
             .enumerate()
             .flat_map_iter(|(shared, place)| {
-                at_place(grid, specific_volumes, passes, anchors, shared, place)
+                at_place(grid, specific_volumes, anchors, shared, place)
             })
             .collect();
         let mut all = Self::default();
@@ -111,7 +105,6 @@ impl ContactBlocks {
 fn at_place(
     grid: &Grid,
     specific_volumes: &[f64],
-    passes: &[FieldPass],
     anchors: &Anchors<'_>,
     shared: usize,
     place: &Shared,
@@ -142,12 +135,6 @@ fn at_place(
             }
             let blocks = [one, two].map(|n| sharers[n] as usize);
             let fields = blocks.map(|block| grid.nodes[block].field);
-            if fields
-                .iter()
-                .any(|&field| passes[field as usize].is_inactive)
-            {
-                continue;
-            }
             for n in [one, two] {
                 gradients[n].get_or_insert_with(|| Gradients::new(grid, anchors, &around[n]));
             }

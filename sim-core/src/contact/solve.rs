@@ -71,20 +71,12 @@ pub(super) struct Solved {
     pub given: Vec<ColliderImpulses>,
 }
 
-/// What acts besides contact.
-pub(super) struct Surroundings<'a> {
-    /// Colliders and regions.
-    pub acting: BoundaryConditions<'a>,
-    /// Velocity that those of nodes are relative to [cells/s].
-    pub frame_velocity: [f64; 3],
-}
-
 /// Solves all places; the grid stays as it is. `friction` is per site.
 pub(super) fn solve(
     grid: &Grid,
     sites: &ContactBlocks,
     friction: &[f64],
-    around: &Surroundings<'_>,
+    acting: &BoundaryConditions<'_>,
 ) -> Vec<Solved> {
     let mut places = vec![];
     let mut start = 0;
@@ -100,7 +92,7 @@ pub(super) fn solve(
                 &sites.sites[range.clone()],
                 &sites.nodes,
                 &friction[range],
-                around,
+                acting,
             )
         })
         .collect()
@@ -111,7 +103,7 @@ fn solve_place(
     sites: &[ContactBlock],
     nodes: &[Node],
     friction: &[f64],
-    around: &Surroundings<'_>,
+    acting: &BoundaryConditions<'_>,
 ) -> Solved {
     // Most nodes at most places do not press on each other.
     let presses = sites.iter().any(|site| {
@@ -139,7 +131,7 @@ fn solve_place(
     }
     let conditions: Vec<Option<BlockConstraints<'_>>> = blocks
         .iter()
-        .map(|(n, _)| around.acting.on(&grid.nodes[*n]))
+        .map(|(n, _)| acting.on(&grid.nodes[*n]))
         .collect();
     let sweeps = match sites.len() > 1 || conditions.iter().any(Option::is_some) {
         true => SWEEPS,
@@ -163,9 +155,9 @@ fn solve_place(
             };
             for at in (0..64).filter(|at| touched >> at & 1 == 1) {
                 let (_, mass) = read(block, at);
-                let anchors = around.acting.anchors;
+                let anchors = acting.anchors;
                 let mass = anchors.matter(*n, &grid.nodes[*n], at, mass);
-                constrain(block, at, conditions, around.frame_velocity, |change| {
+                constrain(block, at, conditions, acting.frame_velocity, |change| {
                     given.add(mass, &change);
                 });
             }

@@ -7,11 +7,7 @@ mod radii;
 pub(crate) mod solids;
 pub(crate) mod sweeps;
 
-use crate::{
-    bodies::vector::Vec3,
-    grid::{FieldPass, Grid},
-    particles::Particles,
-};
+use crate::{bodies::vector::Vec3, grid::Grid, particles::Particles};
 
 /// Nodes lighter than this share of the heaviest particle meet nobody.
 const LIGHTEST: f32 = 1e-12;
@@ -20,8 +16,6 @@ const LIGHTEST: f32 = 1e-12;
 pub(crate) struct Fields<'a> {
     /// Per part the volume of one unit of mass at rest [cells].
     pub cells_per_mass: &'a [f64],
-    /// What the substep does to each field.
-    pub passes: &'a [FieldPass],
 }
 
 /// What the grid is filled with, and how bodies meet it.

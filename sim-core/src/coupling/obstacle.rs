@@ -160,9 +160,7 @@ impl<O: Obstacle> FacedBlock<'_, O> {
             there
         };
         let way = input.dt * dot(sub(velocity, own.velocity), normal);
-        // What is on its way since it came to the grid is farther than where it was.
-        let pass = &input.fields.passes[self.nodes.field as usize];
-        let gap = nearest.gap + pass.elapsed * dot(velocity, normal);
+        let gap = nearest.gap;
         if gap + way > GAP_LOOKAHEAD * input.dx {
             return None;
         }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use flat::{Flat, merge, see_plane};
 
 use super::{
-    FieldPass, NONE, NodeBlock, TILE,
+    NONE, NodeBlock, TILE,
     anchors::Anchors,
     boundary::{corners, near_block},
     place_of,
@@ -63,8 +63,10 @@ pub(crate) struct BoundaryConditions<'a> {
     pub approaches: &'a [ParticleGaps],
     /// What of masses is not matter.
     pub anchors: &'a Anchors<'a>,
-    /// Per field.
-    pub passes: &'a [FieldPass],
+    /// Velocity that those of nodes are relative to [cells/s].
+    pub frame_velocity: [f64; 3],
+    /// Substep [s].
+    pub dt: f64,
 }
 
 /// What acts on one block of nodes.
@@ -79,20 +81,15 @@ pub(crate) struct BlockConstraints<'a> {
     dt: f64,
 }
 
-/// Finds what the particles of every block are near to, but for those that wait; `half_spacings` is in scene order [cells],
-/// `passes` per field.
+/// Finds what the particles of every block are near to; `half_spacings` is in scene order [cells].
 pub(crate) fn approaches(
     particles: &Particles,
     half_spacings: &[f64],
     boundaries: &NodeConditions<'_>,
-    passes: &[FieldPass],
 ) -> Vec<ParticleGaps> {
     let blocks = particles.blocks.par_iter().with_min_len(TASK);
     blocks
-        .map(|block| match passes[block.field as usize].is_inactive {
-            true => ParticleGaps::new(),
-            false => approach(block, particles, half_spacings, boundaries),
-        })
+        .map(|block| approach(block, particles, half_spacings, boundaries))
         .collect()
 }
 
@@ -288,11 +285,6 @@ fn rank(gap: f32, of: usize) -> u64 {
 }
 
 impl<'a> BoundaryConditions<'a> {
-    /// What the substep does to the field of a block.
-    pub fn pass(&self, block: &NodeBlock) -> &'a FieldPass {
-        &self.passes[block.field as usize]
-    }
-
     /// Whether anything may act on the nodes of a block.
     pub fn may_reach(&self, block: &NodeBlock) -> bool {
         block.constrained || super::boundary::covers_block(self.moving, block.index)
@@ -352,7 +344,7 @@ impl<'a> BoundaryConditions<'a> {
             conditions,
             nearest,
             index: block.index,
-            dt: self.pass(block).dt,
+            dt: self.dt,
         })
     }
 }

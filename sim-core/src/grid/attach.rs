@@ -49,7 +49,7 @@ struct Around<'a> {
     places: &'a [Place],
     before: &'a [Before<'a>],
     frame_velocity: [f64; 3],
-    /// Substep of the particles [s].
+    /// Substep [s].
     dt: f64,
     anchors: &'a Anchors<'a>,
 }
@@ -106,7 +106,6 @@ pub(super) fn attach(
         .zip(given)
         .enumerate()
         .with_min_len(TASK[0])
-        .filter(|(_, ((block, _), _))| !acting.pass(block).is_inactive)
         .filter_map(|(n, ((block, out), given))| {
             let acts = attaches(acting.boundaries, block.index);
             (acts && holds_matter(out)).then_some((n, block, out, given))
@@ -116,7 +115,7 @@ pub(super) fn attach(
         .iter()
         .map(|(_, at, ..)| (at.field, at.index))
         .collect();
-    let fields = 0..acting.passes.len() as u32;
+    let fields = 0..places.last().map_or(0, |last| last.0 + 1);
     let faces: Vec<Cow<'_, [Face]>> = fields.map(|f| acting.boundaries.faces_for(f)).collect();
     let before: Vec<Before<'_>> = near
         .par_iter()
@@ -133,15 +132,14 @@ pub(super) fn attach(
         .zip(&places)
         .with_min_len(TASK[1])
         .map(|(((_, _, out, given), own), &place)| {
-            let pass = acting.pass(own.block);
             let around = Around {
                 place,
                 own,
                 blocks: [const { Cell::new(UNKNOWN) }; 27],
                 places: &places,
                 before: &before,
-                frame_velocity: pass.frame_velocity,
-                dt: pass.dt,
+                frame_velocity: acting.frame_velocity,
+                dt: acting.dt,
                 anchors: acting.anchors,
             };
             constrain_block(out, given, &around, &faces[place.0 as usize])

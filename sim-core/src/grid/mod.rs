@@ -9,7 +9,7 @@ mod topology;
 
 use std::ops::Range;
 
-pub(crate) use node_pass::{Sums, node_means, node_pass};
+pub(crate) use node_pass::{node_means, node_pass};
 pub(crate) use topology::OFFSETS;
 
 use crate::{
@@ -105,25 +105,6 @@ pub(crate) fn place_of(block: [i32; 3], at: usize) -> [i32; 3] {
     std::array::from_fn(|a| BLOCK * block[a] + local[a] as i32)
 }
 
-/// What a substep does to the velocities of one grid field.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct FieldPass {
-    /// Substep of its particles [s].
-    pub dt: f64,
-    /// What of it has passed [s]: nothing where they have just come to the grid.
-    pub elapsed: f64,
-    /// Whether nothing happens to its velocities until its particles move.
-    pub is_inactive: bool,
-    /// What damping leaves of what its particles bring, 0..=1.
-    pub keep: f32,
-    /// Velocity that those are relative to after forces [cells/s].
-    pub frame_velocity: [f64; 3],
-    /// What to add so that they are relative to the velocity that all fields meet with [cells/s].
-    pub shift: [f32; 3],
-    /// How long forces act, [`Grid::forces`], where velocities are on the grid already [s].
-    pub continues: Option<f32>,
-}
-
 /// A place where node blocks of two or more fields lie over each other.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Shared {
@@ -152,8 +133,6 @@ pub(crate) struct Grid {
     pub around: Vec<[u32; 27]>,
     /// Like `nodes`.
     pub velocities: Vec<Velocities>,
-    /// Like `nodes`, where a field continues: what forces add to its velocities per second [cells/s^2].
-    pub forces: Vec<Velocities>,
     /// Like `nodes`: what colliders gave them in this substep [mass units, cells, s].
     pub given_to_nodes: Vec<ColliderImpulses>,
     /// Like `tiles`: what colliders gave single particles in this substep [mass units, cells, s].

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{
-    Cells, FRONT, FieldPass, Grid, NONE, NodeBlock, Tile, Velocities,
+    Cells, FRONT, Grid, NONE, NodeBlock, Tile, Velocities,
     approach::BoundaryConditions,
     attach::attach,
     boundary::{attaches, constrain, holds_matter},
@@ -22,17 +22,22 @@ const LIGHTEST: f32 = 1e-24;
 /// Node blocks per task, at least and at most: where one thread is held up, others must find work to take over.
 const TASK: [usize; 2] = [16, 64];
 
-/// Turns tiles into node velocities. They are relative to a frame velocity, which holds all that gravity adds.
+/// Turns tiles into node velocities, of which damping leaves `keep`, 0..=1. They are relative to the frame velocity, which holds
+/// all that gravity adds.
 ///
 /// Returns the largest component of a velocity, frame velocity included, before or after boundaries, or speed of a boundary among
 /// nodes [cells/s]; NaN or infinite when a node's is.
-pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, acting: &BoundaryConditions<'_>) -> f32 {
+pub(crate) fn node_pass(
+    isa: Isa,
+    grid: &mut Grid,
+    keep: f32,
+    acting: &BoundaryConditions<'_>,
+) -> f32 {
     let Grid {
         tiles,
         cells,
         nodes,
         velocities,
-        forces,
         given_to_nodes,
         ..
     } = grid;
@@ -48,25 +53,14 @@ pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, acting: &BoundaryConditions<'
         .with_max_len(TASK[1])
         .map(|(n, ((block, out), given))| {
             given.clear();
-            let FieldPass {
-                is_inactive,
-                keep,
-                frame_velocity,
-                continues,
-                ..
-            } = *acting.pass(block);
-            let mut largest = match (is_inactive, continues) {
-                (true, _) => return 0,
-                (false, Some(kick)) => kick_on(out, &forces[n], kick, keep, frame_velocity),
-                (false, None) => sum_block(isa, block, tiles, keep, frame_velocity, out),
-            };
+            let mut largest = sum_block(isa, block, tiles, keep, acting.frame_velocity, out);
             if acting.may_reach(block)
                 && !attaches(acting.boundaries, block.index)
                 && holds_matter(out)
                 && let Some(allowed) = acting.on(block)
             {
                 let speed = (allowed.speed() as f32).to_bits();
-                let left = constrain(out, frame_velocity, |at, mass, v| {
+                let left = constrain(out, acting.frame_velocity, |at, mass, v| {
                     let mass = acting.anchors.matter(n, block, at, mass.into());
                     allowed.constrain(at, &Attached::free(v), &mut |change| {
                         given.add(mass, &change)
@@ -78,71 +72,17 @@ pub(crate) fn node_pass(isa: Isa, grid: &mut Grid, acting: &BoundaryConditions<'
         })
         .reduce(|| 0, u32::max);
     let attached = attach(nodes, velocities, given_to_nodes, acting);
-    if acting.passes.iter().any(|pass| pass.shift != [0.0; 3]) {
-        let blocks = nodes.par_iter().zip(velocities).with_min_len(TASK[0]);
-        blocks.for_each(|(block, out)| shift(out, acting.pass(block).shift));
-    }
     f32::from_bits(largest.max(attached))
 }
 
-/// Lets forces act for `kick` [s] on velocities that are on the grid already; returns the largest magnitude of a component, frame
-/// velocity included, as bits.
-fn kick_on(
-    out: &mut Velocities,
-    forces: &Velocities,
-    kick: f32,
-    keep: f32,
-    frame_velocity: [f64; 3],
-) -> u32 {
-    let mut largest = 0;
-    for (row, forces) in out.0.iter_mut().zip(&forces.0) {
-        let nodes = row.0.chunks_exact_mut(4).zip(forces.0.chunks_exact(4));
-        for (node, force) in nodes.filter(|(node, _)| node[3] != 0.0) {
-            for a in 0..3 {
-                node[a] = (node[a] + kick * force[a]) * keep;
-                largest = largest.max((node[a] + frame_velocity[a] as f32).abs().to_bits());
-            }
-        }
-    }
-    largest
-}
-
-/// Adds a velocity [cells/s] to the nodes of a block that have matter.
-fn shift(out: &mut Velocities, by: [f32; 3]) {
-    if by == [0.0; 3] {
-        return;
-    }
-    let nodes = out.0.iter_mut().flat_map(|row| row.0.chunks_exact_mut(4));
-    for node in nodes.filter(|node| node[3] != 0.0) {
-        for a in 0..3 {
-            node[a] += by[a];
-        }
-    }
-}
-
-/// Where means over nodes go.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Sums {
-    /// [`Grid::velocities`].
-    Velocities,
-    /// [`Grid::forces`].
-    Forces,
-}
-
-/// Turns tiles into means over the nodes of some fields, of whatever was scattered in place of momentum.
-pub(crate) fn node_means(isa: Isa, grid: &mut Grid, to: Sums, fields: impl Fn(u32) -> bool + Sync) {
+/// Turns tiles into means over nodes, of whatever was scattered in place of momentum: they take the place of velocities.
+pub(crate) fn node_means(isa: Isa, grid: &mut Grid) {
     let tiles = (grid.tiles.as_slice(), grid.cells.as_slice());
-    let sums = match to {
-        Sums::Velocities => &mut grid.velocities,
-        Sums::Forces => &mut grid.forces,
-    };
-    sums.resize(grid.nodes.len(), Velocities([F32x16::ZERO; 16]));
     grid.nodes
         .par_iter()
-        .zip(sums.par_iter_mut())
+        .zip(grid.velocities.par_iter_mut())
         .with_min_len(TASK[0])
         .with_max_len(TASK[1])
-        .filter(|(block, _)| fields(block.field))
         .for_each(|(block, out)| {
             sum_block(isa, block, tiles, 1.0, [0.0; 3], out);
         });

@@ -68,7 +68,6 @@ impl Grid {
         self.cells.resize(blocks.len(), NO_CELLS);
         self.velocities
             .resize(self.nodes.len(), Velocities([F32x16::ZERO; 16]));
-        self.forces.clear();
         self.find_shared();
     }
 

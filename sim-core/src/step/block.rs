@@ -26,7 +26,7 @@ pub(super) fn block<V: Constitutive>(
     nodes: &[Velocities],
 ) -> Findings {
     match pass.stage {
-        Stage::Scatter | Stage::Forces => staged::<V, false, true>(pass, work, nodes),
+        Stage::Scatter => staged::<V, false, true>(pass, work, nodes),
         Stage::Fused => staged::<V, true, true>(pass, work, nodes),
         Stage::Gather => staged::<V, true, false>(pass, work, nodes),
     }
@@ -333,10 +333,6 @@ fn begin_group<V: Lanes>(
     (pair, n): (&mut Pair, usize),
     findings: &mut Findings,
 ) {
-    if pass.stage == Stage::Forces {
-        pair.motion[n] = Motion::REST;
-        return;
-    }
     if let Some(at) = shape {
         work.backup.shapes[at] = work.shapes[at];
     }

@@ -23,12 +23,11 @@ fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     mine
 }
 
-/// Runs one stage over the particles of fields that have a pass: `of` says which of `passes`, all of one stage. `backup`
-/// receives them as they were in [`Stage::Scatter`]; `motion_out` the velocities in [`Stage::Gather`].
+/// Runs one stage over all particles. `backup` receives them as they were in [`Stage::Scatter`]; `motion_out` the velocities
+/// in [`Stage::Gather`].
 pub(crate) fn particle_pass(
     isa: Isa,
-    passes: &[Pass<'_>],
-    of: &[Option<usize>],
+    pass: &Pass<'_>,
     particles: &mut Particles,
     backup: &mut Backup,
     motion_out: &mut [Motion],
@@ -51,21 +50,17 @@ pub(crate) fn particle_pass(
     let mut backup_groups = backup.groups.as_mut_slice();
     let mut backup_memory = backup.memory.as_mut_slice();
     let mut backup_shapes = backup.shapes.as_mut_slice();
-    let only_forces = passes.iter().all(|pass| pass.stage == Stage::Forces);
-    let gathers = passes.iter().all(|pass| pass.stage == Stage::Gather);
-    let mut motion = match gathers {
-        true => motion_out,
-        false => particles.motion.as_mut_slice(),
+    let mut motion = match pass.stage {
+        Stage::Gather => motion_out,
+        Stage::Scatter | Stage::Fused => particles.motion.as_mut_slice(),
     };
     let mut flags = particles.flags.as_mut_slice();
     let mut work = Vec::with_capacity(particles.blocks.len());
     let targets = tiles.iter_mut().zip(cells).zip(given_to_particles);
     for ((n, block), ((tile, cells), given)) in particles.blocks.iter().enumerate().zip(targets) {
-        if !only_forces {
-            given.clear();
-        }
+        given.clear();
         let (count, shape_count) = (block.groups.len(), block.shapes.len());
-        let mine = Work {
+        work.push(Work {
             block,
             nodes_of: &nodes_of[n..],
             runs: take(&mut runs, block.runs.len()),
@@ -81,20 +76,15 @@ pub(crate) fn particle_pass(
             fixed: &particles.fixed[block.groups.clone()],
             flags: take(&mut flags, count),
             tile,
-            concerned: false,
+            concerned: pass.concerned.get(n).copied().unwrap_or(false),
             cells,
             given,
-        };
-        if let Some(pass) = of[block.field as usize] {
-            let pass = &passes[pass];
-            let concerned = pass.concerned.get(n).copied().unwrap_or(false);
-            work.push((pass, Work { concerned, ..mine }));
-        }
+        });
     }
     work.into_par_iter()
         .with_min_len(TASK[0])
         .with_max_len(TASK[1])
-        .map(|(pass, mut work)| block_with_isa(isa, pass, &mut work, velocities))
+        .map(|mut work| block_with_isa(isa, pass, &mut work, velocities))
         .reduce(Findings::default, |a, b| Findings {
             bad: a.bad | b.bad,
             outside: a.outside | b.outside,

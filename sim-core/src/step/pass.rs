@@ -18,8 +18,6 @@ pub(crate) enum Stage {
     Fused,
     /// Grid to particles, advance, velocities written out.
     Gather,
-    /// What stress adds to velocities, alone, to the grid; particles stay as they are.
-    Forces,
 }
 
 /// Everything a particle pass reads besides particles and grid.

@@ -15,7 +15,7 @@ use super::{
     stencil::Stencil,
 };
 use crate::{
-    grid::{Cells, Grid, Sums, Tile, node_means},
+    grid::{Cells, Grid, Tile, node_means},
     mat3::Mat3,
     particles::{Block, Fixed, Group, Particles, Run},
     simd::{F32x16, Isa, Lanes, on_isa},
@@ -51,7 +51,7 @@ pub(crate) fn correct_fluid_volume(
         .zip(&mut grid.tiles)
         .zip(&mut grid.cells)
         .for_each(|((work, tile), cells)| give_with_isa(isa, laws, work, tile, cells));
-    node_means(isa, grid, Sums::Velocities, |_| true);
+    node_means(isa, grid);
     let Grid {
         cells,
         nodes_of,

@@ -10,22 +10,15 @@ use super::{
 };
 use crate::{
     colliders::Substep,
-    grid::FieldPass,
     report::ContactPartner,
     state::{Given, GridMotion, Matter, Workspace},
 };
 
-/// Moves all rigid bodies and solids by a substep `now`: bodies coupled to nodes first, of which `passes` says per field when
-/// they move, then by impacts, resting contact and flight, with the solids that they touch. Returns the largest velocity
-/// component given to a node [cells/s].
-#[expect(
-    clippy::too_many_arguments,
-    reason = "a phase: each group of the state that it changes is named"
-)]
+/// Moves all rigid bodies and solids by a substep `now`: bodies coupled to nodes first, then by impacts, resting contact and
+/// flight, with the solids that they touch. Returns the largest velocity component given to a node [cells/s].
 pub(crate) fn move_bodies(
     given: &Given<'_>,
     now: &Substep,
-    passes: &[FieldPass],
     matter: &Matter,
     motion: &GridMotion,
     off_grid: OffGrid<'_>,
@@ -42,8 +35,7 @@ pub(crate) fn move_bodies(
         kick: now.dt,
         ..*now
     };
-    let (at_nodes, solids_at_nodes) =
-        couple(given, now, passes, matter, motion, &off_grid, workspace);
+    let (at_nodes, solids_at_nodes) = couple(given, now, matter, motion, &off_grid, workspace);
     let mut rigid = RigidGroup::new(given, off_grid.bodies, &at_nodes, now);
     let received = at_nodes.received.iter().chain(&solids_at_nodes.received);
     // In a single field nobody knows whose matter a node holds.

@@ -12,14 +12,13 @@ use crate::{
     mat3::dot,
     materials::Law,
     particles::Particles,
-    state::{Given, GridMotion, in_contact::InContact},
+    state::{Given, in_contact::InContact},
 };
 
 /// Lets fields meet at the nodes that they share; returns the largest velocity component given to a node [cells/s].
 pub(super) fn contact(
     at: &Context<'_>,
     input: &NodeInput<'_>,
-    motion: &GridMotion,
     grid: &mut Grid,
     in_contact: &mut InContact,
     Tally { timings, work, .. }: &mut Tally,
@@ -34,9 +33,7 @@ pub(super) fn contact(
         wish: &|fields| requested_restitution(given, fields),
         gravity: dot(gravity, gravity).sqrt() / scene.dx,
         time: now.time + now.dt,
-        dt: now.dt,
         acting: input.acting(),
-        frame_velocity: motion.frame_velocity,
     };
     let met = timed(&mut timings.contact, || {
         meet(grid, &meeting, &mut in_contact.at_nodes)

@@ -12,7 +12,6 @@ use crate::{
         solids::{CoupledSolid, CoupledSolids, couple_solids_to_grid},
     },
     episodes::Episodes,
-    grid::FieldPass,
     solid::{advance::Scratch, inverse::LocalInverse, outline::Outline, state::SolidState},
     state::{Given, GridMotion, Matter, RigidBodies, Workspace},
 };
@@ -38,7 +37,6 @@ impl OffGrid<'_> {
 pub(super) fn couple(
     given: &Given<'_>,
     now: &Substep,
-    passes: &[FieldPass],
     matter: &Matter,
     motion: &GridMotion,
     off_grid: &OffGrid<'_>,
@@ -76,7 +74,6 @@ pub(super) fn couple(
         particles: &matter.particles,
         fields: Fields {
             cells_per_mass: &model.cells_per_mass,
-            passes,
         },
         // Of the substep before: that of this one is not known yet.
         fastest: 3.0_f64.sqrt() * motion.max_speed * scene.dx,

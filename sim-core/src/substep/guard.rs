@@ -1,13 +1,8 @@
 //! The guard: how far a substep may carry particles, and what became of them.
 
-use super::{
-    limit::MAX_TRAVEL,
-    rates::Rate,
-    schedule::{Context, MARGIN, Schedule},
-};
+use super::{limit::MAX_TRAVEL, schedule::Context};
 use crate::{
     colliders::{Substep, sweep::SKIN, touch::ParticleConditions},
-    kinematics::kick,
     particles::{BLOCK, Extremes},
     report::DtLimit,
     state::{Given, GridMotion, Matter, Workspace},
@@ -44,15 +39,13 @@ pub(super) fn larger(a: f32, b: f32) -> f32 {
 pub(super) fn travel(
     at: &Context<'_>,
     [on_nodes, given_later]: [f32; 2],
-    workspace: &mut Workspace,
+    workspace: &Workspace,
     motion: &mut GridMotion,
 ) -> f64 {
     let now = &at.now;
-    let coarse = &mut workspace.coarse;
     let fold = |m: f32, u: f64| m.max(u.abs() as f32);
     let given_later = given_later + motion.frame_velocity.into_iter().fold(0.0, fold);
-    coarse.max_speed = larger(coarse.max_speed, larger(on_nodes, given_later));
-    motion.max_speed = coarse.max_speed.into();
+    motion.max_speed = larger(on_nodes, given_later).into();
     let outside = OutsideSpeeds::new(&at.given, now, workspace.extent, &workspace.prescribed);
     motion.max_speed = motion.max_speed.max(outside.prescribed);
     let speed = match outside.colliders {
@@ -104,34 +97,11 @@ impl OutsideSpeeds {
     }
 }
 
-/// Checks that no particle travels farther than its tiles reach, in this substep and, where objects are coarse, in all of
-/// theirs.
-pub(super) fn check_travel(at: &Context<'_>, drift: f64, travel: f64) -> Result<(), Failure> {
-    let whole = travel * f64::from(at.segment.rates.per_coarse);
-    match whole < MAX_TRAVEL && (at.ends_coarse() || drift + travel <= MARGIN) {
+/// Checks that no particle travels farther than its tiles reach.
+pub(super) fn check_travel(travel: f64) -> Result<(), Failure> {
+    match travel < MAX_TRAVEL {
         true => Ok(()),
         false => Err(Failure::Travel),
-    }
-}
-
-/// Takes note of how far velocities are behind positions after a substep.
-pub(super) fn offset_velocities(at: &Context<'_>, motion: &mut GridMotion) {
-    let Schedule { dt, coarse_dt, .. } = *at.schedule;
-    let cfl = at.given.model.scene.cfl;
-    motion.velocity_offset = kick(motion.velocity_offset, dt, cfl)[1];
-    for (object, offset) in motion.velocity_offsets.iter_mut().enumerate() {
-        match at.segment.rates.of(object) {
-            Rate::Fine => *offset = kick(*offset, dt, cfl)[1],
-            _ if at.ends_coarse() => *offset = kick(*offset, coarse_dt, cfl)[1],
-            _ => {}
-        }
-    }
-    // What differs by rounding alone is one group again.
-    let common = motion.velocity_offset;
-    for offset in &mut motion.velocity_offsets {
-        if (*offset - common).abs() < 1e-9 * dt {
-            *offset = common;
-        }
     }
 }
 

@@ -1,6 +1,5 @@
 //! The largest allowed substep and what limits it.
 
-use super::rates::Rates;
 use crate::{
     materials::limits::DeformationBounds,
     particles::Extremes,
@@ -9,7 +8,7 @@ use crate::{
 };
 
 /// Largest `|v| dt` that is planned [cells].
-pub(crate) const PLANNED_TRAVEL: f64 = 0.5;
+const PLANNED_TRAVEL: f64 = 0.5;
 /// Largest `|v| dt` that the guard lets pass [cells]: together with the drift allowed since sorting it keeps
 /// every particle within one block of its own.
 pub(crate) const MAX_TRAVEL: f64 = 0.9;
@@ -45,32 +44,20 @@ impl Limit {
     }
 }
 
-/// Largest allowed fine substep at the current state: the limits of all objects, of coarse ones their share.
-pub(super) fn time_step(
-    given: &Given<'_>,
-    matter: &Matter,
-    motion: &GridMotion,
-    rates: &Rates,
-) -> Limit {
+/// Largest allowed substep at the current state: the smallest limit of all parts and of the grid.
+pub(super) fn time_step(given: &Given<'_>, matter: &Matter, motion: &GridMotion) -> Limit {
     let mut limit = Limit::FRAME;
-    for (id, part) in given.model.parts.iter().enumerate() {
-        if given.is_simulated(id) {
-            let own = limit_of(given, id, &matter.extremes[id]);
-            limit.lower(
-                own.dt / rates.substeps_of(part.object),
-                own.cause,
-                own.object,
-            );
-        }
+    for id in (0..given.model.parts.len()).filter(|&id| given.is_simulated(id)) {
+        let own = limit_of(given, id, &matter.extremes[id]);
+        limit.lower(own.dt, own.cause, own.object);
     }
-    let grid = PLANNED_TRAVEL / motion.max_speed / f64::from(rates.per_coarse);
-    limit.lower(grid, DtLimit::Velocity, None);
+    limit.lower(PLANNED_TRAVEL / motion.max_speed, DtLimit::Velocity, None);
     limit
 }
 
 /// Largest allowed substep of a part at its current state: `cfl` times the sound limit of the current tangents
 /// (numerically the isolated-particle limit), and the kinematic limits.
-pub(super) fn limit_of(given: &Given<'_>, part: usize, extremes: &Extremes) -> Limit {
+fn limit_of(given: &Given<'_>, part: usize, extremes: &Extremes) -> Limit {
     let object = Some(given.model.parts[part].object);
     let bounds = DeformationBounds {
         max_stretch: f64::from(extremes.stretch_squared).sqrt(),

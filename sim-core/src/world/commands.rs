@@ -546,10 +546,8 @@ impl World {
             let there = std::array::from_fn(|a| linear[a] + turn[a]);
             self.set_body_velocity(object, there, angular);
         }
-        let (frame_velocity, offset_velocity) = (
-            self.state.motion.frame_velocity,
-            self.offset_velocity(object),
-        );
+        let (frame_velocity, offset_velocity) =
+            (self.state.motion.frame_velocity, self.offset_velocity());
         let [x, y, z] = angular;
         let spin = [0.0, -z, y, z, 0.0, -x, -y, x, 0.0];
         let all = &mut self.state.matter.particles;

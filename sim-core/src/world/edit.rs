@@ -198,7 +198,7 @@ impl World {
 
     /// Puts particles of an object, whose velocities are those of now, into the arrays.
     pub(super) fn put_back(&mut self, object: usize, loose: &[Loose]) {
-        let (dx, offset_velocity) = (self.model.scene.dx, self.offset_velocity(object));
+        let (dx, offset_velocity) = (self.model.scene.dx, self.offset_velocity());
         let mut newcomers = Vec::with_capacity(loose.len());
         for p in loose {
             let part = self.model.part_of(p.id as usize);
@@ -235,7 +235,7 @@ impl World {
     /// Takes the particles of some parts of an object out of the arrays: in scene order, with the velocities of now.
     pub(super) fn take_away(&mut self, object: usize, which: &[bool]) -> Vec<Loose> {
         let (dx, frame_velocity) = (self.model.scene.dx, self.state.motion.frame_velocity);
-        let offset_velocity = self.offset_velocity(object);
+        let offset_velocity = self.offset_velocity();
         let mut loose = Vec::new();
         let particles = &mut self.state.matter.particles;
         for block in particles.blocks.clone() {

@@ -142,7 +142,7 @@ impl World {
     /// Wakes every sleeping object that one that is awake comes near to, or that a boundary disturbs.
     fn wake_disturbed(&mut self, frame: &Frame) {
         let objects = 0..self.model.scene.objects.len();
-        let now = self.fine_substep(frame, frame.length);
+        let now = self.next_substep(frame, frame.length);
         let mut sleeping: Vec<usize> = objects
             .clone()
             .filter(|&id| self.state.sleeps(id))

@@ -3,7 +3,7 @@
 use crate::{
     report::{DtLimit, GoneOver, StepReport},
     state::State,
-    substep::{Limit, Schedule, Tally},
+    substep::{Limit, Schedule, Segment, Tally},
 };
 
 /// Times that a failing substep is halved before its bad particles are quarantined.
@@ -28,9 +28,8 @@ pub(super) struct Frame {
     pub smallest_dt: f64,
     /// Particles that sleep through it.
     pub asleep: usize,
-    /// Per object how long forces acted on its particles in it [s]: from the moment of their velocities before it to that
-    /// after it.
-    pub kicked: Vec<f64>,
+    /// How long forces acted on particles in it [s]: from the moment of their velocities before it to that after it.
+    pub kicked: f64,
     /// Kinetic energy that objects lost by being modelled with less [J].
     pub fidelity_loss: f64,
     /// Solids that went over to the spatial grid.
@@ -52,8 +51,6 @@ pub(super) struct Retry {
     pub cap: Limit,
     /// Failures of the substep at hand.
     pub failures: u32,
-    /// Whether a segment with coarse objects failed: no other is begun.
-    pub only_fine: bool,
 }
 
 impl Retry {
@@ -62,13 +59,7 @@ impl Retry {
         replay: vec![],
         cap: Limit::FRAME,
         failures: 0,
-        only_fine: false,
     };
-
-    /// Whether objects may take coarse substeps: nothing failed.
-    pub fn allows_coarse(&self) -> bool {
-        !self.only_fine && self.replay.is_empty() && self.cap == Limit::FRAME
-    }
 }
 
 impl Frame {
@@ -90,7 +81,7 @@ impl Frame {
             smallest: Limit::FRAME,
             smallest_dt: 0.0,
             asleep: 0,
-            kicked: vec![],
+            kicked: 0.0,
             fidelity_loss: 0.0,
             gone_over: vec![],
             quarantined: vec![],
@@ -152,6 +143,19 @@ impl Frame {
             timings: self.tally.timings,
             work: self.tally.work,
             ..StepReport::default()
+        }
+    }
+
+    /// A segment that begins now, with what failures before it ask for.
+    pub fn begin_segment(&mut self) -> Segment {
+        Segment {
+            length: self.length,
+            smallest_dt: self.smallest_dt,
+            cap: self.retry.cap,
+            replay: std::mem::take(&mut self.retry.replay),
+            taken: vec![],
+            last_try: self.is_last_try(),
+            asleep: self.asleep,
         }
     }
 

@@ -39,11 +39,6 @@ pub(super) fn state_hash(published: &Published, state: &State) -> u64 {
     hash.update(bytes_of(&state.motion.frame_velocity));
     hash.update(bytes_of(&state.progress.sim_time));
     hash.update(bytes_of(&state.motion.velocity_offset));
-    for (object, offset) in state.motion.velocity_offsets.iter().enumerate() {
-        if *offset != state.motion.velocity_offset {
-            hash.update(bytes_of(&[object as f64, *offset]));
-        }
-    }
     for material in &state.commanded.materials {
         hash.update(bytes_of(&(material.law.id())));
         hash.update(bytes_of(&[

@@ -50,10 +50,7 @@ impl World {
                 drift: f64::INFINITY,
                 extremes: vec![Extremes::NONE; parts.len()],
             },
-            motion: GridMotion {
-                velocity_offsets: vec![0.0; objects],
-                ..GridMotion::default()
-            },
+            motion: GridMotion::default(),
             in_contact: Default::default(),
             bodies: RigidBodies::default(),
             gone_over: vec![false; objects],

@@ -19,7 +19,6 @@ impl World {
             };
             state.level = self.level(id, state.mass);
             let whole = self.mass_of_body(id) + self.mass_of_solid(id);
-            let kicked = frame.kicked.get(id).copied().unwrap_or(0.0);
             // What left with particles that were taken out is no contact.
             let kept = match before.get(id) {
                 Some(old) if old.mass > 0.0 => Some(state.mass / old.mass),
@@ -27,7 +26,7 @@ impl World {
             };
             for a in 0..3 {
                 let momentum = state.mass * state.linear_velocity[a];
-                let pulled = whole * frame.length + (state.mass - whole) * kicked;
+                let pulled = whole * frame.length + (state.mass - whole) * frame.kicked;
                 let weight = self.state.commanded.gravity[a] * pulled;
                 if let Some(kept) = kept {
                     let expected = kept * self.state.progress.momentum[id][a] + weight;

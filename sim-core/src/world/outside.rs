@@ -4,9 +4,9 @@ use super::{Frame, State, World, published::Published};
 use crate::{colliders::Path, scene::DomainPolicy};
 
 impl World {
-    /// What gravity has yet to add to velocities of an object's particles for them to be those of now [m/s].
-    pub(super) fn offset_velocity(&self, object: usize) -> [f64; 3] {
-        let offset = self.state.motion.velocity_offsets[object];
+    /// What gravity has yet to add to velocities of particles for them to be those of now [m/s].
+    pub(super) fn offset_velocity(&self) -> [f64; 3] {
+        let offset = self.state.motion.velocity_offset;
         self.state.commanded.gravity.map(|g| offset * g)
     }
 

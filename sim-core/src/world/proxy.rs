@@ -95,7 +95,7 @@ impl World {
         };
         let min = min.map(|i| f64::from(BLOCK * (i - reach)));
         let max = max.map(|i| f64::from(BLOCK * (i + 1 + reach)));
-        let now = self.fine_substep(frame, frame.length);
+        let now = self.next_substep(frame, frame.length);
         others.any(near)
             || self
                 .model

@@ -13,8 +13,7 @@ use crate::{
     state::{GridMotion, in_contact::InContact},
     step::{shapes::limit_shapes, volume::correct_fluid_volume},
     substep::{
-        Failure, Limit, OffGrid, Rates, Schedule, Segment, choose_rates, move_bodies, smallest_dt,
-        substep, timed,
+        Failure, Limit, OffGrid, Schedule, Segment, move_bodies, smallest_dt, substep, timed,
     },
 };
 
@@ -49,8 +48,7 @@ impl World {
         if self.state.matter.particles.groups.is_empty() {
             self.state.motion.velocity_offset = 0.0;
         }
-        self.join_offsets();
-        let offsets = self.state.motion.velocity_offsets.clone();
+        let offset = self.state.motion.velocity_offset;
         let solids: Vec<bool> = self.state.solids.iter().map(Option::is_some).collect();
         while frame.remaining > 0.0 {
             if !self.state.matter.particles.groups.is_empty() {
@@ -65,11 +63,7 @@ impl World {
                 return;
             }
         }
-        let now = offsets.iter().zip(&self.state.motion.velocity_offsets);
-        frame.kicked = now
-            .map(|(before, now)| frame.length + before - now)
-            .collect();
-        self.join_offsets();
+        frame.kicked = frame.length + offset - self.state.motion.velocity_offset;
         self.take_out_bodies(frame);
         self.cohere_solids(frame.length);
         self.take_out_solids(&solids, frame);
@@ -82,7 +76,7 @@ impl World {
     /// What is left of a frame in which nothing is on the grid: rigid bodies and solids.
     fn off_grid_alone(&mut self, frame: &mut Frame, interruption: &Interruption<'_>) {
         let dt = frame.remaining;
-        let now = self.fine_substep(frame, dt);
+        let now = self.next_substep(frame, dt);
         let (given, moving) = self.state.split(&self.model, interruption);
         let (matter, motion) = (moving.matter, moving.motion);
         let off_grid = OffGrid {
@@ -91,21 +85,12 @@ impl World {
             solids: moving.solids,
         };
         let (workspace, tally) = (&mut self.workspace, &mut frame.tally);
-        move_bodies(
-            &given,
-            &now,
-            &[],
-            matter,
-            motion,
-            off_grid,
-            workspace,
-            tally,
-        );
+        move_bodies(&given, &now, matter, motion, off_grid, workspace, tally);
         frame.accept(dt, Limit::FRAME);
     }
 
-    /// The substep of this size [s] that comes next in a frame, of fine objects.
-    pub(super) fn fine_substep(&self, frame: &Frame, dt: f64) -> Substep {
+    /// The substep of this size [s] that comes next in a frame.
+    pub(super) fn next_substep(&self, frame: &Frame, dt: f64) -> Substep {
         let start = self.state.progress.sim_time;
         let offset = self.state.motion.velocity_offset;
         Substep {
@@ -125,7 +110,7 @@ impl World {
         }
         let start = self.start(frame);
         self.workspace.watches.iter_mut().for_each(Watch::restart);
-        let mut segment = self.begin_segment(frame);
+        let mut segment = frame.begin_segment();
         let matter = &self.state.matter;
         let mut at = segment.first(&self.given(), matter, &self.state.motion, frame.remaining);
         loop {
@@ -155,30 +140,6 @@ impl World {
         self.end_segment(frame, &segment);
     }
 
-    /// Who takes coarse substeps in a segment that begins now, and what failures before it ask for.
-    fn begin_segment(&self, frame: &mut Frame) -> Segment {
-        let rates = match frame.retry.allows_coarse() {
-            true => choose_rates(
-                &self.model,
-                &self.state,
-                &self.workspace.grid,
-                &|object| self.max_point_speed(object),
-                frame.remaining,
-            ),
-            false => Rates::fine(),
-        };
-        Segment {
-            rates,
-            length: frame.length,
-            smallest_dt: frame.smallest_dt,
-            cap: frame.retry.cap,
-            replay: std::mem::take(&mut frame.retry.replay),
-            taken: vec![],
-            last_try: frame.is_last_try(),
-            asleep: frame.asleep,
-        }
-    }
-
     /// Undoes a segment whose substep `at` failed, and says how it is tried again.
     fn retry(
         &mut self,
@@ -194,11 +155,6 @@ impl World {
             return;
         }
         self.roll_back(frame, start);
-        if segment.rates.per_coarse > 1 {
-            // All fine first: where that fails as well it is known what to blame.
-            frame.retry.only_fine = true;
-            return;
-        }
         frame.halve(at, failure.cause(), self.first_flagged_object());
         if segment.is_last_try() {
             self.quarantine(frame);
@@ -233,25 +189,6 @@ impl World {
                 &mut self.workspace.grid,
             );
         });
-    }
-
-    /// Gives objects without particles in motion the common velocity offset.
-    fn join_offsets(&mut self) {
-        let (given, moving) = self.state.split(&self.model, Interruption::never());
-        let mut moves = vec![false; moving.motion.velocity_offsets.len()];
-        for (id, part) in self.model.parts.iter().enumerate() {
-            moves[part.object] |= given.is_simulated(id);
-        }
-        let GridMotion {
-            velocity_offset,
-            velocity_offsets,
-            ..
-        } = moving.motion;
-        for (offset, moves) in velocity_offsets.iter_mut().zip(moves) {
-            if !moves {
-                *offset = *velocity_offset;
-            }
-        }
     }
 
     /// What a rollback returns to.

@@ -82,7 +82,6 @@ impl World {
         self.state.motion.frame_velocity = [0.0; 3];
         self.state.motion.max_speed = 0.0;
         self.state.motion.velocity_offset = 0.0;
-        self.state.motion.velocity_offsets.fill(0.0);
         self.state.matter.drift = f64::INFINITY;
         self.state.in_contact = Default::default();
         self.state.progress.momentum.fill([0.0; 3]);

@@ -47,7 +47,7 @@ pub const ALL: [Group; 27] = [
     group!(22, contact::hertz, "an elastic ball stays on a plane for as long as Hertz and finite elements say"),
     group!(23, flow::floating, "a block floats as deep as its weight in water"),
     group!(24, contact::oblique, "friction turns balls that meet obliquely as Coulomb says, wherever the grid lies"),
-    group!(25, elastic::multirate, "soft matter with substeps of its own keeps what those of a stiff object would take"),
+    group!(25, elastic::soft_and_stiff, "a soft block keeps its energy beside a stiff one, and throws a stiff ball up"),
     group!(26, clamped::held, "a beam that is clamped at any of its ends keeps its energy, and is its mirror image"),
     group!(27, clamped::uneven, "light matter bends under heavy matter of the same object as it should"),
 ];

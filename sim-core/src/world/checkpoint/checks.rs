@@ -114,11 +114,6 @@ impl World {
             ("absences", state.commanded.away.len(), objects),
             ("shown poses", state.commanded.shown.len(), objects),
             (
-                "velocity offsets",
-                state.motion.velocity_offsets.len(),
-                objects,
-            ),
-            (
                 "colliders",
                 state.commanded.paths.len(),
                 scene.colliders.len(),
@@ -133,11 +128,10 @@ impl World {
     /// Times and velocities that a run can have come to.
     fn check_motion(&self, state: &State) -> Result<(), CheckpointError> {
         let (progress, motion) = (&state.progress, &state.motion);
-        for offset in std::iter::once(&motion.velocity_offset).chain(&motion.velocity_offsets) {
-            if !(0.0..=LONGEST_OFFSET).contains(offset) {
-                let reason = format!("velocities are {offset} s behind positions");
-                return Err(inconsistent(reason));
-            }
+        let offset = motion.velocity_offset;
+        if !(0.0..=LONGEST_OFFSET).contains(&offset) {
+            let reason = format!("velocities are {offset} s behind positions");
+            return Err(inconsistent(reason));
         }
         let is_timed = progress.steps <= MAX_STEPS && progress.sim_time >= 0.0;
         let is_slow =

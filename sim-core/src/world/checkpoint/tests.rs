@@ -83,7 +83,6 @@ fn a_restored_world_goes_on_where_the_substep_changes() {
     // Without the substep before, it would go another way.
     world.restore(&bytes).expect("a checkpoint of this scene");
     world.state.motion.velocity_offset = 0.0;
-    world.state.motion.velocity_offsets.fill(0.0);
     go_on(&mut world);
     assert_ne!(world.positions(), there);
     world.state.motion.velocity_offset = f64::NAN;

@@ -17,7 +17,6 @@ mod interrupted;
 mod laws;
 mod losses;
 mod materials;
-mod pace;
 mod paint;
 mod proxy;
 mod ragged;
