@@ -1,27 +1,21 @@
-//! The rigid part of an object's motion, and what it has besides.
+//! The rigid part of an object's motion.
 
-use crate::mat3::{Mat3, cross, dot};
+use crate::mat3::{Mat3, cross};
 
-/// Numbers that sums are made of: mass, `m x`, `m x x^T` (xx xy xz yy yz zz), `m v`, `m x (x) v`, `m v^2`.
-pub const SUMS: usize = 1 + 3 + 6 + 3 + 3 + 1;
+/// Numbers that sums are made of: mass, `m x`, `m x x^T` (xx xy xz yy yz zz), `m v`, `m x (x) v`.
+pub const SUMS: usize = 1 + 3 + 6 + 3 + 3;
 /// Order of symmetric matrices.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
 /// Motion of an object as a whole, in units of mass and length that its owner chooses, and s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigidMotion {
-    /// Mass; infinite of what nothing moves.
-    pub mass: f64,
     /// Centre of mass.
     pub com: [f64; 3],
     /// Velocity of the centre of mass.
     pub velocity: [f64; 3],
     /// Angular velocity [1/s].
     pub spin: [f64; 3],
-    /// Inverse of the inertia about the centre of mass.
-    pub inverse_inertia: Mat3<f64>,
-    /// Kinetic energy of everything that is not rigid motion.
-    pub vibration: f64,
     /// Radius of the ball with the same mean square distance from the centre of mass.
     pub radius: f64,
 }
@@ -39,7 +33,6 @@ pub fn add_to_sums(s: &mut [f64; SUMS], mass: f64, x: [f64; 3], v: [f64; 3]) {
         s[10 + a] += mass * v[a];
         s[13 + a] += mass * moment[a];
     }
-    s[16] += mass * dot(v, v);
 }
 
 impl RigidMotion {
@@ -69,57 +62,18 @@ impl RigidMotion {
         }
         // The inverse of a symmetric matrix is its cofactor matrix over its determinant.
         let inverse_inertia = Mat3(inertia.cofactor().0.map(|row| row.map(|c| c / det)));
-        let velocity = momentum.map(|p| p / mass);
-        let spin = inverse_inertia.mul_vec(angular);
-        let rigid = 0.5 * (dot(velocity, momentum) + dot(spin, angular));
         Some(Self {
-            mass,
             com: std::array::from_fn(|a| origin[a] + r[a]),
-            velocity,
-            spin,
-            inverse_inertia,
-            vibration: (0.5 * s[16] - rigid).max(0.0),
+            velocity: momentum.map(|p| p / mass),
+            spin: inverse_inertia.mul_vec(angular),
             radius: (5.0 / 3.0 * (xx + yy + zz) / mass).max(0.0).sqrt(),
         })
     }
 
-    /// Of what nothing moves, and which has this velocity at a place.
-    pub fn of_wall(place: [f64; 3], velocity: [f64; 3]) -> Self {
-        Self {
-            mass: f64::INFINITY,
-            com: place,
-            velocity,
-            spin: [0.0; 3],
-            inverse_inertia: Mat3([[0.0; 3]; 3]),
-            vibration: 0.0,
-            radius: f64::INFINITY,
-        }
-    }
-
     /// Velocity of the rigid part at a point.
     pub fn at(&self, x: [f64; 3]) -> [f64; 3] {
-        let turn = cross(self.spin, self.arm(x));
+        let turn = cross(self.spin, std::array::from_fn(|a| x[a] - self.com[a]));
         std::array::from_fn(|a| self.velocity[a] + turn[a])
-    }
-
-    fn arm(&self, x: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|a| x[a] - self.com[a])
-    }
-
-    /// Change of velocity along `normal` at a point, per impulse along `normal` there.
-    pub fn inverse_effective_mass(&self, x: [f64; 3], normal: [f64; 3]) -> f64 {
-        let turn = cross(self.arm(x), normal);
-        1.0 / self.mass + dot(turn, self.inverse_inertia.mul_vec(turn))
-    }
-
-    /// What an impulse at a point makes of it.
-    pub fn after(&self, x: [f64; 3], impulse: [f64; 3]) -> Self {
-        let turn = self.inverse_inertia.mul_vec(cross(self.arm(x), impulse));
-        Self {
-            velocity: std::array::from_fn(|a| self.velocity[a] + impulse[a] / self.mass),
-            spin: std::array::from_fn(|a| self.spin[a] + turn[a]),
-            ..*self
-        }
     }
 }
 
@@ -128,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_that_turn_and_fly_have_that_motion_and_no_vibration() {
+    fn points_that_turn_and_fly_have_that_motion() {
         let (v, spin) = ([1.0, -2.0, 0.5], [0.3, 0.2, -0.7]);
         let mut sums = [0.0; SUMS];
         let (mut mass, mut com) = (0.0, [0.0; 3]);
@@ -144,19 +98,10 @@ mod tests {
         }
         let origin = [10.0, 20.0, 30.0];
         let motion = RigidMotion::from_sums(&sums, origin).expect("it has extent");
-        assert!((motion.mass - mass).abs() < 1e-12 && motion.vibration < 1e-10);
         for a in 0..3 {
             assert!((motion.com[a] - origin[a] - com[a] / mass).abs() < 1e-12);
             assert!((motion.spin[a] - spin[a]).abs() < 1e-12);
             assert!((motion.at(origin)[a] - v[a]).abs() < 1e-12);
         }
-        // An impulse at a place changes the velocity there by its compliance.
-        let (x, n) = ([11.0, 19.0, 30.5], [0.6, 0.8, 0.0]);
-        let pushed = motion.after(x, n.map(|n| 2.0 * n));
-        let change: [f64; 3] = std::array::from_fn(|a| pushed.at(x)[a] - motion.at(x)[a]);
-        assert!((dot(change, n) - 2.0 * motion.inverse_effective_mass(x, n)).abs() < 1e-12);
-        let wall = RigidMotion::of_wall(x, v);
-        assert_eq!(wall.inverse_effective_mass(x, n), 0.0);
-        assert_eq!((wall.at(x), wall.after(x, n).velocity), (v, v));
     }
 }

@@ -208,15 +208,9 @@ pub struct ContactEpisode {
     pub speed_after: f64,
     /// Whether they stay together: reported once, when that is clear.
     pub lasting: bool,
-    /// Restitution `e` that the scene asks for, 0..=1; where absent, what deformation leaves.
-    pub restitution_requested: Option<f64>,
-    /// What deformation left of the speed, before it was corrected; absent when they stay together, and when their
-    /// rigid motions did not approach: vibration made them touch.
-    pub restitution_natural: Option<f64>,
-    /// `speed_after / speed_before`; absent like `restitution_natural`.
-    pub restitution_achieved: Option<f64>,
-    /// Kinetic energy that lowering the restitution took [J].
-    pub energy_taken: f64,
+    /// `speed_after / speed_before`, as deformation left it; absent when they stay together, and when their rigid motions did not
+    /// approach: vibration made them touch.
+    pub restitution: Option<f64>,
     /// From first touch to the report [s].
     pub duration: f64,
     /// Simulated time of the report [s].

@@ -281,7 +281,6 @@ impl<'a> Solid<'a> {
         stands: bool,
     ) -> Extremes {
         let vibration = Vibration {
-            model: self.model,
             state: self.state,
             held: &self.scratch.held,
         };

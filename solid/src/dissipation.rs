@@ -27,8 +27,8 @@ const TASK: usize = 8;
 pub struct Dissipation {
     /// First mode, by what it follows from.
     known: Option<(Clamped, FirstMode)>,
-    /// Parts of the surface that are held.
-    faces: Faces,
+    /// Points of held parts of the surface, at rest [m].
+    places: Vec<[f64; 3]>,
     /// Mass of nodes that move freely, over that of the solid.
     mass: Vec<[F32x16; 4]>,
     /// Rest positions from the middle of the solid, along the axes of the world [cells].
@@ -47,19 +47,10 @@ struct Clamped {
     places: Vec<[f64; 3]>,
 }
 
-/// Held parts of a surface.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Faces {
-    /// Places of their points at rest [m].
-    pub places: Vec<[f64; 3]>,
-    /// Velocity of the first of them [m/s].
-    pub velocity: Option<[f64; 3]>,
-}
-
 impl Dissipation {
     /// Before a span in which parts of the surface are held.
-    pub(super) fn begin(&mut self, faces: Faces) {
-        self.faces = faces;
+    pub(super) fn begin(&mut self, places: Vec<[f64; 3]>) {
+        self.places = places;
         (self.spin, self.lost) = (None, 0.0);
     }
 
@@ -121,7 +112,6 @@ fn sums_of(node: &NodeBlock, mass: &[F32x16; 4], rest: &Planes) -> [f64; SUMS] {
 
 /// A solid that vibrates.
 pub(super) struct Vibration<'a> {
-    pub model: &'a SolidModel,
     pub state: &'a SolidState,
     /// Nodes that are held.
     pub held: &'a [usize],
@@ -135,7 +125,7 @@ impl Dissipation {
         laws: &[SolidLaw],
         (held, conditions): (&[usize], &Conditions),
     ) {
-        let places = &self.faces.places;
+        let places = &self.places;
         let is_same = |(known, _): &(Clamped, FirstMode)| {
             known.laws == laws && known.held == held && known.places == *places
         };
@@ -151,7 +141,7 @@ impl Dissipation {
         let clamped = Clamped {
             laws: laws.to_vec(),
             held: held.to_vec(),
-            places: self.faces.places.clone(),
+            places: self.places.clone(),
         };
         self.known = Some((clamped, mode));
     }
@@ -180,7 +170,7 @@ impl Dissipation {
             Some((spin, elapsed)) if omega * (elapsed + kick) < PHASE => {
                 Some((spin, elapsed + kick))
             }
-            _ => Some((self.reference_motion(of).spin, kick)),
+            _ => Some((self.reference_spin(of), kick)),
         };
     }
 
@@ -213,15 +203,13 @@ impl Dissipation {
         })
     }
 
-    /// The motion that what has relaxed goes along with, in cells and about the middle of the solid: its own rigid one, or that of what is held.
-    fn reference_motion(&self, of: &Vibration<'_>) -> RigidMotion {
+    /// Spin of what has relaxed [1/s]: that of the solid, or that of what is held.
+    fn reference_spin(&self, of: &Vibration<'_>) -> [f64; 3] {
         if !of.held.is_empty() {
-            return self.held_motion(of);
+            return self.spin_of_held(of);
         }
-        if let Some(velocity) = self.faces.velocity {
-            let (dx, frame) = (of.model.dx, of.state.velocity);
-            let velocity = std::array::from_fn(|a| (velocity[a] - frame[a]) / dx);
-            return RigidMotion::of_wall([0.0; 3], velocity);
+        if !self.places.is_empty() {
+            return [0.0; 3];
         }
         let blocks = of.state.nodes.par_iter().zip(&self.mass).zip(&self.rest);
         let sums: Vec<[f64; SUMS]> = blocks
@@ -234,16 +222,16 @@ impl Dissipation {
                 *all += sum;
             }
         }
-        let mean = [all[10] / all[0], all[11] / all[0], all[12] / all[0]];
-        RigidMotion::from_sums(&all, [0.0; 3])
-            .unwrap_or_else(|| RigidMotion::of_wall([0.0; 3], mean))
+        spin_of(&all)
     }
 
-    /// Motion of the held nodes.
-    fn held_motion(&self, of: &Vibration<'_>) -> RigidMotion {
+    /// Spin of the held nodes [1/s].
+    fn spin_of_held(&self, of: &Vibration<'_>) -> [f64; 3] {
         let velocity = |n: usize| read(&of.state.nodes[n / NODES].v, n).map(f64::from);
         let first = velocity(of.held[0]);
-        let moves_as_first = of.held.iter().all(|&n| velocity(n) == first);
+        if of.held.iter().all(|&n| velocity(n) == first) {
+            return [0.0; 3];
+        }
         let mut sums = [0.0; SUMS];
         for &n in of.held {
             let fields = [&self.rest[n / NODES], &of.state.nodes[n / NODES].u];
@@ -251,9 +239,11 @@ impl Dissipation {
             let x = std::array::from_fn(|a| f64::from(x[a]) + f64::from(u[a]));
             add_to_sums(&mut sums, 1.0, x, velocity(n));
         }
-        let count = of.held.len() as f64;
-        let mean = [sums[10] / count, sums[11] / count, sums[12] / count];
-        let turning = RigidMotion::from_sums(&sums, [0.0; 3]).filter(|_| !moves_as_first);
-        turning.unwrap_or_else(|| RigidMotion::of_wall([0.0; 3], mean))
+        spin_of(&sums)
     }
+}
+
+/// Spin by sums about an origin [1/s]; none of what has no extent to turn.
+fn spin_of(sums: &[f64; SUMS]) -> [f64; 3] {
+    RigidMotion::from_sums(sums, [0.0; 3]).map_or([0.0; 3], |motion| motion.spin)
 }

@@ -6,10 +6,10 @@ use super::{
     advance::{Shares, Solid},
     bonds::binds,
     depth::DepthField,
-    dissipation::Faces,
     ended::Ended,
     grip::{ContactWith, Grip},
     inverse::Start,
+    members::Members,
     mover::{Around, Mover},
     overlap::Others,
     pairs::{PointContact, Presence},
@@ -19,10 +19,10 @@ use super::{
     search::{Bounds, CandidateList},
     stand::Stand,
     walls::WallsAt,
-    wholes::{Members, Wholes},
 };
 use crate::{
     colliders::{Placed, Substep},
+    episodes::Episodes,
     ledger::{ContactPartner, Ledger},
     mat3::length,
     scene::Scene,
@@ -52,7 +52,7 @@ pub fn advance_group(
     mut peers: Option<&mut dyn RigidPeers>,
     around: &Around<'_>,
     [start, length]: [f64; 2],
-    (mut wholes, ledger): (Wholes<'_>, &mut Ledger),
+    (episodes, ledger): (&mut Episodes, &mut Ledger),
 ) -> Result<Passed, usize> {
     let outside = &around.outside;
     let meets = group.len() > 1 || peers.is_some();
@@ -82,7 +82,7 @@ pub fn advance_group(
             frame_length: around.frame[1],
         };
         let mut members = Members::new(group, &mut peers, around, &now);
-        let given = members.substep(moved, &shares, &mut exchange, &mut wholes, known.take())?;
+        let given = members.substep(moved, &shares, &mut exchange, episodes, known.take())?;
         ledger.merge(&given);
         passed.substeps += 1;
         passed.smallest = passed.smallest.min(shares.dt);
@@ -104,7 +104,7 @@ pub fn advance_group(
         frame_length: around.frame[1],
     };
     let mut members = Members::new(group, &mut peers, around, &now);
-    ledger.merge(&members.substep(moved, &shares, &mut exchange, &mut wholes, None)?);
+    ledger.merge(&members.substep(moved, &shares, &mut exchange, episodes, None)?);
     for mover in group {
         for spring in &mover.springs {
             ledger.add_spring(mover.id, &spring.given);
@@ -132,10 +132,8 @@ fn begin(group: &mut [Mover<'_>], around: &Around<'_>, start: f64, meets: bool) 
         let surface = &mover.object.surface;
         let surface = (&surface.points[..], &surface.stiffness[..]);
         let points = mover.faces.iter().flat_map(|face| face.points);
-        mover.solid.scratch.dissipation.begin(Faces {
-            places: points.map(|&p| surface.0[p].x).collect(),
-            velocity: mover.faces.first().map(|face| face.velocity),
-        });
+        let places = points.map(|&p| surface.0[p].x).collect();
+        mover.solid.scratch.dissipation.begin(places);
         let outside = &around.outside;
         mover.solid.begin(outside, surface, begins, |n| given[n]);
         // Walls that bind hold no energy, and make no motion faster.
@@ -161,7 +159,7 @@ impl Members<'_, '_> {
         moved: f64,
         shares: &Shares,
         exchange: &mut Exchange,
-        wholes: &mut Wholes<'_>,
+        episodes: &mut Episodes,
         known: Option<Ledger>,
     ) -> Result<Ledger, usize> {
         let (around, now, stands) = (self.around, self.now, known.is_some());
@@ -177,17 +175,8 @@ impl Members<'_, '_> {
         if now.dt == 0.0 {
             note_forces(self, &given);
         }
-        wholes.take_in(self, &given);
-        let (kick, dt, is_due) = (now.kick, now.dt, wholes.are_due());
-        if is_due {
-            // With velocities that are level with positions: what less vibration leaves is then less energy by as much.
-            let level = kick.min(0.5 * moved);
-            self.move_nodes(&placed, [level, 0.0], (shares, stands), &mut given)?;
-            wholes.part(self, &mut given);
-            self.move_nodes(&placed, [kick - level, dt], (shares, true), &mut given)?;
-        } else {
-            self.move_nodes(&placed, [kick, dt], (shares, stands), &mut given)?;
-        }
+        self.book(&given, episodes);
+        self.move_nodes(&placed, [now.kick, now.dt], (shares, stands), &mut given)?;
         for mover in &mut *self.group {
             for spring in &mut mover.springs {
                 spring.settle(&mover.solid);
@@ -198,9 +187,6 @@ impl Members<'_, '_> {
                 true => peers.advance(now, &exchange.through(on_bodies, now.dt)),
                 false => peers.push(&exchange.rest(&on_bodies)),
             }
-        }
-        if !is_due {
-            wholes.part(self, &mut given);
         }
         Ok(given)
     }

@@ -41,6 +41,7 @@ pub mod kernel;
 pub mod lattice;
 mod limit;
 mod meeting;
+mod members;
 pub mod memory;
 pub mod model;
 pub mod mover;
@@ -62,7 +63,6 @@ pub mod surface;
 pub mod vibrating;
 pub mod volumes;
 pub mod walls;
-pub mod wholes;
 
 use cosplat_matter::{mat3, materials, rotation, scene, simd};
 use cosplat_rigid::{bodies, colliders, episodes, interruption, ledger, motion};

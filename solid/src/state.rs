@@ -13,6 +13,7 @@ use super::{
 };
 use crate::{
     mat3::{Mat3, cross, dot},
+    motion::{RigidMotion, SUMS, add_to_sums},
     simd::Isa,
 };
 
@@ -172,6 +173,20 @@ impl SolidState {
     pub fn velocity_of(&self, model: &SolidModel, slot: usize) -> [f64; 3] {
         let v = read(&self.nodes[slot / NODES].v, slot);
         std::array::from_fn(|a| self.velocity[a] + model.dx * f64::from(v[a]))
+    }
+
+    /// Motion as a rigid body [m, s], none where it has no extent: spin is that with which its nodes have their angular momentum.
+    pub fn rigid_motion(&self, model: &SolidModel) -> Option<RigidMotion> {
+        // Sums of squares are exact enough about a place amid it.
+        let origin = self.position(model, model.nodes().next()?);
+        let mut sums = [0.0; SUMS];
+        // Outer nodes have no mass.
+        for slot in model.nodes().filter(|&slot| model.mass[slot] > 0.0) {
+            let (x, v) = (self.position(model, slot), self.velocity_of(model, slot));
+            let x = std::array::from_fn(|a| x[a] - origin[a]);
+            add_to_sums(&mut sums, model.mass[slot], x, v);
+        }
+        RigidMotion::from_sums(&sums, origin)
     }
 
     /// Gives every node the velocity [m/s] that `change` makes of its number and velocity; outer ones follow.

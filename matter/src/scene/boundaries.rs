@@ -87,7 +87,7 @@ pub struct Collider {
     /// Coulomb coefficient `mu_f`, >= 0; no effect on sticky surfaces. Where absent, that of the object that it meets, and
     /// 0 when that states none either; where both state one, the geometric mean counts.
     pub friction: Option<f64>,
-    /// Part of the approach speed that is given back, 0..=1; no effect on sticky surfaces.
+    /// Part of the approach speed that is given back to rigid bodies and to particles, 0..=1; no effect on sticky surfaces.
     pub restitution: f64,
     /// How it moves by itself.
     pub motion: ColliderMotion,

@@ -37,8 +37,7 @@ pub const DEFAULT_FRICTION: f64 = 0.4;
 /// How the surface of an object answers to what it meets, as far as the scene says.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactSurface {
-    /// Restitution `e` to other objects, 0..=1; where absent, what the deformation of the objects leaves, and 0 between
-    /// rigid ones.
+    /// Restitution `e` to other objects, 0..=1, of rigid bodies and of the paper's spheres; where absent, 0 and 0.5.
     pub restitution: Option<f64>,
     /// Friction coefficient `mu_f`, >= 0; where absent, [`DEFAULT_FRICTION`] to other objects and that of colliders to them.
     pub friction: Option<f64>,
@@ -47,7 +46,7 @@ pub struct ContactSurface {
 /// What holds where two objects meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairSurface {
-    /// Restitution `e`, 0..=1; where absent, what the deformation of the objects leaves, and 0 between rigid ones.
+    /// Restitution `e`, 0..=1, of rigid bodies and of the paper's spheres; where absent, 0 and 0.5.
     pub restitution: Option<f64>,
     /// Friction coefficient `mu_f`, >= 0.
     pub friction: f64,

@@ -12,6 +12,7 @@ use cosplat_sim_core::{
 use super::{
     error::{At, Finding, SceneErrors},
     report::BuildReport,
+    restitution::{Places, without_effect},
     spec::{Resolution, SceneFile},
     support::unsupported,
 };
@@ -76,6 +77,12 @@ pub(super) fn check(
     if let Some(message) = dear(scene) {
         warn(&file.resolution_at, message);
     }
+    let places = Places {
+        objects: at,
+        pairs: file.contact.pairs.iter().map(|(at, ..)| at).collect(),
+        colliders: file.colliders.iter().map(|spec| &spec.at).collect(),
+    };
+    report.warnings.extend(without_effect(scene, &places));
     SceneErrors::check(errors)
 }
 

@@ -26,6 +26,7 @@ mod quality;
 mod reader;
 mod regions;
 mod report;
+mod restitution;
 mod sampling;
 mod select;
 mod shapes;

@@ -23,12 +23,6 @@ pub(super) fn choose(
     let mut reasons: Vec<Option<String>> = objects
         .map(|((object, spec), checked)| why_spatial(scene, object, spec, checked))
         .collect();
-    while let Some((object, other)) = bounces_off_spatial(scene, specs, &reasons) {
-        let name = &scene.objects[other].name;
-        reasons[object] = Some(format!(
-            "its restitution to `{name}`, which is on that grid, needs it there"
-        ));
-    }
     for entry in &file.objects {
         let own = |&id: &usize| std::ptr::eq(specs[id], entry);
         let own: Vec<usize> = (0..specs.len()).filter(own).collect();
@@ -49,26 +43,6 @@ pub(super) fn choose(
         report.chosen.push(entry.solver.is_none().then_some(chosen));
     }
     report.why_spatial = reasons;
-}
-
-/// An object that would have a grid of its own, and one that has none, of which restitution is asked: the two grids know nothing of that.
-fn bounces_off_spatial(
-    scene: &Scene,
-    specs: &[&ObjectSpec],
-    reasons: &[Option<String>],
-) -> Option<(usize, usize)> {
-    let all = 0..scene.objects.len();
-    let is_free = |&n: &usize| {
-        let is_stated = specs[n].solver == Some(Solver::Lagrangian);
-        scene.objects[n].is_matter() && reasons[n].is_none() && !is_stated
-    };
-    let bounces = |a: usize, b: usize| {
-        let asked = scene.surface_between(a, b).restitution.is_some();
-        reasons[b].is_some() && scene.objects[b].keeps_shape() && asked
-    };
-    all.clone()
-        .filter(is_free)
-        .find_map(|a| Some((a, all.clone().find(|&b| b != a && bounces(a, b))?)))
 }
 
 /// Why an object is on the spatial grid; none where it may have a grid of its own, is said to have one, or is no matter.
@@ -172,13 +146,9 @@ mod tests {
         let part = format!(
             "{BLOCK}[[objects.regions]]\nmaterial = \"water\"\nbox = {{ min = [0, -1, -1], max = [1, 1, 1] }}\n"
         );
-        let floor = format!(
-            "{BLOCK}[[colliders]]\nname = \"floor\"\nnormal = [0, 1, 0]\npoint = [0, -1, 0]\nsurface = \"slip\"\nrestitution = 0.5\n"
-        );
         for (text, words) in [
             (sand, "the law drucker_prager"),
             (part, "the law fluid"),
-            (floor, "the restitution of the slip collider `floor`"),
             (
                 format!("contact = \"single_field\"\n{BLOCK}{OTHER}"),
                 "single_field",
@@ -231,17 +201,5 @@ mod tests {
         let both = [Solver::Lagrangian, Solver::Spatial];
         assert_eq!(solvers(&scene), both);
         assert_eq!(report.chosen, [Some(Solver::Lagrangian), None]);
-        // What bounces off it as is asked shares its grid.
-        let (scene, report) = built(&format!("{auto}restitution = 0.5\n"));
-        assert_eq!(solvers(&scene), [Solver::Spatial; 2]);
-        let why = report.why_spatial[0].as_ref().expect("a reason");
-        assert!(why.contains("its restitution to `other`"), "{why}");
-        // An entry that says otherwise is refused.
-        let stated = auto.replacen("]]\n", "]]\nsolver = \"lagrangian\"\n", 1);
-        let (scene, _) = built(&format!("{stated}restitution = 0.5\n"));
-        let error = World::check_scene(&scene)
-            .expect_err("two grids")
-            .to_string();
-        assert!(error.contains("restitution to `other`"), "{error}");
     }
 }

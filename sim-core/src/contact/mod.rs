@@ -1,19 +1,19 @@
 //! Contact between objects that deform: impulses between their velocity fields at the nodes that they share.
 //!
-//! Order: shared nodes and normals (`sites`), impulses (`solve`), and objects as wholes (`motion`), of which
-//! [`episodes`](crate::episodes) ask restitution.
+//! Order: shared nodes and normals (`sites`), impulses (`solve`), and rigid motions (`motion`), which
+//! [`episodes`](crate::episodes) tell of.
 
 mod impulse;
 mod motion;
 mod sites;
 mod solve;
 
-use motion::Fields;
+use motion::rigid_motion;
 use sites::ContactBlocks;
 use solve::by_pair;
 
 use crate::{
-    episodes::{Episodes, PairExchange, RequestedRestitution},
+    episodes::{Episodes, PairExchange},
     grid::{Grid, approach::BoundaryConditions},
     scene::ContactMethod,
 };
@@ -29,11 +29,7 @@ pub(crate) struct ContactInput<'a> {
     pub specific_volumes: &'a [f64],
     /// Friction coefficient of two fields, the lower first.
     pub friction: &'a (dyn Fn([u32; 2]) -> f64 + Sync),
-    /// Restitution that is asked of two fields, the lower first.
-    pub wish: &'a dyn Fn([u32; 2]) -> RequestedRestitution,
-    /// Size of gravity [cells/s^2].
-    pub gravity: f64,
-    /// Simulated time [s].
+    /// Simulated time at the end of the substep [s].
     pub time: f64,
     /// Everything that acts on nodes.
     pub acting: BoundaryConditions<'a>,
@@ -67,34 +63,26 @@ pub(crate) fn meet(
         .map(|site| (meeting.friction)(site.fields))
         .collect();
     let solved = solve::solve(grid, &sites, &friction, acting);
-    let mut exchanged = by_pair(&sites.sites, &solved);
-    let mut fields = Fields { grid, largest: 0 };
-    episodes.take_in(&fields, &exchanged, acting.frame_velocity, acting.dt);
+    let exchanged = by_pair(&sites.sites, &solved);
+    let motion = |field| rigid_motion(grid, field);
+    episodes.book(&exchanged, motion, [acting.dt, meeting.time]);
+    // As bits: as integers, so that NaN is the largest of all.
+    let mut largest = 0;
     let blocks = solved
         .into_iter()
         .flat_map(|place| place.blocks.into_iter().zip(place.given));
     for ((n, block), given) in blocks {
         for node in block.0.iter().flat_map(|row| row.0.chunks_exact(4)) {
             for v in &node[..3] {
-                fields.largest = fields.largest.max(v.abs().to_bits());
+                largest = largest.max(v.abs().to_bits());
             }
         }
-        fields.grid.velocities[n] = block;
-        fields.grid.given_to_nodes[n].merge(&given);
+        grid.velocities[n] = block;
+        grid.given_to_nodes[n].merge(&given);
     }
-    // Twice what gravity adds in a substep: bodies at rest on each other do not bounce.
-    let resting = 2.0 * meeting.gravity * acting.dt;
-    episodes.part(
-        &mut fields,
-        meeting.wish,
-        // Both fall.
-        (resting, [0.0; 3]),
-        meeting.time,
-        &mut exchanged,
-    );
     ContactResult {
         exchanged,
-        largest: f32::from_bits(fields.largest),
+        largest: f32::from_bits(largest),
         nodes: sites.nodes.len() as u64,
     }
 }

@@ -7,10 +7,7 @@ use super::{
 };
 use crate::{
     contact::{ContactInput, meet},
-    episodes::{COLLIDERS, RequestedRestitution},
     grid::Grid,
-    mat3::dot,
-    materials::Law,
     particles::Particles,
     state::{Given, in_contact::InContact},
 };
@@ -25,13 +22,11 @@ pub(super) fn contact(
 ) -> f32 {
     let (given, now) = (&at.given, &at.now);
     let model = given.model;
-    let (scene, gravity) = (&model.scene, given.commanded.gravity);
+    let scene = &model.scene;
     let meeting = ContactInput {
         method: scene.contact.method,
         specific_volumes: &model.specific_volumes,
         friction: &|[a, b]| scene.surface_between(a as usize, b as usize).friction,
-        wish: &|fields| requested_restitution(given, fields),
-        gravity: dot(gravity, gravity).sqrt() / scene.dx,
         time: now.time + now.dt,
         acting: input.acting(),
     };
@@ -56,27 +51,5 @@ pub(super) fn book_colliders(
     }
     for (block, given) in particles.blocks.iter().zip(&grid.given_to_particles) {
         in_contact.book_colliders(block.field, given, mass, dx);
-    }
-}
-
-/// Restitution that is asked of two objects, or of an object and a collider. Of what has none the one is absent, of the other 0.
-pub(super) fn requested_restitution(given: &Given<'_>, fields: [u32; 2]) -> RequestedRestitution {
-    let scene = &given.model.scene;
-    let [a, b] = fields.map(|field| field as usize);
-    let restitution = match fields[1].checked_sub(COLLIDERS) {
-        None => scene.surface_between(a, b).restitution,
-        Some(collider) => {
-            let collider = scene.colliders.get(collider as usize);
-            collider.map(|c| c.restitution).filter(|&e| e > 0.0)
-        }
-    };
-    let all = |what: fn(Law) -> bool| {
-        let mut parts = given.model.parts.iter().zip(&given.commanded.materials);
-        parts.all(|(part, m)| part.object != a && part.object != b || what(m.law))
-    };
-    RequestedRestitution {
-        restitution,
-        solid: all(Law::is_solid),
-        elastic: all(|law| law.is_solid() && !law.is_plastic()),
     }
 }

@@ -1,13 +1,10 @@
 //! Solids on grids of their own, with the rigid bodies that they may touch: moved in substeps of their own.
 
-use super::{
-    contact::requested_restitution, limit::Limit, rigid::RigidGroup, springs::springs_of_solid,
-    tally::Tally,
-};
+use super::{limit::Limit, rigid::RigidGroup, springs::springs_of_solid, tally::Tally};
 use crate::{
     colliders::{Substep, farthest},
     coupling::solids::{NodeImpulse, NodeImpulses},
-    episodes::{COLLIDERS, Episodes},
+    episodes::Episodes,
     ledger::Ledger,
     report::DtLimit,
     scene::PinnedRegion,
@@ -20,7 +17,6 @@ use crate::{
         object::{HeldInRegion, SolidObject, law_of},
         rigid::RigidPeers,
         state::{NodeLoad, SolidState},
-        wholes::Wholes,
     },
     state::Given,
 };
@@ -78,7 +74,7 @@ pub(crate) fn move_solids(
 ) {
     let count = solids.states.len();
     solids.scratch.resize_with(count, || None);
-    let is_solid = |n: u32| n < COLLIDERS && given.is_moving_solid(n as usize);
+    let is_solid = |n: u32| given.is_moving_solid(n as usize);
     solids.episodes.retain(is_solid);
     let islands = islands(given, span, &mut solids, rigid);
     if !islands.iter().any(|island| island.has_bodies) {
@@ -306,11 +302,7 @@ fn move_together(
         let peers = rigid
             .as_mut()
             .map(|rigid| &mut **rigid as &mut dyn RigidPeers);
-        let wholes = Wholes {
-            episodes: &mut *episodes,
-            wish: &|pair| requested_restitution(given, pair),
-        };
-        let accounts = (wholes, &mut *ledger);
+        let accounts = (&mut *episodes, &mut *ledger);
         let passed = advance_group(&mut group, peers, &around, [at, end - at], accounts)?;
         all.substeps += passed.substeps;
         all.smallest = all.smallest.min(passed.smallest);

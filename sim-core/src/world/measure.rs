@@ -2,7 +2,7 @@
 
 use super::{World, frame::Frame, hash};
 use crate::{
-    episodes::{COLLIDERS, Closed},
+    episodes::Closed,
     moments::total_momentum,
     report::{ContactEpisode, StepReport},
 };
@@ -52,8 +52,7 @@ impl World {
         let at_nodes = in_contact.at_nodes.take_closed();
         let (unit, dx) = (self.model.mass_unit, self.model.scene.dx);
         report.contacts = at_nodes.iter().map(|e| episode(e, unit, dx)).collect();
-        let mut of_solids = in_contact.of_solids.take_closed();
-        of_solids.retain(|closed| closed.fields[1] < COLLIDERS);
+        let of_solids = in_contact.of_solids.take_closed();
         let of_solids = of_solids.iter().map(|e| episode(e, 1.0, 1.0));
         report.contacts.extend(of_solids);
         (report.linear_momentum, report.angular_momentum) = total_momentum(&report.objects);
@@ -85,17 +84,14 @@ impl World {
 
 /// An ended contact in SI units.
 fn episode(closed: &Closed, mass_unit: f64, dx: f64) -> ContactEpisode {
-    let ratio = |speed: f64| (closed.before > 0.0).then(|| speed / closed.before);
+    let ratio = |speed: f64| (closed.closing_speed > 0.0).then(|| speed / closed.closing_speed);
     ContactEpisode {
         objects: closed.fields.map(|field| field as usize),
         impulse: closed.impulse.map(|p| p * mass_unit * dx),
-        speed_before: closed.before * dx,
-        speed_after: closed.after.map_or(0.0, |speed| speed * dx),
-        lasting: closed.after.is_none(),
-        restitution_requested: closed.requested,
-        restitution_natural: closed.natural.and_then(ratio),
-        restitution_achieved: closed.after.and_then(ratio),
-        energy_taken: closed.lost * mass_unit * dx * dx,
+        speed_before: closed.closing_speed * dx,
+        speed_after: closed.separation_speed.map_or(0.0, |speed| speed * dx),
+        lasting: closed.separation_speed.is_none(),
+        restitution: closed.separation_speed.and_then(ratio),
         duration: closed.duration,
         time: closed.time,
     }

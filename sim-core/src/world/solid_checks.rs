@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use super::error::WorldError;
 use crate::{
     materials::laws::names_of_solids,
-    scene::{ContactMethod, Fidelity, Object, Scene, Surface},
+    scene::{ContactMethod, Fidelity, Object, Scene},
     solid::object::is_solid,
 };
 
@@ -31,39 +31,21 @@ pub(super) fn validate(scene: &Scene) -> Result<(), WorldError> {
         return Ok(());
     }
     let checked = scene.objects.iter().zip(check_all(scene));
-    let mut solids = checked.enumerate().filter(|(_, one)| is_solid(one.0));
-    solids.try_for_each(|(id, (_, checked))| checked.and_then(|()| of_pairs(scene, id)))
-}
-
-/// Refuses restitution between matter on two kinds of grids: neither would give it.
-fn of_pairs(scene: &Scene, object: usize) -> Result<(), WorldError> {
-    let mut others = scene.objects.iter().enumerate();
-    let spatial = others.find(|&(id, other)| {
-        let asked = id != object && scene.surface_between(object, id).restitution.is_some();
-        other.is_matter() && !is_solid(other) && other.keeps_shape() && asked
-    });
-    spatial.map_or(Ok(()), |(_, other)| {
-        Err(WorldError::Solid {
-            object,
-            what: format!("restitution to `{}` on the spatial grid", other.name),
-            expected: "both on grids of one kind",
-        })
-    })
+    let mut solids = checked.filter(|(object, _)| is_solid(object));
+    solids.try_for_each(|(_, checked)| checked)
 }
 
 /// Refuses every object that cannot be a solid in its scene, whatever solver it has.
 pub(super) fn check_all(scene: &Scene) -> Vec<Result<(), WorldError>> {
-    let of_colliders = of_colliders(scene);
     let check = |(id, object): (usize, &Object)| {
-        let own = of_object(scene, object).or_else(|| of_contact(scene));
-        match own.or_else(|| of_colliders.clone()) {
-            Some((what, expected)) => Err(WorldError::Solid {
+        let refused = of_object(scene, object).or_else(|| of_contact(scene));
+        refused.map_or(Ok(()), |(what, expected)| {
+            Err(WorldError::Solid {
                 object: id,
                 what,
                 expected,
-            }),
-            None => Ok(()),
-        }
+            })
+        })
     };
     scene.objects.iter().enumerate().map(check).collect()
 }
@@ -102,17 +84,4 @@ fn of_contact(scene: &Scene) -> Option<Refused> {
         }
         _ => None,
     }
-}
-
-/// Of the colliders.
-fn of_colliders(scene: &Scene) -> Option<Refused> {
-    for collider in &scene.colliders {
-        let name = &collider.name;
-        // What has met it never leaves.
-        if collider.restitution > 0.0 && collider.surface == Surface::Slip {
-            let what = format!("the restitution of the slip collider `{name}`");
-            return Some((what, "none, or surface = \"separate\""));
-        }
-    }
-    None
 }

@@ -5,7 +5,7 @@ use crate::{
     mat3::cross,
     moments::object_shape,
     report::ObjectState,
-    solid::{nodes::NODES, state::SolidState, wholes::motion_of},
+    solid::{nodes::NODES, state::SolidState},
     substep::laws_of,
 };
 
@@ -221,7 +221,7 @@ impl World {
         let angular_momentum = std::array::from_fn(|a| sums.angular[a] - orbit[a]);
         let shape = object_shape(&arrays, &bodies, self.model.scene.dx, angular_momentum);
         // Nodes have more inertia than the matter between them: with that of particles it would be said to spin too fast.
-        let spin = motion_of(state, &solid.grid).map(|motion| motion.spin);
+        let spin = state.rigid_motion(&solid.grid).map(|motion| motion.spin);
         Some(ObjectState {
             mass,
             com,

@@ -7,7 +7,6 @@ use super::{
 use crate::{
     bodies::{body::Body, shape::Shape},
     command::Action,
-    episodes::COLLIDERS,
     mat3::length,
     model::Painted,
     particles::{Block, Extremes, NO_PARTICLE},
@@ -59,10 +58,7 @@ impl World {
         self.check_bodies(state)?;
         self.check_levels(state)?;
         let scene = &self.model.scene;
-        let is_there = |n: u32| match n.checked_sub(COLLIDERS) {
-            None => (n as usize) < scene.objects.len(),
-            Some(collider) => (collider as usize) < scene.colliders.len(),
-        };
+        let is_there = |n: u32| (n as usize) < scene.objects.len();
         match state.in_contact.fields().all(is_there) {
             false => Err(inconsistent("an object in contact is not there".into())),
             true => check_arrangement(&state.matter.particles, state.matter.drift, &self.model),

@@ -1,12 +1,12 @@
 //! Laws and stories of the fast solver.
 
 mod afloat;
-mod asked;
 mod boundaries;
 mod carried;
 mod coherence;
 mod contact_laws;
 mod edits;
+mod episodes;
 mod fields;
 mod flowing;
 mod grab;

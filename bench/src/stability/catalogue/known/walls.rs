@@ -47,7 +47,7 @@ const AT_WALL: &[Reading] = &[
 ];
 
 /// All of them.
-pub const ALL: [Case; 20] = [
+pub const ALL: [Case; 18] = [
     Case {
         scene: scene_text!("stability/cases/thin_wall_1e06_1_0_08"),
         about: "ball on a wall of 0.08 cells, v / c = 0.03",
@@ -230,32 +230,6 @@ pub const ALL: [Case; 20] = [
             right: 0.0,
             gate: Gate::AtMost(1.0),
             read: |r| Ok(1e3 * (largest(&r[0], "/objects/0/com/1", [0.0, 2.0]) - 0.1)),
-        }],
-    },
-    Case {
-        scene: scene_text!("stability/cases/restitution_one"),
-        about: "elastic ball with restitution 1 on a floor",
-        duration: 3.0,
-        files: &[],
-        runs: ONCE,
-        readings: &[Reading {
-            quantity: "highest top over the fall",
-            right: 1.0,
-            gate: Gate::AtMost(1.002),
-            read: |r| Ok((largest(&r[0], "/objects/0/com/1", [0.4, 3.0]) - 0.05) / 0.5),
-        }],
-    },
-    Case {
-        scene: scene_text!("stability/cases/restitution_spatial"),
-        about: "the same with 0.8, on the spatial grid",
-        duration: 0.8,
-        files: &[],
-        runs: ONCE,
-        readings: &[Reading {
-            quantity: "top over the fall",
-            right: 0.64,
-            gate: Gate::Relative(0.05),
-            read: |r| Ok((largest(&r[0], "/objects/0/com/1", [0.4, 0.8]) - 0.05) / 0.5),
         }],
     },
     Case {
