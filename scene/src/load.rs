@@ -313,7 +313,7 @@ translation = [1, 0, 0]
 name = "c"
 clone = "a"
 translation = [2, 0, 0]
-fidelity = "auto"
+material = "dry_sand"
 [[objects]]
 name = "d"
 clone = "a"
@@ -326,7 +326,7 @@ solver = "spatial"
         let text = "version = 1 # with a remark\ndx = 0.05\n\
             objects = [{ name = \"a\", shape = { kind = \"box\", size = [0.2, 0.2, 0.2] }, material = \"jelly\" },\n\
             { name = \"b\", clone = \"a\", translation = [1, 0, 0] },\n\
-            { name = \"c\", clone = \"a\", translation = [2, 0, 0], fidelity = \"auto\" },\n\
+            { name = \"c\", clone = \"a\", translation = [2, 0, 0], material = \"dry_sand\" },\n\
             { name = \"d\", clone = \"a\", translation = [3, 0, 0], solver = \"spatial\" }]\n";
         let own = [
             Solver::Lagrangian,

@@ -297,6 +297,8 @@ struct Pile {
     what: &'static str,
     scene: &'static SceneText,
     objects: usize,
+    /// Loss factor of the material `block`, where it is not the file's.
+    loss: Option<f64>,
 }
 
 /// 16: a stack, and a heavy block on a light one: what lies stays, and falls asleep.
@@ -306,14 +308,17 @@ pub fn rest(size: Size) -> Vec<Case> {
         what: "stack of five",
         scene: &STACK,
         objects: 5,
+        loss: None,
     };
     let heavy = Pile {
         what: "1:100",
         scene: &HEAVY,
         objects: 2,
+        loss: None,
     };
-    let undamped = Pile {
-        what: "undamped stack of five",
+    let lossy = Pile {
+        what: "stack of five with a loss factor of 0.1, undamped",
+        loss: Some(0.1),
         ..stack
     };
     let mut cases = Vec::new();
@@ -324,12 +329,16 @@ pub fn rest(size: Size) -> Vec<Case> {
         cases.push(asleep(pile, DAMPING, duration));
     }
     // Of what rings, only how long.
-    cases.push(asleep(&undamped, 0.0, 3.0));
+    cases.push(asleep(&lossy, 0.0, 3.0));
     cases
 }
 
 fn pile_trial(pile: &Pile, fidelity: &str, damping: f64, duration: f64) -> Trial {
     let trial = Trial::new(pile.scene, duration).set("damping", damping);
+    let trial = match pile.loss {
+        Some(loss) => trial.set("materials.block.loss", loss),
+        None => trial,
+    };
     (0..pile.objects).fold(trial, |trial, object| {
         trial.set(
             &format!("objects.{object}.fidelity"),
