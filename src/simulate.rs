@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    fmt::Write as _,
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
     sync::atomic::Ordering,
@@ -20,12 +21,15 @@ use cosplat_sim_core::{
     moments::{Matter, matter},
     notices::Notices,
     probe::{Measured, Probes},
-    report::{GoneOver, Timings},
+    report::{GoneOver, ObjectCost, Timings},
     scene::{Part, Solver},
 };
 use serde::Serialize;
 
 use crate::{note, progress, say, seconds, signals, threads};
+
+/// Objects whose cost a summary names.
+const DEAREST: usize = 3;
 
 /// Run a scene without shared memory and report every frame as a JSON line.
 #[derive(clap::Args)]
@@ -108,6 +112,13 @@ struct ObjectLine<'a> {
 }
 
 #[derive(Serialize)]
+struct CostLine {
+    name: String,
+    #[serde(flatten)]
+    cost: ObjectCost,
+}
+
+#[derive(Serialize)]
 struct ContactLine<'a> {
     names: [&'a str; 2],
     #[serde(flatten)]
@@ -136,6 +147,8 @@ struct Summary {
     work: Work,
     /// Wall seconds of the solver per phase.
     phases: Timings,
+    /// What each object cost, in the order of the scene.
+    objects: Vec<CostLine>,
     left_domain: usize,
     quarantined: usize,
     state_hash: Option<String>,
@@ -186,6 +199,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         particle_updates_full: 0,
         work: Work::default(),
         phases: Timings::default(),
+        objects: (scene.objects.iter())
+            .map(|object| CostLine {
+                name: object.name.clone(),
+                cost: ObjectCost::default(),
+            })
+            .collect(),
         left_domain: 0,
         quarantined: 0,
         state_hash: None,
@@ -268,6 +287,9 @@ fn simulate(
         summary.particle_updates_full += report.particle_updates_full;
         summary.work += report.work;
         summary.phases += report.timings;
+        for (line, cost) in summary.objects.iter_mut().zip(&report.costs) {
+            line.cost += *cost;
+        }
         summary.left_domain += report.left_domain.len();
         summary.quarantined += report.quarantined.len();
         summary.state_hash = line.state_hash;
@@ -372,7 +394,7 @@ fn fraction(done: u64, full: u64) -> f64 {
 
 fn summary_text(s: &Summary) -> String {
     let rate = s.particle_updates as f64 / s.wall_seconds.max(1e-9);
-    format!(
+    let mut text = format!(
         "{}: {} frames, {:.3} s simulated in {:.2} s ({:.2} x real time), {} particles, {} substeps, \
          {:.2} million particle-substeps/s, {} rollbacks, {} left the domain, {} quarantined, state {}",
         s.scene,
@@ -387,7 +409,33 @@ fn summary_text(s: &Summary) -> String {
         s.left_domain,
         s.quarantined,
         s.state_hash.as_deref().unwrap_or("without hash")
-    )
+    );
+    let mut dear: Vec<&CostLine> = s.objects.iter().collect();
+    dear.sort_by(|a, b| b.cost.seconds.total_cmp(&a.cost.seconds));
+    let all: f64 = dear.iter().map(|line| line.cost.seconds).sum();
+    for line in dear
+        .iter()
+        .take(DEAREST)
+        .filter(|line| line.cost.seconds > 0.0)
+    {
+        let (name, cost) = (&line.name, &line.cost);
+        let share = 100.0 * cost.seconds / all;
+        let _ = write!(text, "\n  {share:.0} % of the time of objects: `{name}`");
+        if cost.substeps > 0 {
+            let limit = match cost.dt_limit {
+                DtLimit::Frame => "the frame",
+                DtLimit::Sound => "its speed of sound",
+                DtLimit::Velocity => "its velocity",
+                DtLimit::Deformation => "its deformation",
+            };
+            let (substeps, dt, points) = (cost.substeps, cost.dt_min, cost.contact_points);
+            let _ = write!(
+                text,
+                ", {substeps} substeps of at least {dt:.2e} s by {limit}, up to {points} points in contact"
+            );
+        }
+    }
+    text
 }
 
 /// One of the solvers.

@@ -16,5 +16,6 @@ pub mod rotation;
 pub mod scene;
 pub mod simd;
 pub mod test_scenes;
+pub mod timed;
 
 pub use scene::Scene;

@@ -40,6 +40,7 @@ pub use cosplat_matter::{
     Scene, expression, kinematics, mat3, materials, num, rotation, scene,
     simd::{self, Isa},
 };
+use cosplat_matter::timed::timed;
 use cosplat_rigid::{bodies, episodes, ledger, motion};
 
 pub use cosplat_rigid::{

@@ -61,6 +61,8 @@ pub struct StepReport {
     pub work: Work,
     /// Wall time per phase.
     pub timings: Timings,
+    /// What each object cost, in the order of the scene.
+    pub costs: Vec<ObjectCost>,
     /// Hash of the complete state; equal for equal scene and command log.
     pub state_hash: u64,
 }
@@ -109,7 +111,15 @@ pub struct Timings {
     pub grid: f64,
     /// Contact between objects on the grid.
     pub contact: f64,
-    /// Rigid bodies: among each other, at colliders and in matter.
+    /// Matter on the grid against rigid bodies and solids.
+    pub coupling: f64,
+    /// Solids: elastic forces, and how nodes move.
+    pub solids: f64,
+    /// Contact of solids: among each other, with rigid bodies and with colliders.
+    pub solid_contact: f64,
+    /// Measuring the fastest motions of solids, which bound their substeps.
+    pub solid_measuring: f64,
+    /// Rigid bodies: among each other and at colliders.
     pub bodies: f64,
     /// Moments, energies, hash.
     pub moments: f64,
@@ -124,9 +134,58 @@ impl std::ops::AddAssign for Timings {
         self.particles += other.particles;
         self.grid += other.grid;
         self.contact += other.contact;
+        self.coupling += other.coupling;
+        self.solids += other.solids;
+        self.solid_contact += other.solid_contact;
+        self.solid_measuring += other.solid_measuring;
         self.bodies += other.bodies;
         self.moments += other.moments;
         self.total += other.total;
+    }
+}
+
+/// What an object cost in a frame.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct ObjectCost {
+    /// Processor time [s]; of matter on the spatial grid and of rigid bodies their shares of what all of these took, by particles and
+    /// by bodies.
+    pub seconds: f64,
+    /// Substeps.
+    pub substeps: u64,
+    /// The smallest of them [s]; infinite where it took none.
+    #[serde(skip_serializing_if = "is_infinite")]
+    pub dt_min: f64,
+    /// What limited that.
+    pub dt_limit: DtLimit,
+    /// Points of its surface that touch something where the frame ends; of solids on grids of their own.
+    pub contact_points: u64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "what serde asks for")]
+fn is_infinite(x: &f64) -> bool {
+    x.is_infinite()
+}
+
+impl Default for ObjectCost {
+    fn default() -> Self {
+        Self {
+            seconds: 0.0,
+            substeps: 0,
+            dt_min: f64::INFINITY,
+            dt_limit: DtLimit::Frame,
+            contact_points: 0,
+        }
+    }
+}
+
+impl std::ops::AddAssign for ObjectCost {
+    fn add_assign(&mut self, other: Self) {
+        self.seconds += other.seconds;
+        self.substeps += other.substeps;
+        if other.dt_min < self.dt_min {
+            (self.dt_min, self.dt_limit) = (other.dt_min, other.dt_limit);
+        }
+        self.contact_points = self.contact_points.max(other.contact_points);
     }
 }
 

@@ -22,7 +22,7 @@ pub(crate) use guard::Failure;
 pub(crate) use limit::{Limit, smallest_dt};
 pub(crate) use schedule::{Schedule, Segment};
 pub(crate) use solids::laws_of;
-pub(crate) use tally::{Tally, timed};
+pub(crate) use tally::Tally;
 
 use crate::{
     interruption::Interruption,

@@ -16,6 +16,7 @@ use super::{
 use crate::{
     mat3::length,
     simd::{F32x16, Isa},
+    timed,
 };
 
 /// Substeps from one look at the tangent to the next, while it is near that at rest.
@@ -61,6 +62,17 @@ pub struct Scratch {
     pub(super) motions: Motions,
     /// What its matter loses.
     pub dissipation: Dissipation,
+    /// Processor time that it took [s]: all of it, and what of that measured its fastest motions.
+    pub seconds: Seconds,
+}
+
+/// Processor time of a solid [s].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seconds {
+    /// Of all that was done for it.
+    pub all: f64,
+    /// Of measuring its fastest motions, which bound substeps, and its first mode.
+    pub measuring: f64,
 }
 
 /// What acts on solids everywhere.
@@ -93,6 +105,7 @@ impl Scratch {
             walls: Walls::default(),
             motions: Motions::default(),
             dissipation: Dissipation::default(),
+            seconds: Seconds::default(),
         };
         scratch.hold_anew(model, vec![]);
         scratch
@@ -236,14 +249,18 @@ impl<'a> Solid<'a> {
         given: impl Fn(usize) -> [f64; 3],
     ) {
         remember(self.model, self.laws, &mut self.state.memory);
-        self.measure_at_rest(outside.isa, surface);
-        let Scratch {
-            dissipation,
-            held,
-            conditions,
-            ..
-        } = &mut *self.scratch;
-        dissipation.find_first_mode(self.model, self.laws, (held, conditions));
+        let mut seconds = self.scratch.seconds.measuring;
+        timed(&mut seconds, || {
+            self.measure_at_rest(outside.isa, surface);
+            let Scratch {
+                dissipation,
+                held,
+                conditions,
+                ..
+            } = &mut *self.scratch;
+            dissipation.find_first_mode(self.model, self.laws, (held, conditions));
+        });
+        self.scratch.seconds.measuring = seconds;
         if self.state.tangent == 0.0 {
             // Nothing is known of it yet: a substep of no length looks.
             self.substep(outside, [0.0; 2], &Shares::NONE, false);
@@ -314,7 +331,11 @@ impl<'a> Solid<'a> {
             knows_forces,
         };
         if step.wants_extremes && drift > 0.0 && !flows {
-            step.wants_rate |= self.measure_now(outside.isa, &deformed, shares);
+            let mut seconds = self.scratch.seconds.measuring;
+            step.wants_rate |= timed(&mut seconds, || {
+                self.measure_now(outside.isa, &deformed, shares)
+            });
+            self.scratch.seconds.measuring = seconds;
         }
         let Scratch {
             conditions,

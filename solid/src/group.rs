@@ -1,5 +1,7 @@
 //! Solids that move together through a span of time: those that may touch each other share their substeps.
 
+use std::time::Instant;
+
 use rayon::prelude::*;
 
 use super::{
@@ -26,6 +28,7 @@ use crate::{
     ledger::{ContactPartner, Ledger},
     mat3::length,
     scene::Scene,
+    timed,
 };
 
 /// How far ahead solids that come near each other are looked for [substeps].
@@ -40,6 +43,24 @@ pub struct Passed {
     pub smallest: f64,
     /// The last of them [s].
     pub last: f64,
+    /// Wall time of its phases.
+    pub phases: Phases,
+}
+
+/// Wall time of some phases of a span [s]; what is left are forces and motion of nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Phases {
+    /// Contact: with colliders, among solids and with rigid bodies.
+    pub contact: f64,
+    /// Rigid bodies among themselves.
+    pub bodies: f64,
+}
+
+impl std::ops::AddAssign for Phases {
+    fn add_assign(&mut self, other: Self) {
+        self.contact += other.contact;
+        self.bodies += other.bodies;
+    }
 }
 
 /// Moves a group, and the rigid bodies that it may touch, from `start` for `length` [s] > 0; notes what contact gave. Where it is
@@ -68,6 +89,7 @@ pub fn advance_group(
         substeps: 0,
         smallest: f64::INFINITY,
         last: 0.0,
+        phases: Phases::default(),
     };
     // How long forces act, and how long things have moved since they were last looked at.
     let (mut kick, mut moved) = (0.5 * shares.dt, 0.0);
@@ -82,7 +104,8 @@ pub fn advance_group(
             frame_length: around.frame[1],
         };
         let mut members = Members::new(group, &mut peers, around, &now);
-        let given = members.substep(moved, &shares, &mut exchange, episodes, known.take())?;
+        let books = (&mut *episodes, &mut passed.phases);
+        let given = members.substep(moved, &shares, &mut exchange, books, known.take())?;
         ledger.merge(&given);
         passed.substeps += 1;
         passed.smallest = passed.smallest.min(shares.dt);
@@ -104,7 +127,8 @@ pub fn advance_group(
         frame_length: around.frame[1],
     };
     let mut members = Members::new(group, &mut peers, around, &now);
-    ledger.merge(&members.substep(moved, &shares, &mut exchange, episodes, None)?);
+    let books = (episodes, &mut passed.phases);
+    ledger.merge(&members.substep(moved, &shares, &mut exchange, books, None)?);
     for mover in group {
         for spring in &mover.springs {
             ledger.add_spring(mover.id, &spring.given);
@@ -128,6 +152,7 @@ fn begin(group: &mut [Mover<'_>], around: &Around<'_>, start: f64, meets: bool) 
         false => vec![],
     };
     for mover in group.iter_mut() {
+        let begun = Instant::now();
         let (given, begins) = (&mover.given, start == around.frame[0]);
         let surface = &mover.object.surface;
         let surface = (&surface.points[..], &surface.stiffness[..]);
@@ -148,6 +173,7 @@ fn begin(group: &mut [Mover<'_>], around: &Around<'_>, start: f64, meets: bool) 
         if (meets || !mover.colliders.is_empty()) && !mover.solid.scratch.search.has_begun {
             mover.solid.expect_contact();
         }
+        mover.solid.scratch.seconds.all += begun.elapsed().as_secs_f64();
     }
 }
 
@@ -159,7 +185,7 @@ impl Members<'_, '_> {
         moved: f64,
         shares: &Shares,
         exchange: &mut Exchange,
-        episodes: &mut Episodes,
+        (episodes, phases): (&mut Episodes, &mut Phases),
         known: Option<Ledger>,
     ) -> Result<Ledger, usize> {
         let (around, now, stands) = (self.around, self.now, known.is_some());
@@ -170,7 +196,7 @@ impl Members<'_, '_> {
         };
         let (mut given, on_bodies) = match known {
             Some(given) => (given, vec![]),
-            None => find_forces(self, &placed, moved),
+            None => timed(&mut phases.contact, || find_forces(self, &placed, moved)),
         };
         if now.dt == 0.0 {
             note_forces(self, &given);
@@ -183,10 +209,10 @@ impl Members<'_, '_> {
             }
         }
         if let Some(peers) = &mut self.peers {
-            match now.dt > 0.0 {
+            timed(&mut phases.bodies, || match now.dt > 0.0 {
                 true => peers.advance(now, &exchange.through(on_bodies, now.dt)),
                 false => peers.push(&exchange.rest(&on_bodies)),
-            }
+            });
         }
         Ok(given)
     }
@@ -224,12 +250,18 @@ impl Members<'_, '_> {
     }
 }
 
-/// Does the same to each of a group, side by side; what comes of it is in their order.
+/// Does the same to each of a group, side by side, and takes the time of each; what comes of it is in their order.
 fn each<'a, T: Send>(
     group: &mut [Mover<'a>],
     act: impl Fn(&mut Mover<'a>) -> T + Send + Sync,
 ) -> Vec<T> {
-    group.par_iter_mut().map(act).collect()
+    let timed_act = |mover: &mut Mover<'a>| {
+        let mut seconds = mover.solid.scratch.seconds.all;
+        let found = timed(&mut seconds, || act(mover));
+        mover.solid.scratch.seconds.all = seconds;
+        found
+    };
+    group.par_iter_mut().map(timed_act).collect()
 }
 
 /// External forces at the moment; returns what contact gives by them, and those on rigid bodies.
@@ -363,6 +395,7 @@ fn meet_bodies(
 ) -> Vec<Wrench> {
     let mut on_bodies = vec![Wrench::default(); peers.actors().len()];
     for mover in group {
+        let start = Instant::now();
         for (n, (actor, &body)) in peers.actors().iter().zip(peers.objects()).enumerate() {
             let friction = scene.surface_between(mover.id, body).friction;
             let (number, surface) = (Grip::on_object(body), &mover.object.surface);
@@ -391,6 +424,7 @@ fn meet_bodies(
                 ledger.add(mover.id, ContactPartner::Object(body), &one.received(kick));
             }
         }
+        mover.solid.scratch.seconds.all += start.elapsed().as_secs_f64();
     }
     on_bodies
 }
@@ -406,6 +440,8 @@ struct Pressed<'a> {
     list: CandidateList,
     /// Cluster after cluster.
     met: Vec<Vec<PointContact>>,
+    /// Processor time of looking [s].
+    seconds: f64,
 }
 
 /// Forces between the solids of a group.
@@ -441,18 +477,28 @@ fn meet_each_other(
                         with,
                         list: group[pair[0]].solid.scratch.search.take(&[with]),
                         met: vec![],
+                        seconds: 0.0,
                     });
                 }
             }
         }
     }
     let all = &*group;
-    (found.par_iter_mut()).for_each(|one| one.press(all, &seen, around, moved));
+    (found.par_iter_mut()).for_each(|one| {
+        let mut seconds = 0.0;
+        timed(&mut seconds, || one.press(all, &seen, around, moved));
+        one.seconds = seconds;
+    });
     for Pressed {
-        pair, list, met, ..
+        pair,
+        list,
+        met,
+        seconds,
+        ..
     } in found
     {
         let [owner, other] = pair;
+        group[owner].solid.scratch.seconds.all += seconds;
         group[owner].solid.keep(list);
         let ids = pair.map(|n| group[n].id);
         for one in met.into_iter().flatten() {

@@ -64,7 +64,7 @@ pub mod vibrating;
 pub mod volumes;
 pub mod walls;
 
-use cosplat_matter::{mat3, materials, rotation, scene, simd};
+use cosplat_matter::{mat3, materials, rotation, scene, simd, timed::timed};
 use cosplat_rigid::{bodies, colliders, episodes, interruption, ledger, motion};
 
 #[cfg(test)]

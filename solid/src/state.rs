@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     basis::weights_f64,
-    grip::Grip,
+    grip::{Grip, NOTHING},
     kernel::{SolidLaw, elastic_energy},
     memory::BlockMemory,
     model::{CellPoint, SolidModel, cell_of_number},
@@ -82,6 +82,12 @@ pub struct Sample {
 }
 
 impl SolidState {
+    /// Points of its surface that touch something.
+    pub fn contact_points(&self) -> usize {
+        let touches = |grip: &&Grip| grip.with != NOTHING;
+        self.springs.iter().filter(touches).count()
+    }
+
     /// At rest with so many points of its surface, moving with these velocities over rest positions [m/s].
     pub fn new(model: &SolidModel, points: usize, velocity: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
         let mut state = Self {

@@ -26,18 +26,43 @@ pub struct Measured {
 }
 
 /// Phases of a frame. What is left to 1 is between them.
-pub const PHASES: [&str; 6] = ["particles", "grid", "contact", "bodies", "sort", "publish"];
+pub const PHASES: [&str; 10] = [
+    "particles",
+    "grid",
+    "contact",
+    "coupling",
+    "solids",
+    "solid contact",
+    "solid measuring",
+    "bodies",
+    "sort",
+    "publish",
+];
 
 fn phases(timings: &Timings) -> [f64; PHASES.len() - 1] {
     let Timings {
         particles,
         grid,
         contact,
+        coupling,
+        solids,
+        solid_contact,
+        solid_measuring,
         bodies,
         sort,
         ..
     } = *timings;
-    [particles, grid, contact, bodies, sort]
+    [
+        particles,
+        grid,
+        contact,
+        coupling,
+        solids,
+        solid_contact,
+        solid_measuring,
+        bodies,
+        sort,
+    ]
 }
 
 /// Runs a scene for `duration` simulated seconds, whole frames, and writes every frame as the server does.

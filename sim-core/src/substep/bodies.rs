@@ -1,7 +1,5 @@
 //! Rigid bodies: at the nodes of the grid, then among each other and at colliders.
 
-use std::time::Instant;
-
 use super::{
     coupling::{OffGrid, couple},
     rigid::RigidGroup,
@@ -12,6 +10,7 @@ use crate::{
     colliders::Substep,
     report::ContactPartner,
     state::{Given, GridMotion, Matter, Workspace},
+    timed,
 };
 
 /// Moves all rigid bodies and solids by a substep `now`: bodies coupled to nodes first, then by impacts, resting contact and
@@ -29,13 +28,14 @@ pub(crate) fn move_bodies(
     if !off_grid.bodies.any() && !has_solids {
         return 0.0;
     }
-    let start = Instant::now();
     // Their velocities are those of now, and they move along the mean one: no half substep is missing.
     let now = &Substep {
         kick: now.dt,
         ..*now
     };
-    let (at_nodes, solids_at_nodes) = couple(given, now, matter, motion, &off_grid, workspace);
+    let (at_nodes, solids_at_nodes) = timed(&mut tally.timings.coupling, || {
+        couple(given, now, matter, motion, &off_grid, workspace)
+    });
     let mut rigid = RigidGroup::new(given, off_grid.bodies, &at_nodes, now);
     let received = at_nodes.received.iter().chain(&solids_at_nodes.received);
     // In a single field nobody knows whose matter a node holds.
@@ -53,8 +53,7 @@ pub(crate) fn move_bodies(
         };
         move_solids(given, now, solids, &mut rigid, tally);
     } else {
-        rigid.advance(now, None);
+        timed(&mut tally.timings.bodies, || rigid.advance(now, None));
     }
-    tally.timings.bodies += start.elapsed().as_secs_f64();
     at_nodes.largest.max(solids_at_nodes.largest)
 }

@@ -3,13 +3,14 @@
 use super::{
     grid::NodeInput,
     schedule::Context,
-    tally::{Tally, timed},
+    tally::Tally,
 };
 use crate::{
     contact::{ContactInput, meet},
     grid::Grid,
     particles::Particles,
     state::{Given, in_contact::InContact},
+    timed,
 };
 
 /// Lets fields meet at the nodes that they share; returns the largest velocity component given to a node [cells/s].

@@ -2,7 +2,7 @@
 
 use super::{
     schedule::Context,
-    tally::{Tally, timed},
+    tally::Tally,
 };
 use crate::{
     colliders::NodeConditions,
@@ -13,6 +13,7 @@ use crate::{
         node_pass,
     },
     state::{Given, GridMotion, Matter},
+    timed,
 };
 
 /// Lets gravity and damping act on the frame velocity.

@@ -5,7 +5,7 @@ use super::{
     limit::{MAX_STRAIN, MAX_TRAVEL},
     schedule::{Context, Schedule},
     springs::forget_springs,
-    tally::{Tally, timed},
+    tally::Tally,
 };
 use crate::{
     colliders::{Substep, touch::ParticleConditions},
@@ -14,6 +14,7 @@ use crate::{
         particle_pass::particle_pass,
         pass::{Findings, Pass, Stage},
     },
+    timed,
 };
 
 /// P2G where a segment begins: all velocities to the grid, with the forces of the substep at hand. Fails where particles move

@@ -1,17 +1,19 @@
 //! Solids on grids of their own, with the rigid bodies that they may touch: moved in substeps of their own.
 
+use std::time::Instant;
+
 use super::{limit::Limit, rigid::RigidGroup, springs::springs_of_solid, tally::Tally};
 use crate::{
     colliders::{Substep, farthest},
     coupling::solids::{NodeImpulse, NodeImpulses},
     episodes::Episodes,
     ledger::Ledger,
-    report::DtLimit,
+    report::{DtLimit, ObjectCost, Timings},
     scene::PinnedRegion,
     solid::{
         advance::{Outside, Scratch, Solid},
         bonds::HeldFace,
-        group::{Passed, advance_group},
+        group::{Passed, Phases, advance_group},
         kernel::SolidLaw,
         mover::{Around, Mover},
         object::{HeldInRegion, SolidObject, law_of},
@@ -19,6 +21,7 @@ use crate::{
         state::{NodeLoad, SolidState},
     },
     state::Given,
+    timed,
 };
 
 /// Times that a failing span of solids is tried again with half the substep before one of them is taken out.
@@ -72,17 +75,21 @@ pub(crate) fn move_solids(
     rigid: &mut RigidGroup<'_>,
     tally: &mut Tally,
 ) {
+    let (start, before) = (Instant::now(), tally.timings);
     let count = solids.states.len();
     solids.scratch.resize_with(count, || None);
     let is_solid = |n: u32| given.is_moving_solid(n as usize);
     solids.episodes.retain(is_solid);
     let islands = islands(given, span, &mut solids, rigid);
     if !islands.iter().any(|island| island.has_bodies) {
-        rigid.advance(span, None);
+        timed(&mut tally.timings.bodies, || rigid.advance(span, None));
     }
     for island in islands {
         move_island(given, span, &island, &mut solids, rigid, tally);
     }
+    let apart = |t: &Timings| t.solid_contact + t.solid_measuring + t.bodies;
+    let others = apart(&tally.timings) - apart(&before);
+    tally.timings.solids += start.elapsed().as_secs_f64() - others;
 }
 
 /// What a solid knows of its surroundings since the frame began; nothing where it begins.
@@ -175,7 +182,7 @@ fn move_island(
                 Ok(passed) => {
                     rigid.ledger.merge(&ledger);
                     solids.episodes.put_back(episodes);
-                    count(tally, given, &left, &passed);
+                    count(tally, given, &mut left, &passed);
                     left.into_iter().for_each(|one| solids.put_back(one));
                     return;
                 }
@@ -193,12 +200,12 @@ fn move_island(
         left.retain(|one| one.id != bad);
     }
     if island.has_bodies {
-        rigid.advance(span, None);
+        timed(&mut tally.timings.bodies, || rigid.advance(span, None));
     }
 }
 
-/// Takes note of an island: the work in quadrature points times substeps.
-fn count(tally: &mut Tally, given: &Given<'_>, island: &[Taken], passed: &Passed) {
+/// Takes note of an island: the work in quadrature points times substeps, and what its solids cost.
+fn count(tally: &mut Tally, given: &Given<'_>, island: &mut [Taken], passed: &Passed) {
     let solids = island
         .iter()
         .filter_map(|one| given.model.lagrangian[one.id].as_ref());
@@ -211,6 +218,22 @@ fn count(tally: &mut Tally, given: &Given<'_>, island: &[Taken], passed: &Passed
             dt: passed.smallest,
             cause: DtLimit::Sound,
             object: Some(island[0].id),
+        };
+    }
+    tally.timings.solid_contact += passed.phases.contact;
+    tally.timings.bodies += passed.phases.bodies;
+    for one in island {
+        let seconds = std::mem::take(&mut one.scratch.seconds);
+        tally.timings.solid_measuring += seconds.measuring;
+        *tally.of_object(one.id) += ObjectCost {
+            seconds: seconds.all,
+            substeps: passed.substeps,
+            dt_min: passed.smallest,
+            dt_limit: match passed.substeps {
+                1 => DtLimit::Frame,
+                _ => DtLimit::Sound,
+            },
+            contact_points: 0,
         };
     }
 }
@@ -284,6 +307,7 @@ fn move_together(
         substeps: 0,
         smallest: f64::INFINITY,
         last: 0.0,
+        phases: Phases::default(),
     };
     let mut at = span.time;
     let longest = longest_part(given, island);
@@ -307,6 +331,7 @@ fn move_together(
         all.substeps += passed.substeps;
         all.smallest = all.smallest.min(passed.smallest);
         all.last = passed.last;
+        all.phases += passed.phases;
         at = end;
     }
     Ok(all)

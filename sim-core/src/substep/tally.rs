@@ -1,19 +1,29 @@
 //! What substeps cost.
 
-use std::time::Instant;
-
 use super::limit::Limit;
-use crate::report::{Timings, Work};
+use crate::report::{ObjectCost, Timings, Work};
 
 /// Time and operations of a frame, those taken back included.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Tally {
     /// Wall time per phase.
     pub timings: Timings,
     /// Operations.
     pub work: Work,
+    /// What objects cost that have substeps of their own; as many as were asked for.
+    pub objects: Vec<ObjectCost>,
     /// What moving solids came to.
     pub solids: Moved,
+}
+
+impl Tally {
+    /// What an object cost.
+    pub fn of_object(&mut self, id: usize) -> &mut ObjectCost {
+        if self.objects.len() <= id {
+            self.objects.resize(id + 1, ObjectCost::default());
+        }
+        &mut self.objects[id]
+    }
 }
 
 /// What moving solids came to.
@@ -35,12 +45,4 @@ impl Default for Moved {
             rollbacks: 0,
         }
     }
-}
-
-/// Adds the wall time of a phase to a sum [s].
-pub(crate) fn timed<T>(sum: &mut f64, phase: impl FnOnce() -> T) -> T {
-    let start = Instant::now();
-    let result = phase();
-    *sum += start.elapsed().as_secs_f64();
-    result
 }

@@ -5,7 +5,7 @@ use crate::{
     particles::{Motion, NO_PARTICLE, extent},
     state::Matter,
     step::sort::sort,
-    substep::timed,
+    timed,
 };
 
 impl World {

@@ -24,6 +24,8 @@ pub(super) struct Frame {
     rollbacks: u32,
     last_dt: f64,
     smallest: Limit,
+    /// What limited the smallest substep on the spatial grid.
+    pub limit_on_grid: DtLimit,
     /// Smallest substep that is planned or tried [s].
     pub smallest_dt: f64,
     /// Particles that sleep through it.
@@ -79,6 +81,7 @@ impl Frame {
             rollbacks: 0,
             last_dt: 0.0,
             smallest: Limit::FRAME,
+            limit_on_grid: DtLimit::Frame,
             smallest_dt: 0.0,
             asleep: 0,
             kicked: 0.0,
@@ -105,7 +108,7 @@ impl Frame {
         *self = Self {
             left_domain: std::mem::take(&mut self.left_domain),
             gone_over: std::mem::take(&mut self.gone_over),
-            tally: self.tally,
+            tally: std::mem::take(&mut self.tally),
             rollbacks: self.rollbacks,
             stopped: true,
             ..Self::new(0.0)
@@ -172,7 +175,8 @@ impl Frame {
 
     /// Takes note of what moving solids came to: of their substeps, where they took more than all else.
     pub fn count_solids(&mut self) {
-        let solids = self.tally.solids;
+        let solids = &self.tally.solids;
+        self.limit_on_grid = self.smallest.cause;
         self.rollbacks += solids.rollbacks;
         if solids.substeps > u64::from(self.substeps) {
             self.substeps = u32::try_from(solids.substeps).unwrap_or(u32::MAX);

@@ -4,7 +4,8 @@ use super::{World, frame::Frame, hash};
 use crate::{
     episodes::Closed,
     moments::total_momentum,
-    report::{ContactEpisode, StepReport},
+    report::{ContactEpisode, ObjectCost, StepReport},
+    substep::Tally,
 };
 
 impl World {
@@ -56,8 +57,54 @@ impl World {
         let of_solids = of_solids.iter().map(|e| episode(e, 1.0, 1.0));
         report.contacts.extend(of_solids);
         (report.linear_momentum, report.angular_momentum) = total_momentum(&report.objects);
+        report.costs = self.costs(frame);
         report.state_hash = hash::state_hash(&self.published, &self.state);
         report
+    }
+
+    /// What each object cost in a frame.
+    fn costs(&self, frame: &Frame) -> Vec<ObjectCost> {
+        let Tally {
+            timings, objects, ..
+        } = &frame.tally;
+        let (given, count) = (self.given(), self.model.scene.objects.len());
+        let mut particles = vec![0; count];
+        for (id, part) in self.model.parts.iter().enumerate() {
+            if given.is_simulated(id) {
+                particles[part.object] += self.model.particle_counts[id];
+            }
+        }
+        let all: usize = particles.iter().sum();
+        let is_body = |id: usize| self.state.bodies.of[id].is_some();
+        let bodies = (0..count).filter(|&id| is_body(id)).count();
+        let substeps = &self.workspace.substeps;
+        let on_grid = timings.particles + timings.grid + timings.contact;
+        let cost = |id: usize| {
+            if let (Some(cost), Some(state)) = (objects.get(id), &self.state.solids[id])
+                && cost.substeps > 0
+            {
+                let contact_points = state.contact_points() as u64;
+                return ObjectCost {
+                    contact_points,
+                    ..*cost
+                };
+            }
+            match particles[id] {
+                0 if is_body(id) => ObjectCost {
+                    seconds: timings.bodies / bodies as f64,
+                    ..ObjectCost::default()
+                },
+                0 => ObjectCost::default(),
+                own => ObjectCost {
+                    seconds: on_grid * own as f64 / all as f64,
+                    substeps: substeps.len() as u64,
+                    dt_min: substeps.iter().copied().fold(f64::INFINITY, f64::min),
+                    dt_limit: frame.limit_on_grid,
+                    contact_points: 0,
+                },
+            }
+        };
+        (0..count).map(cost).collect()
     }
 
     /// Particle-substeps of a frame in which every particle is stepped, as often as was needed or, where more were

@@ -13,8 +13,9 @@ use crate::{
     state::{GridMotion, in_contact::InContact},
     step::{shapes::limit_shapes, volume::correct_fluid_volume},
     substep::{
-        Failure, Limit, OffGrid, Schedule, Segment, move_bodies, smallest_dt, substep, timed,
+        Failure, Limit, OffGrid, Schedule, Segment, move_bodies, smallest_dt, substep,
     },
+    timed,
 };
 
 /// Drift beyond which a new segment sorts first [cells].

@@ -5,6 +5,7 @@ mod boundaries;
 mod carried;
 mod coherence;
 mod contact_laws;
+mod costs;
 mod edits;
 mod episodes;
 mod fields;
