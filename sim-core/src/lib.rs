@@ -36,11 +36,11 @@ mod substep;
 pub mod test_scenes;
 mod world;
 
+use cosplat_matter::timed::timed;
 pub use cosplat_matter::{
     Scene, expression, kinematics, mat3, materials, num, rotation, scene,
     simd::{self, Isa},
 };
-use cosplat_matter::timed::timed;
 use cosplat_rigid::{bodies, episodes, ledger, motion};
 
 pub use cosplat_rigid::{

@@ -458,7 +458,8 @@ fn what_shall_sleep_and_never_rests_is_warned_of() {
         let (_, report) = built(&text);
         report.warnings.iter().map(ToString::to_string).collect()
     };
-    let numbers = "law = \"neo_hookean\", youngs_modulus_pa = 1e5, poisson_ratio = 0.3, density_kg_m3 = 1000";
+    let numbers =
+        "law = \"neo_hookean\", youngs_modulus_pa = 1e5, poisson_ratio = 0.3, density_kg_m3 = 1000";
     let found = warnings(&format!("{{ {numbers} }}"));
     let [warning] = found.as_slice() else {
         panic!("{found:?}")
@@ -466,7 +467,11 @@ fn what_shall_sleep_and_never_rests_is_warned_of() {
     for words in ["`ball`", "`loss`", "does not sleep"] {
         assert!(warning.contains(words), "{words:?} not in {warning:?}");
     }
-    for rests in [&format!("{{ {numbers}, loss = 0.01 }}"), "\"jelly\"", "\"clay\""] {
+    for rests in [
+        &format!("{{ {numbers}, loss = 0.01 }}"),
+        "\"jelly\"",
+        "\"clay\"",
+    ] {
         assert_eq!(warnings(rests), [""; 0], "{rests}");
     }
 }

@@ -1,10 +1,6 @@
 //! Contact between the grid fields of objects.
 
-use super::{
-    grid::NodeInput,
-    schedule::Context,
-    tally::Tally,
-};
+use super::{grid::NodeInput, schedule::Context, tally::Tally};
 use crate::{
     contact::{ContactInput, meet},
     grid::Grid,

@@ -1,9 +1,6 @@
 //! The grid pass: momentum to velocity, gravity, boundary conditions.
 
-use super::{
-    schedule::Context,
-    tally::Tally,
-};
+use super::{schedule::Context, tally::Tally};
 use crate::{
     colliders::NodeConditions,
     grid::{

@@ -12,9 +12,7 @@ use crate::{
     solid::state::SolidState,
     state::{GridMotion, in_contact::InContact},
     step::{shapes::limit_shapes, volume::correct_fluid_volume},
-    substep::{
-        Failure, Limit, OffGrid, Schedule, Segment, move_bodies, smallest_dt, substep,
-    },
+    substep::{Failure, Limit, OffGrid, Schedule, Segment, move_bodies, smallest_dt, substep},
     timed,
 };
 
