@@ -423,7 +423,7 @@ fn summary_text(s: &Summary) -> String {
         let _ = write!(text, "\n  {share:.0} % of the time of objects: `{name}`");
         if cost.substeps > 0 {
             let limit = match cost.dt_limit {
-                DtLimit::Frame => "the frame",
+                DtLimit::Frame => "the frame, or what it meets",
                 DtLimit::Sound => "its speed of sound",
                 DtLimit::Velocity => "its velocity",
                 DtLimit::Deformation => "its deformation",

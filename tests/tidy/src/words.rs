@@ -40,7 +40,6 @@ const BANNED: &[&str] = &[
     "rub",
     "rubbed",
     "rubs",
-    "tell_edges",
     "wade",
     "waded",
     "yielding",
