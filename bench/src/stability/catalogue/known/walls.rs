@@ -274,14 +274,15 @@ pub const ALL: [Case; 18] = [
     Case {
         scene: scene_text!("stability/cases/belt_beside_sand"),
         about: "soft block on a belt of 0.2 m/s beside sand",
-        duration: 0.3,
+        // The belt sets it trembling, with a period of 0.075 s, which a mean must cover many times.
+        duration: 1.0,
         files: &[],
         runs: ONCE,
         readings: &[Reading {
             quantity: "speed at which it is carried [m/s]",
             right: 0.2,
             gate: Gate::Relative(0.02),
-            read: |r| rate(&r[0], "/objects/0/com/0", [0.2, 0.3]),
+            read: |r| rate(&r[0], "/objects/0/com/0", [0.4, 1.0]),
         }],
     },
 ];
