@@ -173,8 +173,9 @@ impl<'a> Solid<'a> {
         let Scratch {
             motions, search, ..
         } = &*self.scratch;
-        let by_motions = motions.limit(&self.deformed(), search.contact, cfl);
-        search.limit(DEEPENS * self.model.dx, drift, by_motions)
+        let [by_motions, smallest] = motions.limit(&self.deformed(), search.contact, cfl);
+        let by_contact = search.limit(DEEPENS * self.model.dx, drift, by_motions);
+        by_contact.max(smallest)
     }
 
     /// Expects to meet something in a frame that begins.

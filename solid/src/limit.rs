@@ -34,7 +34,8 @@ const GROWN: f64 = 1.2;
 const AGE: [u64; 2] = [16, 64];
 /// Substeps that a measurement has to save at best: it takes as long as seven.
 const MIN_SAVED: f64 = 14.0;
-/// Smallest substep over that at rest: beyond it a solid fails.
+/// Smallest substep over that at rest: a solid whose matter needs less fails, and one that is too fast for it is in what it meets deeper
+/// than it should.
 const SMALLEST: f64 = 1.0 / 1024.0;
 
 /// A solid as it is deformed.
@@ -146,8 +147,9 @@ impl Motions {
         [known, stable(at_rest)]
     }
 
-    /// Largest substep [s]: that at rest by a power of the eighth root of one half, so that it seldom changes.
-    pub fn limit(&self, of: &Deformed<'_>, contact: ContactWith, cfl: f64) -> f64 {
+    /// Largest substep [s]: that at rest by a power of the eighth root of one half, so that it seldom changes; and the smallest that
+    /// anything makes it.
+    pub fn limit(&self, of: &Deformed<'_>, contact: ContactWith, cfl: f64) -> [f64; 2] {
         let [at_rest, _] = self.frequencies(of);
         let rest = 2.0 * cfl / at_rest.sqrt();
         let [known, _] = self.stable(of, contact);
@@ -156,7 +158,7 @@ impl Motions {
         while limit > most && limit > SMALLEST * rest {
             limit *= 0.5_f64.powf(0.125);
         }
-        limit
+        [limit, limit.min(SMALLEST * rest)]
     }
 
     /// Measures the fastest motion about where it is, if that is due and worth it for what is left of a span [s]; whether it is known then.

@@ -274,7 +274,7 @@ impl SolidModel {
         for a in 0..3 {
             // The next lower integer; a call of the library on processors without an instruction for it.
             let whole = at[a] as i32;
-            cell[a] = whole - i32::from(f64::from(whole) > at[a]);
+            cell[a] = whole.saturating_sub(i32::from(f64::from(whole) > at[a]));
         }
         (at, cell)
     }

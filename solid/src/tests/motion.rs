@@ -190,3 +190,37 @@ fn forces_on_what_stands_need_not_be_found_again() {
         assert!(known != cube.state.nodes);
     }
 }
+
+#[test]
+fn no_place_is_too_far_to_be_looked_up() {
+    let cube = cube(Law::NeoHookean, 3);
+    assert!(cube.model.site_near([0.15; 3]).is_some());
+    for far in [1e9, 1e300, f64::INFINITY] {
+        for axis in 0..3 {
+            for place in [far, -far] {
+                let mut x = [0.15; 3];
+                x[axis] = place;
+                assert!(cube.model.site_near(x).is_none(), "{x:?}");
+                assert!(cube.model.site(x, x).is_none(), "{x:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn no_approach_is_too_fast_for_the_smallest_substep() {
+    let mut cube = cube(Law::NeoHookean, 3);
+    let cfl = cube.outside.cfl;
+    cube.advance(1e-3);
+    let mut solid = cube.solid();
+    let at_rest = solid.limit(cfl, 0.0);
+    for speed in [1e3, 1e9, 1e30] {
+        solid.state.velocity = [0.0, -speed, 0.0];
+        solid.expect_contact();
+        let limit = solid.limit(cfl, 0.0);
+        assert!(
+            limit < at_rest && limit > at_rest / 2000.0,
+            "{speed}: {limit}"
+        );
+    }
+}
