@@ -108,6 +108,11 @@ impl Episodes {
         self.open.retain(|e| e.fields.into_iter().any(&among));
     }
 
+    /// Whether a pair, the smaller number first, has touched and not parted for good.
+    pub fn has(&self, pair: [u32; 2]) -> bool {
+        self.open.binary_search_by_key(&pair, |e| e.fields).is_ok()
+    }
+
     /// Pairs that have touched and not parted for good.
     pub fn pairs(&self) -> impl Iterator<Item = [u32; 2]> {
         self.open.iter().map(|episode| episode.fields)

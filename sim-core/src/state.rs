@@ -329,6 +329,8 @@ pub(crate) struct Workspace {
     pub edited: [f64; 2],
     /// Of solids, per object; made when they first move.
     pub solids: Vec<Option<Scratch>>,
+    /// Solids at the start of the segment.
+    pub solids_before: Vec<Option<SolidState>>,
     /// What matter on the grid and solids exchanged in the substep before.
     pub at_solids: WarmStart,
     /// How near particles are to what is off the grid, per object.

@@ -62,6 +62,8 @@ pub struct Scratch {
     pub(super) motions: Motions,
     /// What its matter loses.
     pub dissipation: Dissipation,
+    /// Its state where the span at hand began, if that may be undone.
+    pub before: Option<SolidState>,
     /// Processor time that it took [s]: all of it, and what of that measured its fastest motions.
     pub seconds: Seconds,
 }
@@ -105,6 +107,7 @@ impl Scratch {
             walls: Walls::default(),
             motions: Motions::default(),
             dissipation: Dissipation::default(),
+            before: None,
             seconds: Seconds::default(),
         };
         scratch.hold_anew(model, vec![]);

@@ -18,7 +18,7 @@ use crate::{
 };
 
 /// Nodes and the frame that they move in.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub struct SolidState {
     /// Per block.
     pub nodes: Vec<NodeBlock>,
@@ -42,6 +42,45 @@ pub struct SolidState {
     pub span: f64,
     /// Largest gradient of the velocity in it, where it is deformed so much, or so fast, that this counts [1/s].
     pub rate: f32,
+}
+
+impl Clone for SolidState {
+    fn clone(&self) -> Self {
+        Self {
+            nodes: self.nodes.clone(),
+            memory: self.memory.clone(),
+            relaxed: self.relaxed.clone(),
+            springs: self.springs.clone(),
+            overlaps: self.overlaps.clone(),
+            of_matter: self.of_matter.clone(),
+            ..*self
+        }
+    }
+
+    // Kept before every span: memory is taken once.
+    fn clone_from(&mut self, source: &Self) {
+        let Self {
+            nodes,
+            memory,
+            relaxed,
+            shift,
+            velocity,
+            tangent,
+            springs,
+            overlaps,
+            of_matter,
+            span,
+            rate,
+        } = self;
+        nodes.clone_from(&source.nodes);
+        memory.clone_from(&source.memory);
+        relaxed.clone_from(&source.relaxed);
+        springs.clone_from(&source.springs);
+        overlaps.clone_from(&source.overlaps);
+        of_matter.clone_from(&source.of_matter);
+        (*shift, *velocity) = (source.shift, source.velocity);
+        (*tangent, *span, *rate) = (source.tangent, source.span, source.rate);
+    }
 }
 
 /// A force on a node through a span.

@@ -53,6 +53,24 @@ struct Taken {
     bounds: Bounds,
 }
 
+impl Taken {
+    /// Keeps its state where a span begins.
+    fn remember(&mut self) {
+        match &mut self.scratch.before {
+            Some(before) => before.clone_from(&self.state),
+            none => *none = Some(self.state.clone()),
+        }
+    }
+
+    /// Returns to that.
+    fn undo(&mut self) {
+        if let Some(before) = &self.scratch.before {
+            self.state.clone_from(before);
+        }
+        self.scratch.search.restart();
+    }
+}
+
 /// Smallest and largest coordinates [m].
 type Bounds = [[f64; 3]; 2];
 
@@ -124,7 +142,7 @@ fn islands(
     // What has touched stays together until it has parted.
     let in_contact = |a: usize, b: usize| {
         let pair = [a.min(b) as u32, a.max(b) as u32];
-        solids.episodes.pairs().any(|known| known == pair)
+        solids.episodes.has(pair)
     };
     let mut islands: Vec<Island> = vec![];
     for (id, bounds) in boxes {
@@ -171,7 +189,7 @@ fn move_island(
     let has = |n: u32| island.objects.iter().any(|one| one.0 == n as usize);
     let in_contact = solids.episodes.take_of(has);
     while !left.is_empty() {
-        let before: Vec<SolidState> = left.iter().map(|one| one.state.clone()).collect();
+        left.iter_mut().for_each(Taken::remember);
         let mut bad = left[0].id;
         for retry in 0..=RETRIES {
             let (mut ledger, mut episodes) = (Ledger::default(), in_contact.clone());
@@ -188,10 +206,7 @@ fn move_island(
                 }
                 Err(object) => bad = object,
             }
-            for (one, before) in left.iter_mut().zip(&before) {
-                one.state.clone_from(before);
-                one.scratch.search.restart();
-            }
+            left.iter_mut().for_each(Taken::undo);
             if island.has_bodies {
                 rigid.put_back(&bodies);
             }

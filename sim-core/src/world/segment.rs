@@ -9,7 +9,6 @@ use crate::{
     kinematics::kick,
     ledger::Ledger,
     particles::Extremes,
-    solid::state::SolidState,
     state::{GridMotion, in_contact::InContact},
     step::{shapes::limit_shapes, volume::correct_fluid_volume},
     substep::{Failure, Limit, OffGrid, Schedule, Segment, move_bodies, smallest_dt, substep},
@@ -19,10 +18,9 @@ use crate::{
 /// Drift beyond which a new segment sorts first [cells].
 const SORT_DRIFT: f64 = 0.5;
 
-/// What a rollback returns to, besides the particles in the workspace.
+/// What a rollback returns to, besides the particles and solids in the workspace.
 struct Start {
     bodies: Vec<Option<Body>>,
-    solids: Vec<Option<SolidState>>,
     warm_start: Vec<CachedImpulse>,
     ledger: Ledger,
     remaining: f64,
@@ -191,11 +189,11 @@ impl World {
     }
 
     /// What a rollback returns to.
-    fn start(&self, frame: &Frame) -> Start {
+    fn start(&mut self, frame: &Frame) -> Start {
         let state = &self.state;
+        self.workspace.solids_before.clone_from(&state.solids);
         Start {
             bodies: state.bodies.places(),
-            solids: state.solids.clone(),
             warm_start: state.bodies.warm_start.clone(),
             ledger: state.bodies.ledger.clone(),
             remaining: frame.remaining,
@@ -220,7 +218,7 @@ impl World {
                 rigid.body = *body;
             }
         }
-        state.solids.clone_from(&to.solids);
+        state.solids.clone_from(&self.workspace.solids_before);
         for scratch in self.workspace.solids.iter_mut().flatten() {
             scratch.search.restart();
         }
