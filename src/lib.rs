@@ -5,6 +5,7 @@ pub mod branch;
 mod camera_path;
 pub mod child;
 pub mod compact;
+mod costs;
 pub mod ctl;
 mod demo;
 mod explain;

@@ -2,7 +2,6 @@
 
 use std::{
     collections::BTreeMap,
-    fmt::Write as _,
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
     sync::atomic::Ordering,
@@ -26,7 +25,10 @@ use cosplat_sim_core::{
 };
 use serde::Serialize;
 
-use crate::{note, progress, say, seconds, signals, threads};
+use crate::{
+    costs::{self, CostShare},
+    note, progress, say, seconds, signals, threads,
+};
 
 /// Objects whose cost a summary names.
 const DEAREST: usize = 3;
@@ -413,28 +415,18 @@ fn summary_text(s: &Summary) -> String {
     let mut dear: Vec<&CostLine> = s.objects.iter().collect();
     dear.sort_by(|a, b| b.cost.seconds.total_cmp(&a.cost.seconds));
     let all: f64 = dear.iter().map(|line| line.cost.seconds).sum();
-    for line in dear
-        .iter()
-        .take(DEAREST)
-        .filter(|line| line.cost.seconds > 0.0)
-    {
-        let (name, cost) = (&line.name, &line.cost);
-        let share = 100.0 * cost.seconds / all;
-        let _ = write!(text, "\n  {share:.0} % of the time of objects: `{name}`");
-        if cost.substeps > 0 {
-            let limit = match cost.dt_limit {
-                DtLimit::Frame => "the frame, or what it meets",
-                DtLimit::Sound => "its speed of sound",
-                DtLimit::Velocity => "its velocity",
-                DtLimit::Deformation => "its deformation",
-            };
-            let (substeps, dt, points) = (cost.substeps, cost.dt_min, cost.contact_points);
-            let _ = write!(
-                text,
-                ", {substeps} substeps of at least {dt:.2e} s by {limit}, up to {points} points in contact"
-            );
-        }
-    }
+    let shares = dear.iter().take(DEAREST).map(|line| CostShare {
+        name: &line.name,
+        share: line.cost.seconds / all,
+        substeps: format!("{} substeps", line.cost.substeps),
+        dt: match line.cost.substeps {
+            0 => 0.0,
+            _ => line.cost.dt_min,
+        },
+        limit: line.cost.dt_limit as u32,
+        points: line.cost.contact_points,
+    });
+    text.push_str(&costs::of_objects(shares));
     text
 }
 

@@ -20,7 +20,7 @@
 #endif
 
 /** Hash of the layout of all types: a server with another one in its hello must not be read. */
-#define COSPLAT_SCHEMA_HASH UINT64_C(0x040df2202d83ba5f)
+#define COSPLAT_SCHEMA_HASH UINT64_C(0x9d9272eb044a0f5b)
 /** All of the object is as its own frame had it last, at another place. */
 #define COSPLAT_CHANGE_PLACED UINT32_C(1)
 /** The object's Gaussians follow, in the world frame. */
@@ -850,9 +850,27 @@ struct cosplat_status {
     double edit_energy;
     /** Mass that edits brought into the world, since start [kg]. */
     double edit_mass;
+    /** Wall time of a step, mean over about the last second; 0 while nothing is known [s]. */
+    double step_seconds;
+    /** Shares of it, 0..=1: particles, grid, contact on the grid, coupling, solids, their contact, measuring them, rigid bodies, sort, publish; what is left to 1 is between them. */
+    double phase_shares[10];
+    /** Shares of the processor time of all objects, 0..=1, of the three that take most, the dearest first, over the same steps. */
+    double cost_shares[3];
+    /** Their substeps per step. */
+    double cost_substeps[3];
+    /** The smallest of these; 0 where there are none [s]. */
+    double cost_dt[3];
+    /** Which objects they are; `u32::MAX` = none. */
+    uint32_t cost_objects[3];
+    /** What limited `cost_dt`, as `dt_limit`. */
+    uint32_t cost_limits[3];
+    /** Most points of their surfaces that touched something where a step ended; 0 where that is not known. */
+    uint32_t cost_points[3];
+    /** Zero. */
+    uint32_t reserved;
 };
 #define COSPLAT_STATUS_TYPE_NAME "cosplat.v1.Status"
-COSPLAT_ASSERT(sizeof(struct cosplat_status) == 248, "cosplat_status");
+COSPLAT_ASSERT(sizeof(struct cosplat_status) == 448, "cosplat_status");
 COSPLAT_ASSERT(COSPLAT_ALIGNOF(struct cosplat_status) == 8, "cosplat_status");
 COSPLAT_ASSERT(offsetof(struct cosplat_status, step) == 0, "cosplat_status");
 COSPLAT_ASSERT(offsetof(struct cosplat_status, sim_time) == 8, "cosplat_status");
@@ -884,5 +902,14 @@ COSPLAT_ASSERT(offsetof(struct cosplat_status, has_changes) == 220, "cosplat_sta
 COSPLAT_ASSERT(offsetof(struct cosplat_status, spring_work) == 224, "cosplat_status");
 COSPLAT_ASSERT(offsetof(struct cosplat_status, edit_energy) == 232, "cosplat_status");
 COSPLAT_ASSERT(offsetof(struct cosplat_status, edit_mass) == 240, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, step_seconds) == 248, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, phase_shares) == 256, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, cost_shares) == 336, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, cost_substeps) == 360, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, cost_dt) == 384, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, cost_objects) == 408, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, cost_limits) == 420, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, cost_points) == 432, "cosplat_status");
+COSPLAT_ASSERT(offsetof(struct cosplat_status, reserved) == 444, "cosplat_status");
 
 #endif

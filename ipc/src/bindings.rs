@@ -93,7 +93,10 @@ impl Text {
                 self.docs.insert((name.into(), String::new()), words);
                 inside = Some(name.into());
             } else if let Some(constant) = code.strip_prefix("pub const ") {
-                self.constants.push(constant_of(constant, words));
+                // Lists of names are told in the words of what has their order.
+                if !constant.contains(": [") {
+                    self.constants.push(constant_of(constant, words));
+                }
             } else if let (Some(name), Some(field)) = (&inside, between(code, "pub ", ":")) {
                 self.docs.insert((name.clone(), field.into()), words);
             } else if line == "}" {

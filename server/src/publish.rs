@@ -11,6 +11,7 @@ use cosplat_ipc::{
 use cosplat_scene::load::LoadedScene;
 use cosplat_sim_core::{
     Scene, StepReport, World,
+    report::{ObjectCost, Timings},
     scene::{ColliderShape, Fidelity, Object},
 };
 use xxhash_rust::xxh3::Xxh3;
@@ -30,8 +31,16 @@ pub struct Output {
     pub gaussians: GaussianWriter,
     /// `SERVER_*`.
     pub state: u32,
-    recent: VecDeque<(Instant, f64)>,
+    recent: VecDeque<Recent>,
     totals: Totals,
+}
+
+/// A step of those over which rates are averaged.
+struct Recent {
+    at: Instant,
+    sim_time: f64,
+    timings: Timings,
+    costs: Vec<ObjectCost>,
 }
 
 /// Sums over all steps.
@@ -84,13 +93,18 @@ impl Output {
         if self.recent.len() == RATE_WINDOW {
             self.recent.pop_front();
         }
-        self.recent.push_back((Instant::now(), report.sim_time));
+        self.recent.push_back(Recent {
+            at: Instant::now(),
+            sim_time: report.sim_time,
+            timings: report.timings,
+            costs: report.costs.clone(),
+        });
     }
 
     /// The newest figures.
     pub fn status(&self, report: &StepReport, summary: &ServeSummary) -> Status {
         let (steps_per_second, real_time_factor) = self.rates();
-        Status {
+        let mut status = Status {
             step: report.step,
             sim_time: report.sim_time,
             steps_per_second,
@@ -117,6 +131,41 @@ impl Output {
             edit_energy: self.totals.edit_energy,
             edit_mass: self.totals.edit_mass,
             ..Status::default()
+        };
+        self.tell_costs(&mut status);
+        status
+    }
+
+    /// Writes what the latest steps took, and which objects took most of it.
+    fn tell_costs(&self, status: &mut Status) {
+        let mut timings = Timings::default();
+        let mut costs: Vec<ObjectCost> = vec![];
+        for step in &self.recent {
+            timings += step.timings;
+            costs.resize_with(costs.len().max(step.costs.len()), ObjectCost::default);
+            for (sum, cost) in costs.iter_mut().zip(&step.costs) {
+                *sum += *cost;
+            }
+        }
+        let steps = self.recent.len().max(1) as f64;
+        status.step_seconds = timings.total / steps;
+        if timings.total > 0.0 {
+            status.phase_shares = timings.phases().map(|seconds| seconds / timings.total);
+        }
+        status.cost_objects = [u32::MAX; 3];
+        let all: f64 = costs.iter().map(|cost| cost.seconds).sum();
+        let mut dear: Vec<(usize, &ObjectCost)> = costs.iter().enumerate().collect();
+        dear.retain(|(_, cost)| cost.seconds > 0.0);
+        dear.sort_by(|a, b| b.1.seconds.total_cmp(&a.1.seconds));
+        for (n, (object, cost)) in dear.into_iter().take(3).enumerate() {
+            status.cost_objects[n] = object as u32;
+            status.cost_shares[n] = cost.seconds / all;
+            status.cost_substeps[n] = cost.substeps as f64 / steps;
+            status.cost_limits[n] = cost.dt_limit as u32;
+            status.cost_points[n] = cost.contact_points as u32;
+            if cost.substeps > 0 {
+                status.cost_dt[n] = cost.dt_min;
+            }
         }
     }
 
@@ -129,16 +178,19 @@ impl Output {
 
     /// Steps and simulated seconds per wall second; zero while nothing is known.
     fn rates(&self) -> (f64, f64) {
-        let (Some((begin, t0)), Some((end, t1))) = (self.recent.front(), self.recent.back()) else {
+        let (Some(first), Some(last)) = (self.recent.front(), self.recent.back()) else {
             return (0.0, 0.0);
         };
-        let wall = (*end - *begin).as_secs_f64();
+        let wall = (last.at - first.at).as_secs_f64();
         if wall <= 0.0 {
             return (0.0, 0.0);
         }
         let steps = (self.recent.len() - 1) as f64;
         // A reset inside the window turns simulated time back; no rate is better than a negative one.
-        (steps / wall, ((t1 - t0) / wall).max(0.0))
+        (
+            steps / wall,
+            ((last.sim_time - first.sim_time) / wall).max(0.0),
+        )
     }
 }
 
@@ -256,4 +308,77 @@ fn bounds(scene: &Scene) -> ([f32; 3], [f32; 3]) {
         }
     }
     (min, max)
+}
+
+#[cfg(test)]
+mod tests {
+    use cosplat_scene::{
+        assets::{Gaussians, ReadReport},
+        scene_file,
+    };
+
+    use super::*;
+
+    const SCENE: &str = r#"
+version = 1
+name = "two"
+frame_rate = 60
+dx = 0.1
+particles_per_cell = 8
+
+[domain]
+min = [-2, -1, -2]
+max = [2, 2, 2]
+
+[[colliders]]
+name = "floor"
+normal = [0, 1, 0]
+surface = "separate"
+
+[[objects]]
+name = "small"
+shape = { kind = "box", size = [0.2, 0.2, 0.2] }
+translation = [-0.6, 0.1, 0]
+material = "soft_rubber"
+
+[[objects]]
+name = "large"
+shape = { kind = "box", size = [0.6, 0.6, 0.6] }
+translation = [0.4, 0.3, 0]
+material = "soft_rubber"
+"#;
+
+    #[test]
+    fn the_status_says_what_a_step_takes_and_by_whom() {
+        assert_eq!(Timings::PHASES, wire::PHASES);
+        let file = scene_file::SceneFile::parse(SCENE).unwrap_or_else(|e| panic!("{e}"));
+        let mut load = |_: &str| Ok((Gaussians::default(), ReadReport::default()));
+        let (scene, _) = scene_file::build(&file, &mut load).unwrap_or_else(|e| panic!("{e}"));
+        let mut output = Output::new(&scene);
+        let mut world = World::new(scene).expect("valid");
+        let nothing = output.status(world.report(), &ServeSummary::default());
+        assert_eq!(
+            (nothing.step_seconds, nothing.cost_objects),
+            (0.0, [u32::MAX; 3])
+        );
+        let (mut substeps, mut smallest) = (0, f64::INFINITY);
+        for _ in 0..5 {
+            world.step(1.0 / 60.0, &[]);
+            output.count(world.report());
+            let cost = &world.report().costs[1];
+            substeps += cost.substeps;
+            smallest = smallest.min(cost.dt_min);
+        }
+        let status = output.status(world.report(), &ServeSummary::default());
+        assert!(status.step_seconds > 0.0);
+        let phases: f64 = status.phase_shares.iter().sum();
+        assert!(phases > 0.1 && phases <= 1.0, "{phases}");
+        // 27 times the matter.
+        assert_eq!(status.cost_objects, [1, 0, u32::MAX]);
+        let shares = status.cost_shares;
+        assert!((shares[0] + shares[1] - 1.0).abs() < 1e-12 && shares[0] > shares[1]);
+        assert_eq!(status.cost_substeps[0], substeps as f64 / 5.0);
+        assert_eq!(status.cost_dt[0], smallest);
+        assert!(status.cost_points[0] > 0, "it stands on the floor");
+    }
 }

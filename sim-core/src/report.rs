@@ -144,6 +144,38 @@ impl std::ops::AddAssign for Timings {
     }
 }
 
+impl Timings {
+    /// Names of the phases, in the order of [`phases`](Self::phases).
+    pub const PHASES: [&str; 10] = [
+        "particles",
+        "grid",
+        "contact",
+        "coupling",
+        "solids",
+        "solid contact",
+        "solid measuring",
+        "bodies",
+        "sort",
+        "publish",
+    ];
+
+    /// Wall seconds of the phases that may take long, moments as what is published; what is left of the whole is between them.
+    pub fn phases(&self) -> [f64; Self::PHASES.len()] {
+        [
+            self.particles,
+            self.grid,
+            self.contact,
+            self.coupling,
+            self.solids,
+            self.solid_contact,
+            self.solid_measuring,
+            self.bodies,
+            self.sort,
+            self.moments,
+        ]
+    }
+}
+
 /// What an object cost in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct ObjectCost {

@@ -7,12 +7,18 @@ use cosplat_ipc::{
     Domain,
     client::Client,
     list_sessions,
-    schema::{SERVER_PAUSED, SERVER_STOPPING, SERVER_WAITING, Status, str_from_padded},
+    schema::{
+        ObjectInfo, PHASES, SERVER_PAUSED, SERVER_STOPPING, SERVER_WAITING, Status, str_from_padded,
+    },
 };
 use serde_json::json;
 
 use super::Args;
-use crate::{say, viewpoint::Viewpoint};
+use crate::{
+    costs::{self, CostShare},
+    say,
+    viewpoint::Viewpoint,
+};
 
 /// Lists running sessions.
 pub fn list(domain: &Domain, json: bool) -> anyhow::Result<()> {
@@ -77,13 +83,24 @@ pub fn status(domain: &Domain, args: &Args, timeout: Duration) -> anyhow::Result
     let status = reader
         .next(timeout)?
         .with_context(|| format!("session \"{}\" sent no status", args.session))?;
+    let scene = client.scene(timeout)?;
+    let costs = costs_of(&status, scene.objects());
     if args.json {
-        say!("{}", status_json(&status))?;
+        say!("{}", status_json(&status, &costs))?;
     } else {
+        let step = match status.step_seconds > 0.0 {
+            true => format!(
+                "\na step takes {:.3e} s: {}{}",
+                status.step_seconds,
+                costs::of_phases(&PHASES, &status.phase_shares),
+                costs::of_objects(costs)
+            ),
+            false => String::new(),
+        };
         say!(
             "{} at step {}, {:.3} s simulated: {:.1} steps/s, {:.2} x real time, {}\n\
              energy {:.4} J kinetic, {:.4} J elastic, {:.4} J potential\n\
-             {} frames published, {} skipped; {} commands accepted, {} refused; {} particles left, {} quarantined",
+             {} frames published, {} skipped; {} commands accepted, {} refused; {} particles left, {} quarantined{step}",
             state_name(&status),
             status.step,
             status.sim_time,
@@ -104,6 +121,23 @@ pub fn status(domain: &Domain, args: &Args, timeout: Duration) -> anyhow::Result
     Ok(())
 }
 
+/// The objects that take most of a step's time, the dearest first.
+fn costs_of<'a>(status: &Status, objects: &'a [ObjectInfo]) -> Vec<CostShare<'a>> {
+    let costs = status.cost_objects.iter().enumerate();
+    let costs = costs.filter_map(|(n, &id)| {
+        let info = objects.get(id as usize)?;
+        Some(CostShare {
+            name: str_from_padded(&info.name).unwrap_or_default(),
+            share: status.cost_shares[n],
+            substeps: format!("{:.1} substeps a step", status.cost_substeps[n]),
+            dt: status.cost_dt[n],
+            limit: status.cost_limits[n],
+            points: status.cost_points[n].into(),
+        })
+    });
+    costs.collect()
+}
+
 /// The substep of the latest frame; where everything rests there is none.
 fn substep(status: &Status) -> String {
     match status.dt > 0.0 {
@@ -121,7 +155,23 @@ fn state_name(status: &Status) -> &'static str {
     }
 }
 
-fn status_json(status: &Status) -> serde_json::Value {
+fn status_json(status: &Status, costs: &[CostShare<'_>]) -> serde_json::Value {
+    let phases = PHASES.iter().zip(status.phase_shares);
+    let phases: serde_json::Map<_, _> = phases
+        .map(|(name, share)| ((*name).to_owned(), share.into()))
+        .collect();
+    let costs = costs.iter().enumerate().map(|(n, cost)| {
+        json!({
+            "object": status.cost_objects[n],
+            "name": cost.name,
+            "share": cost.share,
+            "substeps": status.cost_substeps[n],
+            "dt_min": cost.dt,
+            "dt_limit": costs::LIMITS[cost.limit.min(3) as usize],
+            "contact_points": cost.points,
+        })
+    });
+    let costs: Vec<serde_json::Value> = costs.collect();
     json!({
         "state": state_name(status),
         "step": status.step,
@@ -144,5 +194,8 @@ fn status_json(status: &Status) -> serde_json::Value {
         "commands_refused": status.commands_refused,
         "state_hash": format!("{:016x}", status.state_hash),
         "pid": status.pid,
+        "step_seconds": status.step_seconds,
+        "phases": phases,
+        "costs": costs,
     })
 }

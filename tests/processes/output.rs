@@ -19,6 +19,45 @@ fn unheard(stage: &Stage, arguments: &[&str]) -> Process {
 }
 
 #[test]
+fn a_running_session_says_what_takes_its_time() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let _server = stage.serve(&["--pace", "realtime"]);
+    wait_for_status(&stage.client(), |s| s.step >= 3);
+    let output = stage.ctl(&["status"]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        said.contains("a step takes ") && said.contains("solids "),
+        "{said}"
+    );
+    for name in ["left", "right"] {
+        assert!(
+            said.contains(&format!(" % of the time of objects: `{name}`, ")),
+            "{said}"
+        );
+    }
+    let output = stage.ctl(&["status", "--json"]);
+    let said: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert!(
+        said["step_seconds"].as_f64().is_some_and(|s| s > 0.0),
+        "{said}"
+    );
+    assert!(
+        said["phases"]["solids"].as_f64().is_some_and(|s| s > 0.0),
+        "{said}"
+    );
+    let costs = said["costs"].as_array().expect("costs");
+    assert_eq!(costs.len(), 2, "{said}");
+    for cost in costs {
+        assert!(
+            cost["substeps"].as_f64().is_some_and(|n| n >= 1.0),
+            "{cost}"
+        );
+        assert!(cost["dt_min"].as_f64().is_some_and(|dt| dt > 0.0), "{cost}");
+    }
+}
+
+#[test]
 fn commands_live_on_when_nobody_reads_what_they_print() {
     let _watchdog = watchdog();
     let stage = Stage::new();

@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
+use cosplat_sim_core::report::Timings;
 use serde_json::{Value, json};
 
-use super::run::{Measured, PHASES};
+use super::run::Measured;
 use crate::machine::Run;
 
 /// The part of a page that holds the table.
@@ -42,7 +43,7 @@ impl Row {
 /// One JSON object.
 pub fn line(row: &Row, run: &Run) -> Value {
     let measured = &row.measured;
-    let phases: serde_json::Map<_, _> = PHASES
+    let phases: serde_json::Map<_, _> = Timings::PHASES
         .iter()
         .zip(measured.shares)
         .map(|(name, share)| ((*name).to_owned(), share.into()))
@@ -84,7 +85,7 @@ pub fn sentence(row: &Row) -> String {
         row.rate(),
         number(row.ratio(), 2),
         number(row.kernel, 1),
-        PHASES.join(", "),
+        Timings::PHASES.join(", "),
         percents(&row.measured.shares),
         number(row.measured.allocations, 1),
     )
@@ -95,7 +96,7 @@ pub fn table(rows: &[Row], duration: f64, run: &Run) -> String {
     let mut text = format!(
         "First {duration} s of every scene. {}\n\n| scene | threads | simulated s/s | updates [million] | speed [million/s] | ratio to the kernel | {} [%] | allocations per substep |\n| --- | --- | --- | --- | --- | --- | --- | --- |\n",
         run.caption("threads as listed"),
-        PHASES.join(", ")
+        Timings::PHASES.join(", ")
     );
     for row in rows {
         let _ = writeln!(

@@ -19,50 +19,10 @@ pub struct Measured {
     pub simulated: f64,
     /// Wall time of stepping and of writing frames; with one thread, the processor time of it [s].
     pub seconds: f64,
-    /// Share of the wall time per phase, in the order of [`PHASES`].
-    pub shares: [f64; PHASES.len()],
+    /// Share of the wall time per phase, in the order of [`Timings::PHASES`]; that of what is published with the frames that are written.
+    pub shares: [f64; Timings::PHASES.len()],
     /// Heap allocations per substep; counted with one thread only.
     pub allocations: Option<f64>,
-}
-
-/// Phases of a frame. What is left to 1 is between them.
-pub const PHASES: [&str; 10] = [
-    "particles",
-    "grid",
-    "contact",
-    "coupling",
-    "solids",
-    "solid contact",
-    "solid measuring",
-    "bodies",
-    "sort",
-    "publish",
-];
-
-fn phases(timings: &Timings) -> [f64; PHASES.len() - 1] {
-    let Timings {
-        particles,
-        grid,
-        contact,
-        coupling,
-        solids,
-        solid_contact,
-        solid_measuring,
-        bodies,
-        sort,
-        ..
-    } = *timings;
-    [
-        particles,
-        grid,
-        contact,
-        coupling,
-        solids,
-        solid_contact,
-        solid_measuring,
-        bodies,
-        sort,
-    ]
 }
 
 /// Runs a scene for `duration` simulated seconds, whole frames, and writes every frame as the server does.
@@ -83,7 +43,7 @@ pub fn run_scene(scene: &Scene, duration: f64, threads: u16) -> anyhow::Result<M
         substeps: 0,
         simulated: frames as f64 * frame_dt,
         seconds: 0.0,
-        shares: [0.0; PHASES.len()],
+        shares: [0.0; Timings::PHASES.len()],
         allocations: None,
     };
     let (mut wall, mut allocations) = (0.0, 0);
@@ -106,10 +66,10 @@ pub fn run_scene(scene: &Scene, duration: f64, threads: u16) -> anyhow::Result<M
         allocations += counted;
         measured.updates += report.particle_updates;
         measured.substeps += u64::from(report.substeps);
-        let all = phases(t).into_iter().chain([t.moments + published]);
-        for (sum, time) in measured.shares.iter_mut().zip(all) {
+        for (sum, time) in measured.shares.iter_mut().zip(t.phases()) {
             *sum += time;
         }
+        measured.shares[Timings::PHASES.len() - 1] += published;
     }
     for share in &mut measured.shares {
         *share /= wall;

@@ -399,5 +399,23 @@ fn status_json(status: &Status) -> Value {
         "quarantined": status.particles_quarantined,
         "rollbacks": status.rollbacks,
         "skipped": status.frames_skipped,
+        "step_seconds": rounded(status.step_seconds),
+        "costs": costs_json(status),
     })
+}
+
+/// The objects that take most of a step's time, the dearest first.
+fn costs_json(status: &Status) -> Value {
+    let costs = (0..status.cost_objects.len()).filter(|&n| status.cost_shares[n] > 0.0);
+    let costs = costs.map(|n| {
+        json!({
+            "id": status.cost_objects[n],
+            "share": rounded(status.cost_shares[n]),
+            "substeps": rounded(status.cost_substeps[n]),
+            "dt": rounded(status.cost_dt[n]),
+            "limit": status.cost_limits[n],
+            "points": status.cost_points[n],
+        })
+    });
+    costs.collect()
 }

@@ -277,7 +277,7 @@ wire_types! {
         24 count: u32,
         28 reserved: u32,
     }
-    "cosplat.v1.Status" Status: 248 align 8 {
+    "cosplat.v1.Status" Status: 448 align 8 {
         0 step: u64,
         8 sim_time: f64,
         16 heartbeat_ns: u64,
@@ -308,6 +308,15 @@ wire_types! {
         224 spring_work: f64,
         232 edit_energy: f64,
         240 edit_mass: f64,
+        248 step_seconds: f64,
+        256 phase_shares: [f64; 10],
+        336 cost_shares: [f64; 3],
+        360 cost_substeps: [f64; 3],
+        384 cost_dt: [f64; 3],
+        408 cost_objects: [u32; 3],
+        420 cost_limits: [u32; 3],
+        432 cost_points: [u32; 3],
+        444 reserved: u32,
     }
 }
 

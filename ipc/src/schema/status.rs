@@ -68,7 +68,40 @@ pub struct Status {
     pub edit_energy: f64,
     /// Mass that edits brought into the world, since start [kg].
     pub edit_mass: f64,
+    /// Wall time of a step, mean over about the last second; 0 while nothing is known [s].
+    pub step_seconds: f64,
+    /// Shares of it, 0..=1: particles, grid, contact on the grid, coupling, solids, their contact, measuring them, rigid bodies, sort,
+    /// publish; what is left to 1 is between them.
+    pub phase_shares: [f64; PHASES.len()],
+    /// Shares of the processor time of all objects, 0..=1, of the three that take most, the dearest first, over the same steps.
+    pub cost_shares: [f64; 3],
+    /// Their substeps per step.
+    pub cost_substeps: [f64; 3],
+    /// The smallest of these; 0 where there are none [s].
+    pub cost_dt: [f64; 3],
+    /// Which objects they are; `u32::MAX` = none.
+    pub cost_objects: [u32; 3],
+    /// What limited `cost_dt`, as `dt_limit`.
+    pub cost_limits: [u32; 3],
+    /// Most points of their surfaces that touched something where a step ended; 0 where that is not known.
+    pub cost_points: [u32; 3],
+    /// Zero.
+    pub reserved: u32,
 }
+
+/// Phases of a step: `phase_shares` of the status have their order.
+pub const PHASES: [&str; 10] = [
+    "particles",
+    "grid",
+    "contact",
+    "coupling",
+    "solids",
+    "solid contact",
+    "solid measuring",
+    "bodies",
+    "sort",
+    "publish",
+];
 
 /// The server is stepping.
 pub const SERVER_RUNNING: u32 = 1;

@@ -49,7 +49,7 @@ class Record:
         return cls(*values)
 
 
-SCHEMA_HASH = 0x040df2202d83ba5f
+SCHEMA_HASH = 0x9d9272eb044a0f5b
 """Hash of the layout of all types: a server with another one in its hello is not read."""
 CHANGE_PLACED = 1
 """All of the object is as its own frame had it last, at another place."""
@@ -911,7 +911,7 @@ class Status(Record):
     type_name = "cosplat.v1.Status"
     alignment = 8
     dtype = _dtype(
-        248,
+        448,
         step=("<u8", 0),
         sim_time=("<f8", 8),
         heartbeat_ns=("<u8", 16),
@@ -942,6 +942,14 @@ class Status(Record):
         spring_work=("<f8", 224),
         edit_energy=("<f8", 232),
         edit_mass=("<f8", 240),
+        step_seconds=("<f8", 248),
+        phase_shares=(("<f8", (10,)), 256),
+        cost_shares=(("<f8", (3,)), 336),
+        cost_substeps=(("<f8", (3,)), 360),
+        cost_dt=(("<f8", (3,)), 384),
+        cost_objects=(("<u4", (3,)), 408),
+        cost_limits=(("<u4", (3,)), 420),
+        cost_points=(("<u4", (3,)), 432),
     )
 
     step: int
@@ -1004,3 +1012,19 @@ class Status(Record):
     """Energy that edits brought into the world, since start [J]."""
     edit_mass: float
     """Mass that edits brought into the world, since start [kg]."""
+    step_seconds: float
+    """Wall time of a step, mean over about the last second; 0 while nothing is known [s]."""
+    phase_shares: NDArray[np.float64]
+    """Shares of it, 0..=1: particles, grid, contact on the grid, coupling, solids, their contact, measuring them, rigid bodies, sort, publish; what is left to 1 is between them."""
+    cost_shares: NDArray[np.float64]
+    """Shares of the processor time of all objects, 0..=1, of the three that take most, the dearest first, over the same steps."""
+    cost_substeps: NDArray[np.float64]
+    """Their substeps per step."""
+    cost_dt: NDArray[np.float64]
+    """The smallest of these; 0 where there are none [s]."""
+    cost_objects: NDArray[np.uint32]
+    """Which objects they are; `u32::MAX` = none."""
+    cost_limits: NDArray[np.uint32]
+    """What limited `cost_dt`, as `dt_limit`."""
+    cost_points: NDArray[np.uint32]
+    """Most points of their surfaces that touched something where a step ended; 0 where that is not known."""

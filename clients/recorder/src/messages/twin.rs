@@ -13,7 +13,7 @@ use super::Hex64;
 
 /// Fields that older recorders did not write, by their type: what is missing of them in a file is 0. A field that is added to a
 /// wire type needs a row here, and the file of an older recorder in `clients/recorder/tests/older`.
-const ADDED: [(&str, &str); 7] = [
+const ADDED: [(&str, &str); 15] = [
     ("cosplat.v1.MaterialSpec", "region"),
     ("cosplat.v1.MaterialSpec", "parameters"),
     ("cosplat.v1.Status", "frame_readers"),
@@ -21,6 +21,14 @@ const ADDED: [(&str, &str); 7] = [
     ("cosplat.v1.Status", "spring_work"),
     ("cosplat.v1.Status", "edit_energy"),
     ("cosplat.v1.Status", "edit_mass"),
+    ("cosplat.v1.Status", "step_seconds"),
+    ("cosplat.v1.Status", "phase_shares"),
+    ("cosplat.v1.Status", "cost_shares"),
+    ("cosplat.v1.Status", "cost_substeps"),
+    ("cosplat.v1.Status", "cost_dt"),
+    ("cosplat.v1.Status", "cost_objects"),
+    ("cosplat.v1.Status", "cost_limits"),
+    ("cosplat.v1.Status", "cost_points"),
 ];
 
 /// Fields of 64 bits that are hashes or random ids: in JSON strings of 16 hexadecimal digits.
@@ -52,6 +60,8 @@ enum Kind {
     F64,
     /// So many `f64`.
     Numbers(usize),
+    /// So many `u32`.
+    Integers(usize),
 }
 
 impl Kind {
@@ -63,6 +73,7 @@ impl Kind {
             "u64" => Self::U64,
             "f64" => Self::F64,
             array if array.starts_with("[f64;") => Self::Numbers(field.size / 8),
+            array if array.starts_with("[u32;") => Self::Integers(field.size / 4),
             _ => return None,
         })
     }
@@ -84,6 +95,10 @@ impl<W: Wire> Serialize for Twin<W> {
                     let numbers: Vec<f64> = bytes.chunks_exact(8).map(number).collect();
                     map.serialize_entry(name, &numbers)?;
                 }
+                Some(Kind::Integers(_)) => {
+                    let numbers: Vec<u32> = bytes.chunks_exact(4).map(number).collect();
+                    map.serialize_entry(name, &numbers)?;
+                }
                 None => return Err(serde::ser::Error::custom(strange(field))),
             }
         }
@@ -97,7 +112,7 @@ fn number<T: bytemuck::AnyBitPattern>(bytes: &[u8]) -> T {
 
 fn strange(field: &FieldLayout) -> String {
     let (kind, name, of) = (field.field_type, field.field, field.type_name);
-    format!("{name} of {of} is {kind}, expected u32, u64, f64 or an array of f64")
+    format!("{name} of {of} is {kind}, expected u32, u64, f64 or an array of u32 or f64")
 }
 
 impl<'de, W: Wire> Deserialize<'de> for Twin<W> {
@@ -176,20 +191,33 @@ impl<'de> DeserializeSeed<'de> for Field<'_> {
                 .bytes
                 .copy_from_slice(&or_nan(Option::deserialize(from)?)),
             Some(Kind::Numbers(count)) => {
-                let numbers = Vec::<Option<f64>>::deserialize(from)?;
-                if numbers.len() != count {
-                    let (name, found) = (self.field.field, numbers.len());
-                    return Err(D::Error::custom(format!(
-                        "expected {count} numbers of {name}, found {found}"
-                    )));
-                }
+                let numbers = self.so_many(count, Vec::<Option<f64>>::deserialize(from)?)?;
                 for (to, number) in self.bytes.chunks_exact_mut(8).zip(numbers) {
                     to.copy_from_slice(&or_nan(number));
+                }
+            }
+            Some(Kind::Integers(count)) => {
+                let numbers = self.so_many(count, Vec::<u32>::deserialize(from)?)?;
+                for (to, number) in self.bytes.chunks_exact_mut(4).zip(numbers) {
+                    to.copy_from_slice(&number.to_ne_bytes());
                 }
             }
             None => return Err(D::Error::custom(strange(self.field))),
         }
         Ok(())
+    }
+}
+
+impl Field<'_> {
+    /// Numbers of an array, if they are as many as it has.
+    fn so_many<T, E: serde::de::Error>(&self, count: usize, numbers: Vec<T>) -> Result<Vec<T>, E> {
+        if numbers.len() == count {
+            return Ok(numbers);
+        }
+        let (name, found) = (self.field.field, numbers.len());
+        Err(E::custom(format!(
+            "expected {count} numbers of {name}, found {found}"
+        )))
     }
 }
 

@@ -12,6 +12,9 @@ export const LEVELS = {
 
 const $ = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 
+/** What limits a substep, by its number on the wire. */
+const LIMITS = ['the frame', 'speed of sound', 'velocity', 'deformation'];
+
 export class Panel {
   /** @param {any} page */
   constructor(page) {
@@ -237,12 +240,18 @@ export class Panel {
     $('time-out').value = state.about.recorded ? `${state.step} of ${state.about.recorded[1]}` : '';
     this.edits.show();
     this.charts.add(figures);
-    const rows = {
+    const rows = /** @type {Record<string, any>} */ ({
       'substep': `${short(status.dt)} s`, 'real time': `${short(status.real_time)} x`, 'potential energy': `${short(status.potential)} J`,
       'work of hands': `${short(status.spring_work)} J`, 'energy of edits': `${short(status.edit_energy)} J`, 'mass of edits': `${short(status.edit_mass)} kg`,
       'Gaussians': state.about.gaussians, 'particles': state.about.particles, 'left the domain': status.left,
       'quarantined': status.quarantined, 'rolled back': status.rollbacks, 'not shown here': state.dropped,
-    };
+    });
+    if (status.step_seconds > 0) rows['a step takes'] = `${short(status.step_seconds)} s`;
+    for (const cost of status.costs) {
+      const name = state.objects[cost.id]?.name ?? cost.id;
+      const substeps = `${short(cost.substeps)} substeps by ${LIMITS[cost.limit] ?? LIMITS[0]}, ${cost.points} points touch`;
+      rows[`time of ${name}`] = `${Math.round(100 * cost.share)} %${cost.dt > 0 ? `, ${substeps}` : ''}`;
+    }
     $('figures').replaceChildren(...Object.entries(rows).flatMap(([name, value]) => {
       const [dt, dd] = [document.createElement('dt'), document.createElement('dd')];
       [dt.textContent, dd.textContent] = [name, String(value)];
