@@ -333,7 +333,7 @@ pub fn watchdog() -> impl Drop {
     let (sender, receiver) = std::sync::mpsc::channel();
     let story = std::thread::current().name().unwrap_or("?").to_owned();
     std::thread::spawn(move || {
-        if receiver.recv_timeout(PATIENCE * 5) == Err(std::sync::mpsc::RecvTimeoutError::Timeout) {
+        if receiver.recv_timeout(PATIENCE * 10) == Err(std::sync::mpsc::RecvTimeoutError::Timeout) {
             eprintln!("{story} hangs");
             std::process::abort();
         }
