@@ -46,7 +46,7 @@ struct Written {
 /// # Errors
 /// [`PathFileError`] says what is wrong with it.
 pub fn read(path: &Path) -> Result<CameraPath, PathFileError> {
-    let text = cosplat_scene::files::read_text(path).map_err(|cause| PathFileError::Read {
+    let text = cosplat_files::reading::read_text(path).map_err(|cause| PathFileError::Read {
         path: path.into(),
         cause,
     })?;

@@ -291,7 +291,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Ctl::Status => look::status(&domain, args, timeout),
         Ctl::Pick { pixel, viewpoint } => look::pick(&domain, args, pixel, viewpoint),
         Ctl::Script { file } => {
-            let text = cosplat_scene::files::read_text(file)
+            let text = cosplat_files::reading::read_text(file)
                 .with_context(|| format!("cannot read {}", file.display()))?;
             let script = Script::parse(&text).with_context(|| format!("in {}", file.display()))?;
             let mut controller = Controller::connect(&domain, &args.session, timeout)?;

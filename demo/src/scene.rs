@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use anyhow::Context;
+use cosplat_files::reading;
 use cosplat_scene::{
-    assets, files,
+    assets,
     load::load_text,
     scene_file::{Axis, DropOptions, SceneFile, View, drop_scene},
 };
@@ -56,7 +57,7 @@ fn dropped(splat: &Path, up: Option<&str>, scene: &Path) -> anyhow::Result<(Stri
     let name = splat
         .to_str()
         .with_context(|| format!("{} is not UTF-8, rename it", splat.display()))?;
-    let content = files::read(&splat, files::LARGEST_DATA);
+    let content = reading::read(&splat, reading::LARGEST_DATA);
     let bytes = content.with_context(|| format!("cannot read {name}"))?;
     let (gaussians, _) = assets::read(name, &bytes)?;
     let options = DropOptions {

@@ -4,6 +4,8 @@
 //! half a file, and a run that fails or a disk that is full leaves the file that was there. Only what is useful before it is
 //! complete, a recording, has its own name from the beginning, and that only where nothing has it.
 
+pub mod reading;
+
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -11,7 +13,6 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-use rustix::fs::{Mode, OFlags};
 use tempfile::TempPath;
 
 /// End of the name of a file in the making, behind its own name and random letters.
@@ -197,22 +198,6 @@ pub fn write_with<E: From<io::Error>>(
     file.flush()?;
     drop(file);
     Ok(new.finish()?)
-}
-
-/// Opens a plain file for reading. A pipe nobody writes to does not stop it.
-///
-/// # Errors
-/// When it cannot be opened, or is a folder, a device, a pipe or a socket.
-pub fn open(path: &Path) -> io::Result<File> {
-    let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::CLOEXEC | OFlags::NOCTTY;
-    let file = File::from(rustix::fs::open(path, flags, Mode::empty())?);
-    match file.metadata()?.is_file() {
-        true => Ok(file),
-        false => Err(io::Error::new(
-            io::ErrorKind::InvalidInput,
-            "it is no plain file",
-        )),
-    }
 }
 
 /// Whether two paths lead to one file, by whatever links and mounts.

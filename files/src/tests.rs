@@ -1,6 +1,5 @@
 //! What was there stays until the new file is complete, whatever happens on the way.
 
-use std::io::Read;
 use std::os::unix::fs::{MetadataExt, symlink};
 
 use super::*;
@@ -144,26 +143,4 @@ fn what_is_no_plain_file_is_written_to_as_it_is() {
     assert_eq!(read(&path), format!("{OLD}, and more"));
     assert!(write(folder.path(), "new").is_err());
     assert!(write(&path.join("below a file"), "new").is_err());
-}
-
-#[test]
-fn only_plain_files_are_read() {
-    let (folder, path) = with_file();
-    let mut text = String::new();
-    let mut file = open(&path).expect("a file");
-    file.read_to_string(&mut text).expect("text");
-    assert_eq!(text, OLD);
-    let pipe = folder.path().join("pipe");
-    rustix::fs::mknodat(
-        rustix::fs::CWD,
-        &pipe,
-        rustix::fs::FileType::Fifo,
-        Mode::RUSR,
-        0,
-    )
-    .expect("a pipe");
-    for other in [&pipe, folder.path(), Path::new("/dev/zero")] {
-        let refused = open(other).expect_err("no file").to_string();
-        assert!(refused.contains("no plain file"), "{refused}");
-    }
 }

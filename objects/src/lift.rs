@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use cosplat_console::{output::plain, progress, say, size::size};
+use cosplat_files::reading;
 use cosplat_ipc::schema::GaussianState;
 use cosplat_renderer::{Harmonics, drawing::BACKGROUND, picture, png::write_png};
 use cosplat_scene::{
     assets::{Gaussians, ReadReport, ply, read},
-    files,
     sources::{SourceFile, SourceKind},
 };
 use cosplat_semantics::{
@@ -96,7 +96,7 @@ pub(crate) fn axis(text: &str) -> Result<Vec3, String> {
 
 /// A splat, and the hash of its file.
 pub(crate) fn load(path: &Path) -> anyhow::Result<(Gaussians, ReadReport, u64)> {
-    let content = files::read(path, files::LARGEST_DATA);
+    let content = reading::read(path, reading::LARGEST_DATA);
     let bytes = content.with_context(|| format!("cannot read {}", path.display()))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let (gaussians, report) = read(&name, &bytes)?;

@@ -7,11 +7,9 @@ use std::{
 };
 
 use anyhow::{Context, bail, ensure};
+use cosplat_files::reading;
 use cosplat_matter::materials::Material;
-use cosplat_scene::{
-    files,
-    scene_file::{Axis, SceneFile, WORDS, WordTable, keeps_shape, material_text},
-};
+use cosplat_scene::scene_file::{Axis, SceneFile, WORDS, WordTable, keeps_shape, material_text};
 use cosplat_semantics::{ground::Ground, objects::Objects, tree::SURE};
 use glam::{DQuat, DVec3, Vec3};
 
@@ -127,7 +125,8 @@ fn table(path: Option<&Path>) -> anyhow::Result<WordTable> {
     let Some(path) = path else {
         return Ok(WordTable::builtin());
     };
-    let text = files::read_text(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let text =
+        reading::read_text(path).with_context(|| format!("cannot read {}", path.display()))?;
     WordTable::parse(&text).with_context(|| format!("{} is no table of words", path.display()))
 }
 

@@ -18,11 +18,11 @@ use crate::{
         self, Gaussians, ReadReport,
         objects::{Objects, ObjectsError},
     },
-    files,
     scene_file::{BuildReport, SceneErrors, SceneFile, build_with_files, count_of_errors},
     settings::{self, SettingError},
     sources::{HeldFile, SourceFile, SourceKind},
 };
+use cosplat_files::reading;
 
 /// A scene file, built.
 #[derive(Clone, Debug)]
@@ -101,7 +101,7 @@ pub fn load_scene(path: &Path) -> Result<LoadedScene, LoadError> {
 /// # Errors
 /// As [`load_scene`], or when a setting cannot be made.
 pub fn load_scene_with(path: &Path, settings: &[String]) -> Result<LoadedScene, LoadError> {
-    let text = files::read_text(path).map_err(|cause| LoadError::Read {
+    let text = reading::read_text(path).map_err(|cause| LoadError::Read {
         path: path.into(),
         cause,
     })?;
@@ -120,7 +120,7 @@ pub fn load_text(text: String, path: &Path) -> Result<LoadedScene, LoadError> {
     let file = parse(&text, path)?;
     build(text, file, path, &|name| {
         let path = folder.join(name);
-        let content = files::read(&path, files::LARGEST_DATA);
+        let content = reading::read(&path, reading::LARGEST_DATA);
         (path, content)
     })
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use cosplat_scene::files;
+use cosplat_files::reading;
 
 /// Why views, masks or a file of objects are refused.
 #[derive(Debug, thiserror::Error)]
@@ -73,7 +73,7 @@ impl SemanticsError {
 
     /// The content of a file of data.
     pub(crate) fn content(path: &Path) -> Result<Vec<u8>, Self> {
-        files::read(path, files::LARGEST_DATA).map_err(Self::read(path))
+        reading::read(path, reading::LARGEST_DATA).map_err(Self::read(path))
     }
 
     pub(crate) fn read(path: &Path) -> impl FnOnce(std::io::Error) -> Self + use<> {

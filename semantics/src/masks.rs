@@ -10,7 +10,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use cosplat_scene::files;
+use cosplat_files::reading;
 
 use crate::{Evidence, MaskMap, SemanticsError, lift::Labels, npy, objects::Vectors};
 
@@ -321,7 +321,7 @@ pub fn parse_picture(path: &Path, bytes: &[u8]) -> Result<MaskMap, SemanticsErro
 /// When that file cannot be read or says something else.
 pub fn names(folder: &Path, count: usize) -> Result<Vec<String>, SemanticsError> {
     let path = folder.join("names.json");
-    let given: BTreeMap<String, String> = match files::read_text(&path) {
+    let given: BTreeMap<String, String> = match reading::read_text(&path) {
         Ok(text) => serde_json::from_str(&text).map_err(|error| {
             SemanticsError::format(&path, format!("expected {{\"1\": \"name\"}}: {error}"))
         })?,

@@ -5,8 +5,8 @@
 
 use std::path::Path;
 
+use cosplat_files::reading;
 use cosplat_raster::Camera;
-use cosplat_scene::files;
 use glam::{Mat3, Mat4, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -111,7 +111,7 @@ impl Lens {
 /// # Errors
 /// When the file cannot be read, is something else, or a camera bends its picture.
 pub fn read(path: &Path, size: Option<[u32; 2]>) -> Result<Vec<View>, SemanticsError> {
-    let text = files::read_text(path).map_err(SemanticsError::read(path))?;
+    let text = reading::read_text(path).map_err(SemanticsError::read(path))?;
     parse(path, &text, size)
 }
 

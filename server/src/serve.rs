@@ -15,6 +15,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use cosplat_files::reading;
 use cosplat_ipc::{
     Domain, schema as wire,
     server::{CreateError, LoanRefused, PoolPlan, PublishError, Reply, ServerPorts},
@@ -27,7 +28,6 @@ use cosplat_pacing::{
     steering::Permission,
 };
 use cosplat_scene::{
-    files,
     load::LoadedScene,
     sources::{SourceFile, SourceKind},
 };
@@ -231,7 +231,7 @@ pub fn serve(
 
 /// Has `world` begin with the checkpoint at `path`.
 fn restore(world: &mut World, path: &Path) -> Result<SourceFile, ServeError> {
-    let content = files::read(path, files::LARGEST_DATA);
+    let content = reading::read(path, reading::LARGEST_DATA);
     let bytes = content.map_err(|cause| ServeError::ReadCheckpoint {
         path: path.into(),
         cause,

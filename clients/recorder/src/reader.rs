@@ -154,7 +154,7 @@ impl Iterator for Recording {
 /// Opens `path` at its first byte, after a look at the magic bytes.
 pub(crate) fn open_mcap(path: &Path) -> Result<File, RecordingError> {
     let open = |e| RecordingError::open(path, e);
-    let mut file = cosplat_files::open(path).map_err(open)?;
+    let mut file = cosplat_files::reading::open(path, u64::MAX).map_err(open)?;
     let mut start = Vec::new();
     (&file)
         .take(mcap::MAGIC.len() as u64)

@@ -5,9 +5,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use cosplat_files::reading;
 use cosplat_scene::{
     assets::{self, AssetError},
-    files,
     scene_file::count_of_errors,
 };
 
@@ -78,9 +78,9 @@ pub fn import_files(
         let path = path.to_owned();
         move |cause| ImportError::File { what, path, cause }
     };
-    let text = files::read_text(config).map_err(failed("read", config))?;
+    let text = reading::read_text(config).map_err(failed("read", config))?;
     let ply = find_model(model)?;
-    let bytes = files::read(&ply, files::LARGEST_DATA).map_err(failed("read", &ply))?;
+    let bytes = reading::read(&ply, reading::LARGEST_DATA).map_err(failed("read", &ply))?;
     let (gaussians, _) = assets::read(&ply.display().to_string(), &bytes)?;
     fs::create_dir_all(out).map_err(failed("make", out))?;
     let stem = config.file_stem().unwrap_or_default();

@@ -14,7 +14,7 @@ use half::f16;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use super::tensors;
-use crate::files;
+use cosplat_files::reading;
 
 /// Version of the format.
 const VERSION: &str = "1";
@@ -256,10 +256,11 @@ impl Objects {
     /// # Errors
     /// When it cannot be read, is damaged, or belongs to another asset.
     pub fn read(path: &Path, asset_hash: u64, rows: usize) -> Result<Self, ObjectsError> {
-        let bytes = files::read(path, files::LARGEST_DATA).map_err(|cause| ObjectsError::Read {
-            path: path.to_owned(),
-            cause,
-        })?;
+        let bytes =
+            reading::read(path, reading::LARGEST_DATA).map_err(|cause| ObjectsError::Read {
+                path: path.to_owned(),
+                cause,
+            })?;
         Self::parse(&path.display().to_string(), &bytes, asset_hash, rows)
     }
 

@@ -2,7 +2,7 @@
 
 use std::{io::BufReader, path::Path};
 
-use cosplat_scene::files;
+use cosplat_files::reading;
 
 use crate::{MaskMap, SemanticsError, View, refine::Observation};
 
@@ -48,7 +48,7 @@ impl View {
 /// When the file cannot be read, is no PNG picture, or is of another shape than the view.
 pub fn picture(path: &Path, view: &View, background: [f32; 3]) -> Result<Vec<f32>, SemanticsError> {
     let wrong = |why: String| SemanticsError::format(path, why);
-    let file = files::open(path, files::LARGEST_DATA).map_err(SemanticsError::read(path))?;
+    let file = reading::open(path, reading::LARGEST_DATA).map_err(SemanticsError::read(path))?;
     let limits = png::Limits { bytes: LARGEST };
     let mut decoder = png::Decoder::new_with_limits(BufReader::new(file), limits);
     decoder.set_transformations(png::Transformations::normalize_to_color8());

@@ -24,6 +24,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     (
         "server",
         &[
+            "cosplat-files",
             "cosplat-sim-core",
             "cosplat-scene",
             "cosplat-ipc",
