@@ -1,7 +1,5 @@
 //! Solids that move together through a span of time: those that may touch each other share their substeps.
 
-use std::time::Instant;
-
 use rayon::prelude::*;
 
 use super::{
@@ -23,6 +21,7 @@ use super::{
     walls::WallsAt,
 };
 use crate::{
+    bodies::actor::Actor,
     colliders::{Placed, Substep},
     episodes::Episodes,
     ledger::{ContactPartner, Ledger},
@@ -43,8 +42,6 @@ pub struct Passed {
     pub smallest: f64,
     /// The last of them [s].
     pub last: f64,
-    /// Wall time of its phases.
-    pub phases: Phases,
 }
 
 /// Wall time of some phases of a span [s]; what is left are forces and motion of nodes.
@@ -56,15 +53,8 @@ pub struct Phases {
     pub bodies: f64,
 }
 
-impl std::ops::AddAssign for Phases {
-    fn add_assign(&mut self, other: Self) {
-        self.contact += other.contact;
-        self.bodies += other.bodies;
-    }
-}
-
-/// Moves a group, and the rigid bodies that it may touch, from `start` for `length` [s] > 0; notes what contact gave. Where it is
-/// interrupted, all are amid the span.
+/// Moves a group, and the rigid bodies that it may touch, from `start` for `length` [s] > 0; notes what contact gave, and adds the wall
+/// time of phases, also where it fails. Where it is interrupted, all are amid the span.
 ///
 /// # Errors
 /// The number of the first object that is nowhere in the end: whoever called undoes what has changed by then.
@@ -73,7 +63,7 @@ pub fn advance_group(
     mut peers: Option<&mut dyn RigidPeers>,
     around: &Around<'_>,
     [start, length]: [f64; 2],
-    (episodes, ledger): (&mut Episodes, &mut Ledger),
+    (episodes, ledger, phases): (&mut Episodes, &mut Ledger, &mut Phases),
 ) -> Result<Passed, usize> {
     let outside = &around.outside;
     let meets = group.len() > 1 || peers.is_some();
@@ -89,7 +79,6 @@ pub fn advance_group(
         substeps: 0,
         smallest: f64::INFINITY,
         last: 0.0,
-        phases: Phases::default(),
     };
     // How long forces act, and how long things have moved since they were last looked at.
     let (mut kick, mut moved) = (0.5 * shares.dt, 0.0);
@@ -104,7 +93,7 @@ pub fn advance_group(
             frame_length: around.frame[1],
         };
         let mut members = Members::new(group, &mut peers, around, &now);
-        let books = (&mut *episodes, &mut passed.phases);
+        let books = (&mut *episodes, &mut *phases);
         let given = members.substep(moved, &shares, &mut exchange, books, known.take())?;
         ledger.merge(&given);
         passed.substeps += 1;
@@ -127,7 +116,7 @@ pub fn advance_group(
         frame_length: around.frame[1],
     };
     let mut members = Members::new(group, &mut peers, around, &now);
-    let books = (episodes, &mut passed.phases);
+    let books = (episodes, phases);
     ledger.merge(&members.substep(moved, &shares, &mut exchange, books, None)?);
     for mover in group {
         for spring in &mover.springs {
@@ -151,30 +140,30 @@ fn begin(group: &mut [Mover<'_>], around: &Around<'_>, start: f64, meets: bool) 
         true => around.boundaries.all(around.paths, &now),
         false => vec![],
     };
-    for mover in group.iter_mut() {
-        let begun = Instant::now();
-        let (given, begins) = (&mover.given, start == around.frame[0]);
-        let surface = &mover.object.surface;
-        let surface = (&surface.points[..], &surface.stiffness[..]);
-        let points = mover.faces.iter().flat_map(|face| face.points);
-        let places = points.map(|&p| surface.0[p].x).collect();
-        mover.solid.scratch.dissipation.begin(places);
-        let outside = &around.outside;
-        mover.solid.begin(outside, surface, begins, |n| given[n]);
-        // Walls that bind hold no energy, and make no motion faster.
-        let near = placed.iter().filter(|p| mover.colliders.contains(&p.id));
-        let mut near = near.map(|placed| placed.against(mover.friction));
-        let is_near_a_wall = near.any(|placed| !binds(&placed));
-        mover.solid.scratch.search.contact = match (meets, is_near_a_wall) {
-            (true, _) => ContactWith::Objects,
-            (false, true) => ContactWith::Walls,
-            (false, false) => ContactWith::Nothing,
-        };
-        if (meets || !mover.colliders.is_empty()) && !mover.solid.scratch.search.has_begun {
-            mover.solid.expect_contact();
-        }
-        mover.solid.scratch.seconds.all += begun.elapsed().as_secs_f64();
-    }
+    group.iter_mut().for_each(|mover| {
+        mover.timed(|mover| {
+            let (given, begins) = (&mover.given, start == around.frame[0]);
+            let surface = &mover.object.surface;
+            let surface = (&surface.points[..], &surface.stiffness[..]);
+            let points = mover.faces.iter().flat_map(|face| face.points);
+            let places = points.map(|&p| surface.0[p].x).collect();
+            mover.solid.scratch.dissipation.begin(places);
+            let outside = &around.outside;
+            mover.solid.begin(outside, surface, begins, |n| given[n]);
+            // Walls that bind hold no energy, and make no motion faster.
+            let near = placed.iter().filter(|p| mover.colliders.contains(&p.id));
+            let mut near = near.map(|placed| placed.against(mover.friction));
+            let is_near_a_wall = near.any(|placed| !binds(&placed));
+            mover.solid.scratch.search.contact = match (meets, is_near_a_wall) {
+                (true, _) => ContactWith::Objects,
+                (false, true) => ContactWith::Walls,
+                (false, false) => ContactWith::Nothing,
+            };
+            if (meets || !mover.colliders.is_empty()) && !mover.solid.scratch.search.has_begun {
+                mover.solid.expect_contact();
+            }
+        })
+    });
 }
 
 impl Members<'_, '_> {
@@ -255,13 +244,8 @@ fn each<'a, T: Send>(
     group: &mut [Mover<'a>],
     act: impl Fn(&mut Mover<'a>) -> T + Send + Sync,
 ) -> Vec<T> {
-    let timed_act = |mover: &mut Mover<'a>| {
-        let mut seconds = mover.solid.scratch.seconds.all;
-        let found = timed(&mut seconds, || act(mover));
-        mover.solid.scratch.seconds.all = seconds;
-        found
-    };
-    group.par_iter_mut().map(timed_act).collect()
+    let movers = group.par_iter_mut();
+    movers.map(|mover| mover.timed(&act)).collect()
 }
 
 /// External forces at the moment; returns what contact gives by them, and those on rigid bodies.
@@ -395,38 +379,53 @@ fn meet_bodies(
 ) -> Vec<Wrench> {
     let mut on_bodies = vec![Wrench::default(); peers.actors().len()];
     for mover in group {
-        let start = Instant::now();
-        for (n, (actor, &body)) in peers.actors().iter().zip(peers.objects()).enumerate() {
+        for ((actor, &body), on_body) in peers
+            .actors()
+            .iter()
+            .zip(peers.objects())
+            .zip(&mut on_bodies)
+        {
             let friction = scene.surface_between(mover.id, body).friction;
-            let (number, surface) = (Grip::on_object(body), &mover.object.surface);
-            let solid = &mut mover.solid;
-            solid.look(surface);
-            let with = [(number, stand_of(actor))];
-            let mut list = solid.candidates((&with, &[]), moved, |solid, due| {
-                near_body(solid, surface, actor, number, due)
-            });
-            let pressed = PressedByBodies {
-                solid,
-                surface,
-                springs: &solid.state.springs,
-                modulus: solid.modulus(),
-                dx: solid.model.dx,
-                fastest: solid.sound_at_rest().powi(2),
-            };
-            let met = pressed.pressed_by(actor, friction, moved, number, &mut list);
-            solid.keep(list);
-            on_bodies[n].add(1.0, &opposite(met.iter().flatten()));
-            for one in met.into_iter().flatten() {
-                mover.solid.state.springs[one.point] = one.grip;
-                mover
-                    .solid
-                    .push(&surface.points[one.point].bears, one.force);
-                ledger.add(mover.id, ContactPartner::Object(body), &one.received(kick));
-            }
+            let with = [friction, moved, kick];
+            let given = mover.timed(|mover| meet_body(mover, (actor, body), with, ledger));
+            on_body.add(1.0, &given);
         }
-        mover.solid.scratch.seconds.all += start.elapsed().as_secs_f64();
     }
     on_bodies
+}
+
+/// Forces between a solid and a rigid body, an object of some number, `moved` [s] since they were looked at; returns that on the body.
+fn meet_body(
+    mover: &mut Mover<'_>,
+    (actor, body): (&Actor, usize),
+    [friction, moved, kick]: [f64; 3],
+    ledger: &mut Ledger,
+) -> Wrench {
+    let (number, surface) = (Grip::on_object(body), &mover.object.surface);
+    let solid = &mut mover.solid;
+    solid.look(surface);
+    let with = [(number, stand_of(actor))];
+    let mut list = solid.candidates((&with, &[]), moved, |solid, due| {
+        near_body(solid, surface, actor, number, due)
+    });
+    let pressed = PressedByBodies {
+        solid,
+        surface,
+        springs: &solid.state.springs,
+        modulus: solid.modulus(),
+        dx: solid.model.dx,
+        fastest: solid.sound_at_rest().powi(2),
+    };
+    let met = pressed.pressed_by(actor, friction, moved, number, &mut list);
+    solid.keep(list);
+    let on_body = opposite(met.iter().flatten());
+    for one in met.into_iter().flatten() {
+        solid.state.springs[one.point] = one.grip;
+        solid.push(&surface.points[one.point].bears, one.force);
+        let received = one.received(kick);
+        ledger.add(mover.id, ContactPartner::Object(body), &received);
+    }
+    on_body
 }
 
 /// Points of a mover that may touch another, and what that presses on them with.

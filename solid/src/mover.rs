@@ -1,5 +1,7 @@
 //! A solid of those that move together, and everything around them.
 
+use std::time::Instant;
+
 use super::{
     advance::{Outside, Solid},
     bonds::HeldFace,
@@ -33,6 +35,16 @@ pub struct Mover<'a> {
     pub given: Vec<[f64; 3]>,
     /// Parts of its surface that are held.
     pub faces: Vec<HeldFace<'a>>,
+}
+
+impl Mover<'_> {
+    /// Does something for it, and adds the time that this takes to its own.
+    pub(super) fn timed<T>(&mut self, act: impl FnOnce(&mut Self) -> T) -> T {
+        let start = Instant::now();
+        let found = act(self);
+        self.solid.scratch.seconds.all += start.elapsed().as_secs_f64();
+        found
+    }
 }
 
 /// Everything around solids.

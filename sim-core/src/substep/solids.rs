@@ -195,8 +195,12 @@ fn move_island(
             let (mut ledger, mut episodes) = (Ledger::default(), in_contact.clone());
             let cfl = given.model.scene.cfl * 0.5_f64.powi(retry);
             let peers = island.has_bodies.then_some(&mut *rigid);
-            let accounts = (&mut episodes, &mut ledger);
-            match move_together(given, span, &mut left, cfl, peers, accounts) {
+            let mut phases = Phases::default();
+            let accounts = (&mut episodes, &mut ledger, &mut phases);
+            let moved = move_together(given, span, &mut left, cfl, peers, accounts);
+            tally.timings.solid_contact += phases.contact;
+            tally.timings.bodies += phases.bodies;
+            match moved {
                 Ok(passed) => {
                     rigid.ledger.merge(&ledger);
                     solids.episodes.put_back(episodes);
@@ -235,8 +239,6 @@ fn count(tally: &mut Tally, given: &Given<'_>, island: &mut [Taken], passed: &Pa
             object: Some(island[0].id),
         };
     }
-    tally.timings.solid_contact += passed.phases.contact;
-    tally.timings.bodies += passed.phases.bodies;
     for one in island {
         let seconds = std::mem::take(&mut one.scratch.seconds);
         tally.timings.solid_measuring += seconds.measuring;
@@ -303,7 +305,7 @@ fn move_together(
     island: &mut [Taken],
     cfl: f64,
     mut rigid: Option<&mut RigidGroup<'_>>,
-    (episodes, ledger): (&mut Episodes, &mut Ledger),
+    (episodes, ledger, phases): (&mut Episodes, &mut Ledger, &mut Phases),
 ) -> Result<Passed, usize> {
     let around = Around {
         outside: Outside {
@@ -322,7 +324,6 @@ fn move_together(
         substeps: 0,
         smallest: f64::INFINITY,
         last: 0.0,
-        phases: Phases::default(),
     };
     let mut at = span.time;
     let longest = longest_part(given, island);
@@ -341,12 +342,11 @@ fn move_together(
         let peers = rigid
             .as_mut()
             .map(|rigid| &mut **rigid as &mut dyn RigidPeers);
-        let accounts = (&mut *episodes, &mut *ledger);
+        let accounts = (&mut *episodes, &mut *ledger, &mut *phases);
         let passed = advance_group(&mut group, peers, &around, [at, end - at], accounts)?;
         all.substeps += passed.substeps;
         all.smallest = all.smallest.min(passed.smallest);
         all.last = passed.last;
-        all.phases += passed.phases;
         at = end;
     }
     Ok(all)
