@@ -24,7 +24,6 @@ mod table1;
 mod transport;
 mod trial;
 mod validate;
-mod web;
 
 use std::{
     path::{Path, PathBuf},
@@ -58,7 +57,6 @@ enum What {
     Table1(table1::Args),
     Transport(transport::Args),
     Validate(validate::Args),
-    Web(web::Args),
     // What measurements start as processes of their own.
     #[command(hide = true)]
     Branch(cosplat::branch::Args),
@@ -132,7 +130,6 @@ fn main() -> ExitCode {
         What::Table1(args) => table1::run(&args),
         What::Transport(args) => transport::run(&args),
         What::Validate(args) => validate::run(&args),
-        What::Web(args) => web::run(&args),
         What::Branch(args) => cosplat::branch::run(&args),
         What::Compact(args) => cosplat::compact::run(&args),
         What::Ctl(args) => cosplat::ctl::run(&args),

@@ -62,32 +62,6 @@ fn the_lockstep_bench_measures_beside_a_bare_request() {
     }
 }
 
-#[test]
-fn the_web_bench_measures_pages_and_counts_what_they_miss() {
-    let short = ["--seconds", "1", "--rounds", "1", "--clicks", "5"];
-    let lines = bench(&[&["web"][..], &short, &["--json"]].concat());
-    let [report] = lines.as_slice() else {
-        panic!("expected one JSON object, found {}", lines.len());
-    };
-    let rows = report["rows"].as_array().expect("rows");
-    let found = |what: &str| {
-        let row = rows.iter().find(|row| row["what"] == what);
-        let row = row.unwrap_or_else(|| panic!("{what}: {report}"));
-        row["found"].as_f64().expect("a number")
-    };
-    // However slow the machine is: pages get frames of steps, and none twice.
-    let (steps, frames) = (found("steps with one page"), found("frames into one page"));
-    // One made before a measurement may come in it, and one that was on its way.
-    assert!(0.0 < frames && frames <= steps + 2.0, "{report}");
-    assert!(found("page server with one page") > 0.0);
-    assert_eq!(found("frames it did not get that are counted, of all"), 1.0);
-    assert!(found("until a stopped page is at the newest step") > 0.0);
-    assert!(found("a settled scene") > 0.0);
-    // No click is seen before the frame that it is in.
-    assert!(found("click to reaction, median") >= 1.0, "{report}");
-    assert_eq!(report["clicks"], 5);
-}
-
 /// Ten faults in each pace; the longer campaigns are in `docs/faults.md`.
 #[test]
 fn a_short_campaign_of_faults_leaves_every_counter_at_zero() {

@@ -17,6 +17,8 @@ const BLOCK: u64 = 128 << 10;
 impl Act<'_> {
     /// A command that is to write onto what it reads must refuse, and leave it as it was.
     pub fn link_output(&mut self, rng: &mut impl Rng) -> anyhow::Result<()> {
+        // A recorder that has just been started has no file yet.
+        self.attached()?;
         let [input, output] = ["linked.mcap", "link.mcap"].map(|name| self.stage.path(name));
         fs::copy(&self.recording, &input).context("a copy of the recording")?;
         let _ = fs::remove_file(&output);

@@ -4,7 +4,6 @@ mod case;
 mod cases;
 mod measure;
 mod report;
-mod steps;
 #[cfg(test)]
 mod tests;
 
@@ -21,7 +20,7 @@ const ROUNDS: u64 = 7;
 /// Chart the error of results against what they cost.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Only this case; may be given several times. `steps` is the sweep over time-step multiples.
+    /// Only this case; may be given several times.
     #[arg(long = "case", value_name = "CASE")]
     cases: Vec<String>,
     /// Print one JSON object per setting instead of tables.
@@ -57,14 +56,11 @@ impl Args {
 /// # Errors
 /// When a case is unknown or could not be run, or nothing can be written.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let known = || {
-        let names = cases::ALL.iter().map(|case| case.name);
-        names.chain([steps::NAME]).collect::<Vec<_>>()
-    };
-    if let Some(wanted) = args.cases.iter().find(|w| !known().contains(&w.as_str())) {
+    let known = cases::ALL.map(|case| case.name);
+    if let Some(wanted) = args.cases.iter().find(|w| !known.contains(&w.as_str())) {
         bail!(
             "unknown case '{wanted}', expected one of {}",
-            known().join(", ")
+            known.join(", ")
         );
     }
     let chosen = |name: &str| args.cases.is_empty() || args.cases.iter().any(|w| w == name);
@@ -103,32 +99,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             }
         }
     }
-    let mut sweep = None;
-    if chosen(steps::NAME) {
-        match steps::sweep(args.quick, &stop) {
-            Ok(found) => {
-                if args.json {
-                    for row in &found {
-                        say!("{}", serde_json::to_string(row)?)?;
-                    }
-                } else {
-                    say!("{}", steps::table(&found))?;
-                }
-                sweep = Some(found);
-            }
-            Err(error) => {
-                note!("{} cannot be measured: {error:#}", steps::NAME);
-                failed.push(steps::NAME);
-            }
-        }
-    }
-    if let Some(folder) = &args.write {
-        if args.cases.is_empty() {
-            report::write_all(folder, &results, &failed, &here)?;
-        }
-        if let Some(rows) = &sweep {
-            report::write_steps(folder, rows, &here)?;
-        }
+    if let Some(folder) = &args.write
+        && args.cases.is_empty()
+    {
+        report::write_all(folder, &results, &failed, &here)?;
     }
     if !failed.is_empty() {
         bail!("not measured: {}", failed.join(", "));

@@ -9,7 +9,6 @@ use serde_json::json;
 use super::{
     case::{CELLS, PRESETS},
     measure::{CaseResult, Figures, Measured},
-    steps,
 };
 use crate::{
     chart::{Emphasis, Figure, Panel, Point, Series, cost_over_front, csv, pareto},
@@ -26,14 +25,13 @@ pub const THREADS: &str = "1 thread";
 const PAGE: &str = "precision.md";
 const SUMMARY: &str = "cosplat bench precision summary";
 const CHARTS: &str = "cosplat bench precision charts";
-const STEPS: &str = "cosplat bench precision steps";
 
 /// Whether the page can be written.
 ///
 /// # Errors
 /// When it cannot be read or lacks a marker.
 pub fn check(folder: &Path) -> anyhow::Result<()> {
-    page::check(&folder.join(PAGE), &[SUMMARY, CHARTS, STEPS])
+    page::check(&folder.join(PAGE), &[SUMMARY, CHARTS])
 }
 
 /// The runs that succeeded, with the coordinates of a chart: cost or updates, and error.
@@ -316,15 +314,6 @@ pub fn write_all(
     let file = folder.join("precision/resolution.csv");
     fs::write(&file, resolutions(results))
         .with_context(|| format!("cannot write {}", file.display()))
-}
-
-/// Writes the table, picture and figures of the sweep over time-step multiples.
-///
-/// # Errors
-/// When a file cannot be written.
-pub fn write_steps(folder: &Path, rows: &[steps::Row], here: &Run) -> anyhow::Result<()> {
-    page::put(&folder.join(PAGE), &[(STEPS, steps::table(rows))])?;
-    steps::write(folder, rows, here)
 }
 
 fn summary(results: &[CaseResult], here: &Run) -> String {

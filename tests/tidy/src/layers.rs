@@ -82,7 +82,6 @@ const CIRCLES: &[(&str, &str, &[&str])] = &[
     ("objects", "", &["page", "pick"]),
     ("demo", "", &["run", "scene"]),
     ("bench", "faults", &["act", "doors", "events", "watch"]),
-    ("bench", "precision", &["report", "steps"]),
     ("bench", "validate", &["case", "report"]),
 ];
 
