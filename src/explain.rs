@@ -10,7 +10,7 @@ use cosplat_files::keep_apart;
 use cosplat_scene::{
     assets::ply,
     diagram::diagram,
-    load::{LoadedScene, load_scene_with},
+    load::LoadedScene,
     scene_file::{AssetReport, AssetSource},
     summary::{BodySummary, Extent, ObjectSummary, SceneSummary, turned, vector},
 };
@@ -18,17 +18,13 @@ use cosplat_semantics::show;
 use cosplat_sim_core::World;
 use serde::Serialize;
 
-use crate::say;
+use crate::{say, scene_args::SceneArgs};
 
 /// Print what a scene file means: boxes, masses, materials, time step, cost.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The scene file.
-    scene: PathBuf,
-    /// Replace or add a value of the file, like dx=0.01, objects.0.friction=0.2 or 'colliders.0={name="floor", normal=[0, 1, 0]}';
-    /// may be given several times.
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    settings: Vec<String>,
+    #[command(flatten)]
+    scene: SceneArgs,
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
@@ -45,9 +41,9 @@ pub struct Args {
 /// # Errors
 /// When the scene cannot be used or the PLY cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let loaded = load_scene_with(&args.scene, &args.settings)?;
+    let loaded = args.scene.load()?;
     for output in args.ply.iter().chain(&args.picture) {
-        keep_apart(output, loaded.files(&args.scene))?;
+        keep_apart(output, loaded.files(&args.scene.path))?;
     }
     let explanation = Explanation::new(&loaded);
     if let Some(path) = &args.ply {

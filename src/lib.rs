@@ -14,9 +14,11 @@ mod export;
 mod features;
 mod import;
 pub mod inspect;
+mod manual;
 pub mod record;
 pub mod recover;
 mod replay;
+mod scene_args;
 pub mod serve;
 pub mod simulate;
 pub mod verify;
@@ -26,7 +28,7 @@ mod web;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use cosplat_console::{note, progress, say, seconds, signals, threads::threads};
 use cosplat_objects::{lift, pick as objects, refine};
 
@@ -47,6 +49,7 @@ enum Command {
     Bench(bench::Args),
     Branch(branch::Args),
     Compact(compact::Args),
+    Completions(manual::CompletionsArgs),
     Ctl(ctl::Args),
     Demo(demo::Args),
     Explain(explain::Args),
@@ -56,6 +59,7 @@ enum Command {
     Import(import::Args),
     Inspect(inspect::Args),
     Lift(lift::LiftArgs),
+    Manual(manual::ManualArgs),
     Objects(objects::Args),
     Record(record::Args),
     Recover(recover::Args),
@@ -78,6 +82,7 @@ pub fn main() -> ExitCode {
         Command::Bench(args) => bench::run(&args),
         Command::Branch(args) => branch::run(&args),
         Command::Compact(args) => compact::run(&args),
+        Command::Completions(args) => manual::complete(&args, Cli::command()),
         Command::Ctl(args) => ctl::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Explain(args) => explain::run(&args),
@@ -87,6 +92,7 @@ pub fn main() -> ExitCode {
         Command::Import(args) => import::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Lift(args) => lift::run(&args),
+        Command::Manual(args) => manual::write(&args, Cli::command()),
         Command::Objects(args) => objects::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Recover(args) => recover::run(&args),

@@ -9,17 +9,17 @@ use cosplat_pacing::{
     lockstep::{LockstepOptions, Policy, Terms, check_name},
     pace::Pace,
 };
-use cosplat_scene::load::{LoadedScene, load_scene};
+use cosplat_scene::load::LoadedScene;
 use cosplat_server::serve::{ServeOptions, ServeSummary, serve};
 use serde_json::json;
 
-use crate::{note, say, seconds, signals, threads};
+use crate::{note, say, scene_args::SceneArgs, seconds, signals, threads};
 
 /// Simulate a scene and publish every step over shared memory.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Scene file.
-    scene: PathBuf,
+    #[command(flatten)]
+    scene: SceneArgs,
     /// Begin with this checkpoint of the same scene.
     #[arg(long, value_name = "FILE")]
     restore: Option<PathBuf>,
@@ -172,7 +172,7 @@ fn participant(text: &str, terms: Terms) -> anyhow::Result<(String, Option<Terms
 pub fn run(args: &Args) -> anyhow::Result<()> {
     args.how.check()?;
     // Nothing has begun while a scene is loaded: until then a signal ends the process at once, however long that takes.
-    let scene = load_scene(&args.scene)?;
+    let scene = args.scene.load()?;
     let stop = signals::stop_flag()?;
     serve_scene(scene, args.restore.clone(), &args.how, &stop)
 }

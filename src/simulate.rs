@@ -11,10 +11,7 @@ use std::{
 use anyhow::{Context, bail};
 use cosplat_files::{Existing, NewFile, keep_apart};
 use cosplat_reference::ReferenceWorld;
-use cosplat_scene::{
-    load::{LoadedScene, load_scene_with},
-    scene_file::ObjectSpec,
-};
+use cosplat_scene::{load::LoadedScene, scene_file::ObjectSpec};
 use cosplat_sim_core::{
     ContactEpisode, DtLimit, Interruption, Isa, ObjectState, Scene, StepReport, Work,
     moments::{Matter, matter},
@@ -27,7 +24,9 @@ use serde::Serialize;
 
 use crate::{
     costs::{self, CostShare},
-    note, progress, say, seconds, signals, threads,
+    note, progress, say,
+    scene_args::SceneArgs,
+    seconds, signals, threads,
 };
 
 /// Objects whose cost a summary names.
@@ -36,12 +35,8 @@ const DEAREST: usize = 3;
 /// Run a scene without shared memory and report every frame as a JSON line.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The scene file.
-    scene: PathBuf,
-    /// Replace or add a value of the file, like dx=0.01, objects.0.friction=0.2 or 'colliders.0={name="floor", normal=[0, 1, 0]}';
-    /// may be given several times.
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    settings: Vec<String>,
+    #[command(flatten)]
+    scene: SceneArgs,
     /// Simulated seconds to run; rounded up to whole frames.
     #[arg(long, value_parser = seconds::positive)]
     duration: f64,
@@ -167,7 +162,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             "--threads {threads}: the solver of --f64 has one thread, expected --threads 1 or none"
         );
     }
-    let loaded = load_scene_with(&args.scene, &args.settings)?;
+    let loaded = args.scene.load()?;
     let scene = &loaded.scene;
     let warnings: Vec<String> = loaded
         .report
@@ -176,11 +171,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .map(ToString::to_string)
         .collect();
     for warning in &warnings {
-        note!("warning: {}: {warning}", args.scene.display());
+        note!("warning: {}: {warning}", args.scene.path.display());
     }
     let file = args.report.as_deref().filter(|p| *p != Path::new("-"));
     let new = file.map(|path| {
-        keep_apart(path, loaded.files(&args.scene))?;
+        keep_apart(path, loaded.files(&args.scene.path))?;
         let new = NewFile::stream(path, Existing::IsReplaced);
         new.with_context(|| format!("cannot write {}", path.display()))
     });

@@ -4,7 +4,10 @@ use std::process::{Command, Stdio};
 
 use rustix::process::{Pid, Resource, Rlimit, prlimit};
 
-use crate::stage::{Process, SMALL_SCENE, Stage, has_bytes, wait_for_status, watchdog};
+use crate::{
+    stage::{Process, SMALL_SCENE, Stage, has_bytes, wait_for_status, watchdog},
+    verify::{record, verify},
+};
 
 /// An output that nobody reads.
 fn closed() -> Stdio {
@@ -55,6 +58,60 @@ fn a_running_session_says_what_takes_its_time() {
         );
         assert!(cost["dt_min"].as_f64().is_some_and(|dt| dt > 0.0), "{cost}");
     }
+}
+
+#[test]
+fn shells_and_manual_pages_know_every_command() {
+    let stage = Stage::new();
+    let run = |arguments: &[&str]| {
+        let output = stage.cosplat(arguments).output().expect("cosplat runs");
+        let words = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{arguments:?}: {words}");
+        String::from_utf8(output.stdout).expect("text")
+    };
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        let script = run(&["completions", shell]);
+        for word in ["simulate", "participants", "lockstep"] {
+            assert!(script.contains(word), "{shell}: {word}");
+        }
+    }
+    let pages = stage.path("man/man1");
+    assert_eq!(run(&["manual", pages.to_str().expect("a plain path")]), "");
+    let page = std::fs::read_to_string(pages.join("cosplat-serve.1")).expect("a page");
+    assert!(
+        page.contains("\\-\\-pace") && page.contains("participants"),
+        "{page}"
+    );
+    assert!(pages.join("cosplat-ctl-status.1").exists());
+    // A file is no folder.
+    let file = stage.path("a file");
+    std::fs::write(&file, "").expect("written");
+    let refused = stage
+        .cosplat(&["manual", file.to_str().expect("a plain path")])
+        .output();
+    let refused = refused.expect("cosplat runs");
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("a file"));
+}
+
+#[test]
+fn values_given_to_a_server_are_in_the_recording() {
+    let _watchdog = watchdog();
+    let stage = Stage::new();
+    let given = ["--set", "objects.0.name=west", "--set", "gravity=[0, 0, 0]"];
+    record(&stage, SMALL_SCENE, 5, &given);
+    let recording = stage.path("run.mcap");
+    let (is_same, outcome) = verify(&stage, &recording, "1");
+    assert!(is_same, "{outcome}");
+    let inspect = ["inspect", recording.to_str().expect("a plain path")];
+    let output = stage.cosplat(&inspect).output().expect("cosplat runs");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("west") && !said.contains("left"), "{said}");
+    let wrong = ["serve", "scene.toml", "--set", "objects.9.name=east"];
+    let output = stage.cosplat(&wrong).output().expect("cosplat runs");
+    assert_eq!(output.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("objects.9.name"), "{said}");
 }
 
 #[test]

@@ -162,7 +162,7 @@ fn random_script(seed: u64) -> String {
 }
 
 /// Records a scene served on two threads while three processes order something by chance.
-fn record(stage: &Stage, scene: &str, seed: u64, arguments: &[&str]) -> Value {
+pub fn record(stage: &Stage, scene: &str, seed: u64, arguments: &[&str]) -> Value {
     record_as(stage, scene, seed, arguments, &[])
 }
 
@@ -208,7 +208,7 @@ fn record_as(
 }
 
 /// Outcome of `cosplat verify` and its exit status.
-fn verify(stage: &Stage, recording: &Path, threads: &str) -> (bool, Value) {
+pub fn verify(stage: &Stage, recording: &Path, threads: &str) -> (bool, Value) {
     let recording = recording.to_str().expect("a plain path");
     let arguments = ["verify", recording, "--threads", threads, "--json"];
     let output = stage.cosplat(&arguments).output().expect("cosplat runs");

@@ -45,6 +45,14 @@ def test_a_loop_sees_every_step_and_ends_with_the_session(launch: Launch) -> Non
         assert frames[-1] == (50, True, False) and reader.missed == 0
 
 
+def test_a_server_is_given_values_of_its_scene(launch: Launch) -> None:
+    with launch(parameters={"gravity": (0.0, 0.0, 0.0), "objects.0.name": "west"}) as session:
+        states = next(message for message in session.objects() if message.step > 1)
+        assert states["west"].linear_velocity.tolist() == [0, 0, 0]
+    with pytest.raises(cosplat.LaunchFailed, match="objects.9.name"):
+        launch(parameters={"objects.9.name": "east"})
+
+
 def test_changes_add_up_to_the_frame_bit_for_bit(domain: Domain) -> None:
     # A body falls beside matter, and both come to rest: rows of every kind, and none.
     scene = SCENE.replace('material = "soft_rubber"', 'material = "rigid"', 1)

@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import fcntl
 import itertools
+import json
 import os
 import re
 import shutil
@@ -16,7 +17,7 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import IO, Literal
+from typing import IO, Any, Literal
 
 from .domain import Domain
 from .errors import CosplatError, LaunchFailed, NoServer, OtherTransport, TimedOut
@@ -62,6 +63,7 @@ def launch(
     participants: Sequence[str] = (),
     paused: bool = False,
     threads: int = 0,
+    parameters: Mapping[str, Any] | None = None,
     arguments: Sequence[str] = (),
     program: str | os.PathLike[str] | None = None,
     timeout: float = 60.0,
@@ -70,8 +72,8 @@ def launch(
     """Starts `cosplat serve` on a scene and attaches; leaving the context, or `close`, stops it.
 
     `scene` is a path, or the text of a scene file where it holds a line break. `session` is a name that nobody else uses
-    without. With `participants` the pace is lock-step, and the first step waits for them. `arguments` are further ones of
-    `cosplat serve`. `program` is the command, by default the one that COSPLAT names, or `cosplat` on the path. `timeout` [s]
+    without. With `participants` the pace is lock-step, and the first step waits for them. `parameters` are values of the file
+    that are replaced or added, by the keys of `cosplat serve --set`. `arguments` are further ones of `cosplat serve`. `program` is the command, by default the one that COSPLAT names, or `cosplat` on the path. `timeout` [s]
     is for loading the scene. Launched by the main thread, the server ends with this process, however it ends.
 
     Raises LaunchFailed with the server's words when it does not start.
@@ -93,7 +95,8 @@ def launch(
         command = [program_path(program), "serve", os.fspath(scene), "--session", name]
         command += ["--participants", ",".join(participants)] if participants else []
         command += ["--pace", "lockstep" if participants else pace]
-        command += ["--threads", str(threads), *(["--paused"] if paused else []), *arguments]
+        command += ["--threads", str(threads), *(["--paused"] if paused else [])]
+        command += [*settings(parameters or {}), *arguments]
         environment = {**os.environ, "COSPLAT_DOMAIN": str(domain.root)}
         try:
             process = start_process(command, words, words, environment)
@@ -105,6 +108,21 @@ def launch(
             _end(process, lock)
             words.close()
             raise
+
+
+def settings(parameters: Mapping[str, Any]) -> list[str]:
+    """Arguments of commands that replace or add values of a scene file."""
+    return [word for key, value in parameters.items() for word in ("--set", f"{key}={_toml(value)}")]
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{json.dumps(key)} = {_toml(entry)}" for key, entry in value.items()) + "}"
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return json.dumps(value)
 
 
 def program_path(program: str | os.PathLike[str] | None) -> str:

@@ -23,7 +23,7 @@ from typing import IO, Any, Literal, Self, TypeAlias
 import numpy as np
 
 from .errors import BadName, LaunchFailed, SweepFailed
-from .launch import program_path, start_process
+from .launch import program_path, settings, start_process
 
 Value: TypeAlias = Any
 """A value of a scene file: a number, a truth, a text, a list or a mapping of them."""
@@ -192,8 +192,7 @@ class Task:
             Path(scene).write_text(self.scene)
         arguments = [command, "simulate", scene, "--duration", repr(self.duration), "--threads", str(self.threads)]
         arguments += ["--json", "--report", str(folder / "report.jsonl")]
-        for key, value in self.point.items():
-            arguments += ["--set", f"{key}={_toml(value)}"]
+        arguments += settings(self.point)
         with (folder / "summary.json").open("wb") as summary, (folder / "words").open("wb") as words:
             try:
                 return start_process(arguments, summary, words)
@@ -348,11 +347,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{json.dumps(key)} = {_toml(entry)}" for key, entry in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return json.dumps(value)
