@@ -4,9 +4,9 @@ use std::{path::PathBuf, sync::atomic::AtomicBool, time::Duration};
 
 use anyhow::{Context, anyhow, bail};
 use clap::ValueEnum;
-use cosplat_ipc::{Domain, session_name};
+use cosplat_ipc::{Domain, client::check_participant, session_name};
 use cosplat_pacing::{
-    lockstep::{LockstepOptions, Policy, Terms, check_name},
+    lockstep::{LockstepOptions, Policy, Terms},
     pace::Pace,
 };
 use cosplat_scene::load::LoadedScene;
@@ -150,7 +150,7 @@ fn participant(text: &str, terms: Terms) -> anyhow::Result<(String, Option<Terms
         None => (text, None),
         Some((name, own)) => (name, Some(own)),
     };
-    check_name(name).map_err(|error| anyhow!(error))?;
+    check_participant(name)?;
     let Some(own) = own else {
         return Ok((name.into(), None));
     };

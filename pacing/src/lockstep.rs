@@ -5,7 +5,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use cosplat_ipc::schema::{self as wire, Ack, StepDone, StepRequest};
+use cosplat_ipc::{
+    client::check_participant,
+    schema::{self as wire, Ack, StepDone, StepRequest},
+};
 
 use crate::outcome::{Finding, StepOutcome};
 
@@ -193,7 +196,7 @@ impl Lockstep {
         commands: impl FnOnce() -> Vec<Ack>,
     ) -> Result<bool, String> {
         let name = header.participant().map_err(|error| error.to_string())?;
-        check_name(name)?;
+        check_participant(name).map_err(|error| error.to_string())?;
         if header.kind != wire::STEP_ADVANCE && (header.count != 0 || header.frames != 0) {
             return Err(format!(
                 "{} commands and {} steps come with a request to attach or detach, expected none",
@@ -468,20 +471,6 @@ impl Now {
 /// Refuses a request as a whole: its commands get no answers of their own.
 pub fn refusal(reason: &str, at: Now) -> (StepDone, Vec<Ack>) {
     (at.done(wire::RETURN_REFUSED, reason), vec![])
-}
-
-/// Whether a participant may have this name.
-///
-/// # Errors
-/// A sentence with the name and what is expected.
-pub fn check_name(name: &str) -> Result<(), String> {
-    let plain = |b: u8| b.is_ascii_alphanumeric() || b"-_.".contains(&b);
-    if (1..=48).contains(&name.len()) && name.bytes().all(plain) {
-        return Ok(());
-    }
-    Err(format!(
-        "{name:?} is no participant's name: expected 1 to 48 of the characters a-z A-Z 0-9 - _ ."
-    ))
 }
 
 fn check_advance(header: &StepRequest) -> Result<(), String> {

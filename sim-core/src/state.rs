@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     bodies::{body::Body, shape::Shape, warm_start::CachedImpulse},
-    colliders::{Paths, rules::Pins},
+    colliders::{Paths, Substep, rules::Pins, touch::ParticleConditions},
     coupling::{near::Watch, sweeps::WarmStart},
     grid::Grid,
     interruption::Interruption,
@@ -242,6 +242,24 @@ impl<'a> Given<'a> {
             time: state.progress.sim_time,
             interruption: Interruption::never(),
         }
+    }
+
+    /// Conditions on particles in a substep, and in the one after it; none where nothing acts on particles.
+    pub fn particle_conditions(
+        &self,
+        now: Substep,
+        next: Substep,
+    ) -> Option<ParticleConditions<'a>> {
+        let (model, commanded) = (self.model, self.commanded);
+        ParticleConditions::new(
+            &model.boundaries,
+            &commanded.paths,
+            &model.rules,
+            &commanded.pins,
+            now,
+            next,
+            commanded.gravity,
+        )
     }
 
     /// Whether the particles of a part are joined to a rigid body.

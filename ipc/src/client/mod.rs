@@ -20,7 +20,7 @@ use iceoryx2::{node::Node, prelude::PortFactory};
 pub use changes::ChangesReader;
 pub use commands::{CommandSender, Unanswered};
 pub use error::{ConnectError, ReadError, SendError};
-pub use participant::{Participant, StepError, Stepped, Until};
+pub use participant::{Participant, StepError, Stepped, Until, check_participant};
 pub use reader::{
     Changes, ContactsReader, Frame, FrameReader, JournalReader, Message, ObjectsReader,
     StreamHeader, StreamReader,

@@ -41,6 +41,18 @@ pub enum StepError {
     },
 }
 
+/// Whether a participant may have this name.
+///
+/// # Errors
+/// [`StepError::BadName`] says what is expected.
+pub fn check_participant(name: &str) -> Result<(), StepError> {
+    let plain = |b: u8| b.is_ascii_alphanumeric() || b"-_.".contains(&b);
+    match (1..=48).contains(&name.len()) && name.bytes().all(plain) {
+        true => Ok(()),
+        false => Err(StepError::BadName { name: name.into() }),
+    }
+}
+
 /// What brings the answer before the last step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Until {
@@ -142,10 +154,7 @@ impl Client {
     /// # Errors
     /// [`StepError`] says why not.
     pub fn participate(&self, name: &str, patience: Duration) -> Result<Participant, StepError> {
-        let plain = |b: u8| b.is_ascii_alphanumeric() || b"-_.".contains(&b);
-        if name.is_empty() || name.len() > 48 || !name.bytes().all(plain) {
-            return Err(StepError::BadName { name: name.into() });
-        }
+        check_participant(name)?;
         let mut participant = Participant {
             requests: RequestSender::open(&self.node, &self.session)?,
             name: name.into(),

@@ -2,7 +2,7 @@
 
 use super::{limit::MAX_TRAVEL, schedule::Context};
 use crate::{
-    colliders::{Substep, sweep::SKIN, touch::ParticleConditions},
+    colliders::{Substep, sweep::SKIN},
     particles::{BLOCK, Extremes},
     report::DtLimit,
     state::{Given, GridMotion, Matter, Workspace},
@@ -71,16 +71,7 @@ struct OutsideSpeeds {
 impl OutsideSpeeds {
     /// How fast boundaries and rules may move particles in a substep; `speeds` is per prescribed motion.
     fn new(given: &Given<'_>, now: &Substep, [min, max]: [[i32; 3]; 2], speeds: &[f64]) -> Self {
-        let (model, commanded) = (given.model, given.commanded);
-        let touch = ParticleConditions::new(
-            &model.boundaries,
-            &commanded.paths,
-            &model.rules,
-            &commanded.pins,
-            *now,
-            *now,
-            commanded.gravity,
-        );
+        let touch = given.particle_conditions(*now, *now);
         let Some(touch) = touch.filter(|_| min[0] <= max[0]) else {
             return Self {
                 prescribed: 0.0,
@@ -91,7 +82,7 @@ impl OutsideSpeeds {
         let min = min.map(|i| f64::from(BLOCK * i) - 2.5);
         let max = max.map(|i| f64::from(BLOCK * (i + 1)) + 1.5);
         Self {
-            prescribed: model.rules.speed(speeds, now),
+            prescribed: given.model.rules.speed(speeds, now),
             colliders: touch.collider_speed(min, max),
         }
     }

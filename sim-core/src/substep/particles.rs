@@ -8,8 +8,8 @@ use super::{
     tally::Tally,
 };
 use crate::{
-    colliders::{Substep, touch::ParticleConditions},
-    state::{Given, GridMotion, Matter, Workspace},
+    colliders::Substep,
+    state::{GridMotion, Matter, Workspace},
     step::{
         particle_pass::particle_pass,
         pass::{Findings, Pass, Stage},
@@ -78,18 +78,8 @@ fn pass(
         now,
         ..
     } = at;
-    let Given {
-        model, commanded, ..
-    } = *given;
-    let touch = ParticleConditions::new(
-        &model.boundaries,
-        &commanded.paths,
-        &model.rules,
-        &commanded.pins,
-        *now,
-        *next,
-        commanded.gravity,
-    );
+    let model = given.model;
+    let touch = given.particle_conditions(*now, *next);
     let pass = Pass {
         stage,
         dt: now.dt as f32,
