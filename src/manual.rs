@@ -1,10 +1,11 @@
 //! What shells and `man` are told of the command line.
 
-use std::{fs, io, path::PathBuf};
+use std::{fs, path::PathBuf};
 
 use anyhow::Context;
 use clap::Command;
 use clap_complete::Shell;
+use cosplat_console::say;
 
 /// Print what a shell completes commands and options by.
 ///
@@ -33,11 +34,7 @@ pub fn complete(args: &CompletionsArgs, mut command: Command) -> anyhow::Result<
     let mut script = Vec::new();
     let name = command.get_name().to_owned();
     clap_complete::generate(args.shell, &mut command, name, &mut script);
-    match io::Write::write_all(&mut io::stdout(), &script) {
-        // Who reads standard output has seen enough.
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        done => done.context("cannot write to standard output"),
-    }
+    say!("{}", String::from_utf8(script)?.trim_end())
 }
 
 /// Writes the manual pages of a command line.

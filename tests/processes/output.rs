@@ -62,6 +62,7 @@ fn a_running_session_says_what_takes_its_time() {
 
 #[test]
 fn shells_and_manual_pages_know_every_command() {
+    let _watchdog = watchdog();
     let stage = Stage::new();
     let run = |arguments: &[&str]| {
         let output = stage.cosplat(arguments).output().expect("cosplat runs");

@@ -73,8 +73,9 @@ def launch(
 
     `scene` is a path, or the text of a scene file where it holds a line break. `session` is a name that nobody else uses
     without. With `participants` the pace is lock-step, and the first step waits for them. `parameters` are values of the file
-    that are replaced or added, by the keys of `cosplat serve --set`. `arguments` are further ones of `cosplat serve`. `program` is the command, by default the one that COSPLAT names, or `cosplat` on the path. `timeout` [s]
-    is for loading the scene. Launched by the main thread, the server ends with this process, however it ends.
+    that are replaced or added, by the keys of `cosplat serve --set`. `arguments` are further ones of `cosplat serve`.
+    `program` is the command, by default the one that COSPLAT names, or `cosplat` on the path. `timeout` [s] is for loading
+    the scene. Launched by the main thread, the server ends with this process, however it ends.
 
     Raises LaunchFailed with the server's words when it does not start.
     """
