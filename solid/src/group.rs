@@ -140,30 +140,38 @@ fn begin(group: &mut [Mover<'_>], around: &Around<'_>, start: f64, meets: bool) 
         true => around.boundaries.all(around.paths, &now),
         false => vec![],
     };
-    group.iter_mut().for_each(|mover| {
-        mover.timed(|mover| {
-            let (given, begins) = (&mover.given, start == around.frame[0]);
-            let surface = &mover.object.surface;
-            let surface = (&surface.points[..], &surface.stiffness[..]);
-            let points = mover.faces.iter().flat_map(|face| face.points);
-            let places = points.map(|&p| surface.0[p].x).collect();
-            mover.solid.scratch.dissipation.begin(places);
-            let outside = &around.outside;
-            mover.solid.begin(outside, surface, begins, |n| given[n]);
-            // Walls that bind hold no energy, and make no motion faster.
-            let near = placed.iter().filter(|p| mover.colliders.contains(&p.id));
-            let mut near = near.map(|placed| placed.against(mover.friction));
-            let is_near_a_wall = near.any(|placed| !binds(&placed));
-            mover.solid.scratch.search.contact = match (meets, is_near_a_wall) {
-                (true, _) => ContactWith::Objects,
-                (false, true) => ContactWith::Walls,
-                (false, false) => ContactWith::Nothing,
-            };
-            if (meets || !mover.colliders.is_empty()) && !mover.solid.scratch.search.has_begun {
-                mover.solid.expect_contact();
-            }
-        })
-    });
+    for mover in group {
+        mover.timed(|mover| begin_mover(mover, around, &placed, (start, meets)));
+    }
+}
+
+/// Before a span from a time [s] on, in which one of a group may meet others, with colliders placed there.
+fn begin_mover(
+    mover: &mut Mover<'_>,
+    around: &Around<'_>,
+    placed: &[Placed<'_>],
+    (start, meets): (f64, bool),
+) {
+    let (given, begins) = (&mover.given, start == around.frame[0]);
+    let surface = &mover.object.surface;
+    let surface = (&surface.points[..], &surface.stiffness[..]);
+    let points = mover.faces.iter().flat_map(|face| face.points);
+    let places = points.map(|&p| surface.0[p].x).collect();
+    mover.solid.scratch.dissipation.begin(places);
+    let outside = &around.outside;
+    mover.solid.begin(outside, surface, begins, |n| given[n]);
+    // Walls that bind hold no energy, and make no motion faster.
+    let near = placed.iter().filter(|p| mover.colliders.contains(&p.id));
+    let mut near = near.map(|placed| placed.against(mover.friction));
+    let is_near_a_wall = near.any(|placed| !binds(&placed));
+    mover.solid.scratch.search.contact = match (meets, is_near_a_wall) {
+        (true, _) => ContactWith::Objects,
+        (false, true) => ContactWith::Walls,
+        (false, false) => ContactWith::Nothing,
+    };
+    if (meets || !mover.colliders.is_empty()) && !mover.solid.scratch.search.has_begun {
+        mover.solid.expect_contact();
+    }
 }
 
 impl Members<'_, '_> {
