@@ -91,7 +91,8 @@ impl ClusterWay {
         self.other = ways.fold(0.0, f64::max);
     }
 
-    /// Lists anew what was found at a way [m]; one that is listed still goes on from where it was.
+    /// Lists anew what was found at a way [m]; one that is listed still goes on from where it was. What is new or due is looked
+    /// at once: it may have gone through what is thin on its way here, and be as far from it on the other side.
     fn renew(&mut self, way: f64, found: Vec<Listed>, memory: &mut Vec<Candidate>) {
         let then = std::mem::replace(&mut self.way, way);
         std::mem::swap(&mut self.points, memory);
@@ -101,9 +102,13 @@ impl ClusterWay {
             let listed = before.next_if(|p| p.point == near.point);
             // What it was found to be away by holds as well.
             let left = listed.as_ref().map_or(0.0, |p| p.until - then);
+            let until = match left > 0.0 {
+                true => way + near.clear.max(left),
+                false => way,
+            };
             Candidate {
                 point: near.point,
-                until: way + near.clear.max(left),
+                until,
                 part: near.part,
                 known: listed.and_then(|p| p.known),
             }

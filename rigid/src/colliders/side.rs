@@ -84,7 +84,8 @@ impl Placed<'_> {
         };
         let way = length(point.way);
         let mut side = point.side.map(f64::from);
-        let mut reach = point.depth + 2.0 * way;
+        // From well in front of the face: what has not moved is as deep as it was, and a ray from the face itself does not meet that.
+        let mut reach = 1.25 * point.depth + 2.0 * way;
         if side == [0.0; 3] {
             if found.value > way {
                 return (found, [0.0; 3]);
