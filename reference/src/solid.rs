@@ -1,11 +1,13 @@
 //! An elastic solid on a grid of its own, in double precision: a dense loop over cells, points and nodes.
 //!
-//! Nodes are a full array of the solid's box. It takes volumes of points and which light nodes follow which from the model of the fast
-//! solver, and shares the stress of laws with it. Shape functions, masses, forces and steps are written here from their equations:
+//! Nodes are a full array of the solid's box. It takes volumes of points, which light nodes follow which and the masses `k_ij` between nodes from
+//! the model of the fast solver, and shares the stress of laws with it. Shape functions, masses, forces and steps are written here from their
+//! equations:
 //!
 //! ```text
 //! m_i = sum_p N_i(X_p) rho V_p             F_p = I + sum_i u_i (x) grad N_i(X_p)
-//! f_i = -sum_p V_p P(F_p) grad N_i(X_p)    v_i += k (f_i / m_i + g)    u_i += dt v_i
+//! f_i = -sum_p V_p P(F_p) grad N_i(X_p)    p_i += k (f_i / m_i + g)
+//! v_i = p_i + sum_j k_ij (p_i - p_j) / m_i                   u_i += dt v_i
 //! ```
 
 pub mod resting;
@@ -33,11 +35,15 @@ pub struct ReferenceSolid {
     points: Vec<(Vec<Near>, f64)>,
     /// Light nodes, each with the nodes that it follows and their weights.
     followers: Vec<(usize, Vec<(usize, f64)>)>,
+    /// Pairs of nodes with the mass between them [kg].
+    pairs: Vec<(usize, usize, f64)>,
     /// Mass of every node [kg]; 0 without matter, and of those that follow others.
     pub mass: Vec<f64>,
     /// Displacement of every node from rest [m].
     pub displacement: Vec<[f64; 3]>,
-    /// Velocity of every node [m/s].
+    /// Momentum of every node over its mass [m/s].
+    pub momentum: Vec<[f64; 3]>,
+    /// Velocity of every node [m/s], as of the latest substep.
     pub velocity: Vec<[f64; 3]>,
 }
 
@@ -52,6 +58,10 @@ fn spline(r: f64) -> (f64, f64) {
         a if a <= 1.5 => (0.5 * far * far, -far * r.signum()),
         _ => (0.0, 0.0),
     }
+}
+
+fn index_in(counts: [usize; 3], [x, y, z]: [usize; 3]) -> usize {
+    (x * counts[1] + y) * counts[2] + z
 }
 
 impl ReferenceSolid {
@@ -93,8 +103,10 @@ impl ReferenceSolid {
             counts,
             points: Vec::new(),
             followers: Vec::new(),
+            pairs: Vec::new(),
             mass: vec![0.0; nodes],
             displacement: vec![[0.0; 3]; nodes],
+            momentum: vec![[0.0; 3]; nodes],
             velocity: vec![[0.0; 3]; nodes],
         };
         let places = places.into_iter();
@@ -108,7 +120,7 @@ impl ReferenceSolid {
         }
         let index = |slot: u32| {
             let at = place(model, slot as usize);
-            solid.index(std::array::from_fn(|a| (at[a] - low[a]) as usize))
+            index_in(counts, std::array::from_fn(|a| (at[a] - low[a]) as usize))
         };
         let of_outer = model.extension.outer.iter().map(|&outer| {
             let inner = model.extension.borne_by(outer);
@@ -124,11 +136,18 @@ impl ReferenceSolid {
         for (outer, _) in &solid.followers {
             solid.mass[*outer] = 0.0;
         }
+        let all = model.nodes().flat_map(|slot| {
+            let beside = model.off_diagonal.beside(slot);
+            let once = beside.filter(move |&(other, _)| slot < other);
+            once.map(move |(other, shared)| (slot, other, model.dx * shared))
+        });
+        let pairs = all.map(|(a, b, shared)| (index(a as u32), index(b as u32), shared));
+        solid.pairs = pairs.collect();
         solid
     }
 
-    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
-        (x * self.counts[1] + y) * self.counts[2] + z
+    fn index(&self, at: [usize; 3]) -> usize {
+        index_in(self.counts, at)
     }
 
     /// Index of a node of the model that the solid was made of.
@@ -214,9 +233,21 @@ impl ReferenceSolid {
         for (node, force) in forces.iter().enumerate() {
             if self.mass[node] > 0.0 {
                 for a in 0..3 {
-                    self.velocity[node][a] += kick * (force[a] / self.mass[node] + gravity[a]);
-                    self.displacement[node][a] += drift * self.velocity[node][a];
+                    self.momentum[node][a] += kick * (force[a] / self.mass[node] + gravity[a]);
                 }
+            }
+        }
+        self.velocity.clone_from(&self.momentum);
+        for &(one, other, shared) in &self.pairs {
+            for a in 0..3 {
+                let change = shared * (self.momentum[one][a] - self.momentum[other][a]);
+                self.velocity[one][a] += change / self.mass[one];
+                self.velocity[other][a] -= change / self.mass[other];
+            }
+        }
+        for (displacement, v) in self.displacement.iter_mut().zip(&self.velocity) {
+            for a in 0..3 {
+                displacement[a] += drift * v[a];
             }
         }
         self.follow();
@@ -251,10 +282,12 @@ impl ReferenceSolid {
 
     /// Kinetic energy [J].
     pub fn kinetic_energy(&self) -> f64 {
-        let nodes = self.mass.iter().zip(&self.velocity);
-        nodes
-            .map(|(m, v)| 0.5 * m * v.iter().map(|v| v * v).sum::<f64>())
-            .sum()
+        let nodes = self.mass.iter().zip(&self.momentum).zip(&self.velocity);
+        let twice = nodes.map(|((m, p), v)| {
+            let both = p.iter().zip(v);
+            m * both.map(|(p, v)| p * v).sum::<f64>()
+        });
+        0.5 * twice.sum::<f64>()
     }
 
     /// Whether the law is one of those that the oracle knows: elastic, and with a Piola stress or on Hencky strain.

@@ -288,7 +288,9 @@ impl<'a> Solid<'a> {
         self.state.velocity = [0.0; 3];
         for (n, &slot) in self.scratch.held.iter().enumerate() {
             let v = given(n).map(|v| (v / self.model.dx) as f32);
-            write(&mut self.state.nodes[slot / NODES].v, slot, v);
+            let block = &mut self.state.nodes[slot / NODES];
+            write(&mut block.v, slot, v);
+            write(&mut block.p, slot, v);
         }
     }
 

@@ -103,7 +103,8 @@ pub(super) struct Patch {
     /// Where it is at rest, and how far in front of a flat slip wall it stays [m].
     pub rest: [f64; 3],
     pub in_front: f64,
-    /// How nodes answer an impulse on it, by that of each [1/kg].
+    /// Momenta over masses, and velocities, that an impulse on it gives nodes [1/kg].
+    pub pushed: Borne,
     pub answers: Borne,
     pub with: u32,
     /// Whether it may slip along the wall.
@@ -141,7 +142,7 @@ pub struct Walls {
     pub(super) bonds: Vec<Bond>,
     /// Of every point that was held since nodes were last held or let go.
     pub(super) borne: BTreeMap<usize, MovedBy>,
-    /// Points that were held latest, those of bonds first, their patches, and the nodes that bear these.
+    /// Points that were held latest, those of bonds first, their patches, and the nodes that impulses on these move.
     pub(super) latest: Vec<Bound>,
     pub(super) patches: Vec<Patch>,
     pub(super) nodes: Vec<u32>,
@@ -154,8 +155,8 @@ pub struct Walls {
     pub(super) answers: Skyline,
     /// Velocities that are missing, then impulses, by row.
     pub(super) sought: Vec<f64>,
-    /// Change of the velocity of every node [m/s].
-    pub(super) change: Vec<[f64; 3]>,
+    /// Change of the velocity of every node, and of its momentum over its mass [m/s].
+    pub(super) change: Vec<[[f64; 3]; 2]>,
     /// How far nodes were moved, by block [m].
     pub(super) ways: Vec<f64>,
 }

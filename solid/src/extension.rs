@@ -7,7 +7,7 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use super::nodes::{NODES, NodeBlock, NodeRow, Planes, read, write};
+use super::nodes::{NODES, NodeBlock, NodeRow, Planes, node_at, read, write};
 use crate::{mat3::dot, simd::F32x16};
 
 /// Share of the volume about a node amid matter below which a node is outer: densities say nothing of how much of a cell there is.
@@ -287,11 +287,9 @@ fn inner_near(places: &[[i32; 3]], filled: &[f64], (slot, reach): (usize, i32)) 
     for n in 0..side.pow(3) {
         let o = [n / side.pow(2), n / side % side, n % side].map(|o| o - reach);
         let there: [i32; 3] = std::array::from_fn(|a| at[a] + o[a]);
-        let Ok(found) = places.binary_search(&there.map(|x| x.div_euclid(4))) else {
+        let Some(other) = node_at(places, there) else {
             continue;
         };
-        let [x, y, z] = there.map(|x| x.rem_euclid(4) as usize);
-        let other = NODES * found + 16 * x + 4 * z + y;
         if filled[other] >= LIGHT {
             let squared: i32 = o.iter().map(|o| o * o).sum();
             near.push((squared, other as u32, filled[other], o.map(f64::from)));

@@ -6,7 +6,7 @@
 //! about where nodes are, with the kernel's own forces at small displacements.
 
 use super::{
-    kernel::{Moving, SolidLaw, Step, Tiles, substep},
+    kernel::{Moving, SolidLaw, Step, Tiles, substep, velocities_of},
     memory::BlockMemory,
     model::SolidModel,
     nodes::{Conditions, NodeBlock, NodeRow, Planes, slot},
@@ -31,7 +31,7 @@ impl Steps {
     /// How many, and how much larger the largest value may be than that found.
     fn count(self) -> (usize, f64) {
         match self {
-            Self::Few => (6, 1.15),
+            Self::Few => (8, 1.15),
             Self::Several => (8, 1.05),
             Self::Many => (24, 1.02),
         }
@@ -93,13 +93,17 @@ pub(super) struct Vibrating<'a> {
     pub about: &'a [NodeBlock],
 }
 
-/// Memory of the method: displacements of nodes times the root of their mass.
+/// Memory of the method: forces on nodes over the root of their mass. With `S` the root of the inverse masses, `K` the stiffness and `S (1 + B) S` the
+/// inverse mass matrix, that of [`OffDiagonalMass`](super::off_diagonal::OffDiagonalMass), `S K S (1 + B)` is symmetric in the product `x^T (1 + B) y`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lanczos {
     now: Vec<Planes>,
     before: Vec<Planes>,
     next: Vec<Planes>,
-    /// Accelerations where nodes are.
+    /// `1 + B` times the vector at hand: displacements times the root of mass.
+    moved: Vec<Planes>,
+    scratch: Vec<Planes>,
+    /// Forces over masses where nodes are.
     base: Vec<Planes>,
     nodes: Vec<NodeBlock>,
     /// What matter remembers: nothing, so that it is elastic, whatever it does beyond that.
@@ -116,28 +120,42 @@ impl Vibrating<'_> {
         self.accelerate(memory, None);
         let sums = self.tiles.sums.clone();
         for (base, node) in memory.base.iter_mut().zip(&memory.nodes) {
-            *base = node.v;
+            *base = node.p;
         }
-        self.begin(&mut memory.now);
-        let size = norm(&memory.now);
-        scale(&mut memory.now, size.recip());
+        self.begin(&mut memory.next);
+        let size = self.lift(memory);
+        scale(&mut memory.next, size.recip());
+        scale(&mut memory.moved, size.recip());
+        std::mem::swap(&mut memory.now, &mut memory.next);
         let (mut diagonal, mut beside) = (vec![], vec![]);
         for step in 0..steps {
             self.apply(memory);
             let Lanczos {
-                now, before, next, ..
-            } = memory;
-            let alpha = dot(now, next);
+                now,
+                before,
+                next,
+                moved,
+                ..
+            } = &mut *memory;
+            let alpha = dot(moved, next);
             let beta = beside.last().copied().unwrap_or(0.0);
             subtract(next, [(alpha, now), (beta, before)]);
             diagonal.push(alpha);
-            let norm = norm(next);
+            let norm = self.lift(memory);
             // Nothing is left to look at, but for round-off.
             if step + 1 == steps || norm <= 1e-6 * alpha.abs() {
                 break;
             }
             beside.push(norm);
+            let Lanczos {
+                now,
+                before,
+                next,
+                moved,
+                ..
+            } = &mut *memory;
             scale(next, norm.recip());
+            scale(moved, norm.recip());
             std::mem::swap(before, now);
             std::mem::swap(now, next);
         }
@@ -170,10 +188,44 @@ impl Vibrating<'_> {
         }
     }
 
-    /// `M^-1/2 K M^-1/2 y` of inner nodes.
+    /// `1 + B` times the next vector; the size of that.
+    fn lift(&self, memory: &mut Lanczos) -> f64 {
+        let Lanczos {
+            next,
+            moved,
+            scratch,
+            roots,
+            ..
+        } = memory;
+        let times = |out: &mut Planes, of: &Planes, by: &[F32x16; 4]| {
+            for (out, of) in out.iter_mut().zip(of) {
+                for (x, out) in out.iter_mut().enumerate() {
+                    for lane in 0..LANES {
+                        out.0[lane] = by[x].0[lane] * of[x].0[lane];
+                    }
+                }
+            }
+        };
+        for ((out, of), [root, _]) in scratch.iter_mut().zip(&*next).zip(&*roots) {
+            times(out, of, root);
+        }
+        let of_nodes = (
+            &self.model.off_diagonal,
+            &self.conditions.w[..],
+            &scratch[..],
+        );
+        velocities_of(self.isa, of_nodes, moved);
+        for ((out, of), [_, back]) in scratch.iter_mut().zip(&*moved).zip(&*roots) {
+            times(out, of, back);
+        }
+        std::mem::swap(moved, scratch);
+        dot(next, moved).sqrt()
+    }
+
+    /// `S K S (1 + B) y` of inner nodes.
     fn apply(&mut self, memory: &mut Lanczos) {
         let mut largest = [0.0_f32; LANES];
-        for ([root, _], y) in memory.roots.iter().zip(&memory.now) {
+        for ([root, _], y) in memory.roots.iter().zip(&memory.moved) {
             for plane in y {
                 for (y, root) in plane.iter().zip(root) {
                     for lane in 0..LANES {
@@ -188,9 +240,9 @@ impl Vibrating<'_> {
         for (out, ((base, node), [_, back])) in memory.next.iter_mut().zip(answers) {
             for a in 0..3 {
                 for x in 0..4 {
-                    let (base, v, back) = (&base[a][x].0, &node.v[a][x].0, &back[x].0);
+                    let (base, p, back) = (&base[a][x].0, &node.p[a][x].0, &back[x].0);
                     for lane in 0..LANES {
-                        out[a][x].0[lane] = back[lane] / size * (base[lane] - v[lane]);
+                        out[a][x].0[lane] = back[lane] / size * (base[lane] - p[lane]);
                     }
                 }
             }
@@ -208,10 +260,10 @@ impl Vibrating<'_> {
         }
     }
 
-    /// Accelerations of nodes, as velocities, where they are or displaced by so much of the vector at hand.
+    /// Forces on nodes over masses, as momenta, where they are or displaced by so much of the vector at hand.
     fn accelerate(&mut self, memory: &mut Lanczos, displaced: Option<f32>) {
         let Lanczos {
-            now,
+            moved,
             nodes,
             roots,
             memory,
@@ -224,7 +276,7 @@ impl Vibrating<'_> {
             };
         }
         if let Some(size) = displaced {
-            for ((node, y), [root, _]) in nodes.iter_mut().zip(&*now).zip(&*roots) {
+            for ((node, y), [root, _]) in nodes.iter_mut().zip(&*moved).zip(&*roots) {
                 for a in 0..3 {
                     for x in 0..4 {
                         let (u, y, root) = (&mut node.u[a][x].0, &y[a][x].0, &root[x].0);
@@ -271,13 +323,15 @@ impl Lanczos {
             now,
             before,
             next,
+            moved,
+            scratch,
             base,
             nodes,
             memory,
             roots,
         } = self;
         memory.resize_with(point_blocks, Vec::new);
-        for vectors in [now, before, next, base] {
+        for vectors in [now, before, next, moved, scratch, base] {
             vectors.clear();
             vectors.resize(w.len(), [[F32x16::ZERO; 4]; 3]);
         }
@@ -307,10 +361,6 @@ fn dot(a: &[Planes], b: &[Planes]) -> f64 {
         f64::from(sums.iter().sum::<f32>())
     });
     blocks.sum()
-}
-
-fn norm(of: &[Planes]) -> f64 {
-    dot(of, of).sqrt()
 }
 
 fn scale(of: &mut [Planes], by: f64) {

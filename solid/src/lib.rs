@@ -4,7 +4,7 @@
 //! With quadratic B-splines `N_i` and Gauss points `p` in every cell, cut ones with the volumes that are there:
 //!
 //! - `m_i = sum_p N_i(X_p) rho V_p`, `F_p = I + sum_i u_i (x) grad N_i(X_p)` ([`model`]),
-//! - `f_i = -sum_p V_p P(F_p) grad N_i(X_p)`, `v += dt f / m`, `u += dt v` ([`kernel`]),
+//! - `f_i = -sum_p V_p P(F_p) grad N_i(X_p)`, `p += dt f / m`, `v = p + W C p`, `u += dt v` ([`kernel`], [`off_diagonal`]),
 //! - substeps by the largest tangent `dP/dF` of the moment ([`advance`]).
 //!
 //! Points of matter that flows remember it ([`memory`]); those of elastic matter remember nothing.
@@ -47,6 +47,7 @@ pub mod model;
 pub mod mover;
 pub mod nodes;
 pub mod object;
+pub mod off_diagonal;
 pub mod outline;
 mod overlap;
 pub mod overlaps;

@@ -12,10 +12,11 @@ use crate::simd::F32x16;
 /// Share of the stable substep that one may have at the largest tangent of the moment, and where it may touch something. In a chain of
 /// five cells between two walls contact makes no energy up to that, and does at 0.85.
 const STABLE: f64 = 0.8;
-/// Largest squared frequency over the tangent per density and squared cell size, wherever the boundary cuts: 4 / 0.943^2.
+/// Largest squared frequency over the tangent per density and squared cell size, wherever the boundary cuts, with the masses of nodes alone:
+/// 4 / 0.943^2.
 pub(super) const FASTEST: f64 = 4.5;
-/// What that frequency of much deformed matter is taken for over the bound: more than 1, as nodes follow others.
-const DEFORMED: f64 = 1.35;
+/// What that frequency of much deformed matter is taken for over the bound: more than 1, as nodes follow others and have mass between them.
+const DEFORMED: f64 = 1.9;
 /// One over the stiffening from which on it is taken for that.
 const ONSET: f64 = 1.5;
 /// Time of the viscous stress over the substep, where matter is deformed most: what keeps violent release from inverting it.
@@ -32,8 +33,8 @@ const MEASURED_CHANGE: f64 = 0.1;
 const GROWN: f64 = 1.2;
 /// Substeps after which another may be made, and is.
 const AGE: [u64; 2] = [16, 64];
-/// Substeps that a measurement has to save at best: it takes as long as seven.
-const MIN_SAVED: f64 = 14.0;
+/// Substeps that a measurement has to save at best: it takes as long as nine.
+const MIN_SAVED: f64 = 18.0;
 /// Smallest substep over that at rest: a solid whose matter needs less fails, and one that is too fast for it is in what it meets deeper
 /// than it should.
 const SMALLEST: f64 = 1.0 / 1024.0;

@@ -9,6 +9,7 @@ use super::{
     held::HELD_PART,
     lattice::{Lattice, Seed},
     nodes::{Bears, NODES, place, slot},
+    off_diagonal::{OffDiagonalMass, SHARE},
     volumes::{BlockParts, Parts},
 };
 use crate::simd::F32x16;
@@ -68,6 +69,8 @@ pub struct SolidModel {
     pub spread: Vec<[F32x16; 4]>,
     /// Nodes that follow others.
     pub extension: Extension,
+    /// Mass between nodes.
+    pub off_diagonal: OffDiagonalMass,
     /// Mass of the solid [kg].
     pub total_mass: f64,
     /// Where there are cells with matter.
@@ -152,6 +155,7 @@ impl SolidModel {
             mass: vec![0.0; NODES * node_blocks.len()],
             spread: vec![[F32x16::ZERO; 4]; node_blocks.len()],
             extension: Extension::default(),
+            off_diagonal: OffDiagonalMass::default(),
             point_blocks_of,
             point_blocks: vec![],
             cells: vec![],
@@ -161,12 +165,13 @@ impl SolidModel {
             node_blocks,
         };
         let mut filled = vec![0.0; model.mass.len()];
+        let mut along: [Vec<f64>; 3] = std::array::from_fn(|_| vec![0.0; model.mass.len()]);
         for (block, mut cells) in blocks {
             let nodes = around(&block, 1).map(|b| find(&model.node_blocks, &b));
             let start = model.cells.len();
             cells.sort_by_key(|(cell, _)| (cell.number, cell.part));
             for (cell, density) in cells {
-                model.add_matter(&nodes, &cell, density, &mut filled);
+                model.add_matter(&nodes, &cell, density, (&mut filled, &mut along));
                 model.cells.push(cell);
             }
             model.point_blocks.push(PointBlock {
@@ -180,6 +185,8 @@ impl SolidModel {
             model.spread[slot / NODES][slot / 16 % 4].0[slot % 16] = w as f32;
         }
         model.extension = Extension::new(&model.node_blocks, &mut model.mass, &filled);
+        let nodes = (&model.mass[..], &filled[..]);
+        model.off_diagonal = OffDiagonalMass::new(&model.node_blocks, &along, nodes, dx);
         model.parts = Parts::new(&model.parts_of_blocks());
         model
     }
@@ -199,14 +206,28 @@ impl SolidModel {
         parts.collect()
     }
 
-    /// Spreads the mass of a cell, and its volume [cells], over the nodes.
-    fn add_matter(&mut self, nodes: &[u32; 8], cell: &Cell, density: f64, filled: &mut [f64]) {
+    /// Spreads the mass of a cell, and its volume [cells], over the nodes, and its mass between each and that two cells behind it `along` each axis.
+    fn add_matter(
+        &mut self,
+        nodes: &[u32; 8],
+        cell: &Cell,
+        density: f64,
+        (filled, along): (&mut [f64], &mut [Vec<f64>; 3]),
+    ) {
         for (n, volume) in cell.volumes.into_iter().enumerate() {
             let volume = f64::from(volume);
             let mass = volume * density * self.dx.powi(3);
-            for (slot, weight) in stencil(nodes, cell.number, gauss_point(n)) {
+            let d = gauss_point(n);
+            let weights = d.map(|d| weights_f64(d).0);
+            for (at, (slot, weight)) in stencil(nodes, cell.number, d).into_iter().enumerate() {
                 self.mass[slot] += weight * mass;
                 filled[slot] += weight * volume;
+                let place = [at / 9, at / 3 % 3, at % 3];
+                for (axis, along) in along.iter_mut().enumerate().filter(|a| place[a.0] == 0) {
+                    let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+                    let across = weights[b][place[b]] * weights[c][place[c]];
+                    along[slot] += SHARE * mass * across;
+                }
             }
         }
     }

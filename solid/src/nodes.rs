@@ -11,7 +11,7 @@ pub const NODES: usize = 64;
 /// One vector per component and x plane of a block; lane `4 z + y`.
 pub(crate) type Planes = [[F32x16; 4]; 3];
 
-/// Displacement and velocity of a block of nodes.
+/// Displacement, velocity and momentum of a block of nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C, align(64))]
 pub struct NodeBlock {
@@ -19,6 +19,9 @@ pub struct NodeBlock {
     pub u: Planes,
     /// Velocity relative to the object's frame [cells/s].
     pub v: Planes,
+    /// Momentum over the node's mass, of that velocity [cells/s]: the two are the same but for the mass between nodes
+    /// ([`OffDiagonalMass`](crate::off_diagonal::OffDiagonalMass)). That of a node that follows others has no meaning.
+    pub p: Planes,
 }
 
 impl NodeBlock {
@@ -26,6 +29,7 @@ impl NodeBlock {
     pub const REST: Self = Self {
         u: [[F32x16::ZERO; 4]; 3],
         v: [[F32x16::ZERO; 4]; 3],
+        p: [[F32x16::ZERO; 4]; 3],
     };
 }
 
@@ -163,6 +167,13 @@ pub fn place(x: usize, y: usize, z: usize) -> [usize; 2] {
 #[inline(always)]
 pub fn slot(block: usize, [x, lane]: [usize; 2]) -> usize {
     NODES * block + 16 * x + lane
+}
+
+/// Number of the node at a place [cells], with blocks at `places` in lexicographic order; none where there is no block.
+pub(crate) fn node_at(places: &[[i32; 3]], at: [i32; 3]) -> Option<usize> {
+    let block = places.binary_search(&at.map(|x| x.div_euclid(4))).ok()?;
+    let [x, y, z] = at.map(|x| x.rem_euclid(4) as usize);
+    Some(slot(block, place(x, y, z)))
 }
 
 /// Reads a vector of a node by its number.

@@ -164,7 +164,7 @@ impl SolidState {
         let of_matter = self.of_matter.iter();
         self.nodes
             .iter()
-            .all(|block| finite(&block.u) && finite(&block.v))
+            .all(|block| [&block.u, &block.v, &block.p].into_iter().all(finite))
             && self.relaxed.iter().all(finite)
             && self
                 .shift
@@ -220,7 +220,13 @@ impl SolidState {
         std::array::from_fn(|a| self.velocity[a] + model.dx * f64::from(v[a]))
     }
 
-    /// Motion as a rigid body [m, s], none where it has no extent: spin is that with which its nodes have their angular momentum.
+    /// Momentum of a node over its mass by its number [m/s].
+    fn momentum_of(&self, model: &SolidModel, slot: usize) -> [f64; 3] {
+        let p = read(&self.nodes[slot / NODES].p, slot);
+        std::array::from_fn(|a| self.velocity[a] + model.dx * f64::from(p[a]))
+    }
+
+    /// Motion as a rigid body [m, s], none where it has no extent: that nearest to the velocities of its nodes, by their masses.
     pub fn rigid_motion(&self, model: &SolidModel) -> Option<RigidMotion> {
         // Sums of squares are exact enough about a place amid it.
         let origin = self.position(model, model.nodes().next()?);
@@ -246,6 +252,46 @@ impl SolidState {
             write(&mut self.nodes[slot / NODES].v, slot, own);
         }
         model.extension.follow_velocities(&mut self.nodes);
+        let slots = 0..model.mass.len();
+        let velocities = slots.map(|slot| read(&self.nodes[slot / NODES].v, slot).map(f64::from));
+        let momenta = (model.off_diagonal).momenta(&model.mass, model.dx, velocities.collect());
+        for (slot, p) in momenta.into_iter().enumerate() {
+            let p = p.map(|p| p as f32);
+            write(&mut self.nodes[slot / NODES].p, slot, p);
+        }
+    }
+
+    /// Spin with which it has an angular momentum [kg m^2/s] about its centre of mass, a place [m], as it moves as one [rad/s].
+    pub fn spin_with(&self, model: &SolidModel, com: [f64; 3], angular: [f64; 3]) -> [f64; 3] {
+        let second = self.second_moments(model, com);
+        let trace = (0..3).map(|a| second.0[a][a]).sum();
+        let inertia = Mat3::diagonal([trace; 3]).sub(&second);
+        // Nodes are spread over three along every axis at least: it is regular.
+        let det = inertia.det();
+        inertia.cofactor().mul_vec(angular).map(|w| w / det)
+    }
+
+    /// Second moments of mass about a place that its resistance to turning comes of [kg m^2]: with the mass between nodes.
+    pub fn second_moments(&self, model: &SolidModel, about: [f64; 3]) -> Mat3<f64> {
+        let arm = |slot: usize| -> [f64; 3] {
+            let x = self.position(model, slot);
+            match model.mass[slot] > 0.0 {
+                true => std::array::from_fn(|a| x[a] - about[a]),
+                false => [0.0; 3],
+            }
+        };
+        let arms: Vec<[f64; 3]> = (0..model.mass.len()).map(arm).collect();
+        let momenta = (model.off_diagonal).momenta(&model.mass, model.dx, arms.clone());
+        let mut sums = [[0.0; 3]; 3];
+        for ((mass, x), p) in model.mass.iter().zip(&arms).zip(&momenta) {
+            for a in 0..3 {
+                for b in 0..3 {
+                    // Symmetric but for what is left of iterations.
+                    sums[a][b] += 0.5 * mass * (x[a] * p[b] + x[b] * p[a]);
+                }
+            }
+        }
+        Mat3(sums)
     }
 
     /// Gives the frame this velocity [m/s]; nothing moves otherwise.
@@ -256,6 +302,7 @@ impl SolidState {
             self.velocity[a] += f64::from(change[a]) * model.dx;
         }
         self.subtract(model, change, |block| &mut block.v);
+        self.subtract(model, change, |block| &mut block.p);
     }
 
     /// Makes the frame's velocity that of the centre of mass, and its place such that displacements are small: what single
@@ -302,13 +349,14 @@ impl SolidState {
         // Outer nodes have no mass.
         for (slot, &mass) in model.mass.iter().enumerate().filter(|one| *one.1 > 0.0) {
             let (x, v) = (self.position(model, slot), self.velocity_of(model, slot));
-            let turn = cross(x, v);
+            let p = self.momentum_of(model, slot);
+            let turn = cross(x, p);
             for a in 0..3 {
                 sums.moment[a] += mass * x[a];
-                sums.momentum[a] += mass * v[a];
+                sums.momentum[a] += mass * p[a];
                 sums.angular[a] += mass * turn[a];
             }
-            sums.kinetic += 0.5 * mass * dot(v, v);
+            sums.kinetic += 0.5 * mass * dot(p, v);
         }
         sums
     }

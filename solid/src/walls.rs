@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
     advance::Solid,
-    bonds::{Bond, Bound, Constraint, HeldFace, MovedBy, Patch, Walls},
+    bonds::{Bond, Borne, Bound, Constraint, HeldFace, MovedBy, Patch, Walls},
     contact::ContactSurface,
     grip::{Grip, OBJECTS},
     kernel::follow_again,
@@ -76,7 +76,7 @@ impl Solid<'_> {
                 turned |= patch.normal != before;
             }
             if turned || walls.by_patch.is_empty() {
-                walls.order(at.isa, &self.model.mass);
+                walls.order(at.isa);
             }
             walls.hold(at.isa, self.model.mass.len());
             for one in &walls.patches {
@@ -196,7 +196,7 @@ impl Solid<'_> {
             patches.push(patch);
         }
         nodes.clear();
-        let all = patches.iter().flat_map(|patch| &patch.borne);
+        let all = patches.iter().flat_map(|patch| &patch.answers);
         nodes.extend(all.map(|node| node.0));
         nodes.sort_unstable();
         nodes.dedup();
@@ -228,14 +228,16 @@ impl Solid<'_> {
                 rest[a] += share * x[a];
             }
         }
-        let answer = |(&slot, w): (&u32, &f64)| (slot, w / self.model.mass[slot as usize]);
+        let push = |(&slot, w): (&u32, &f64)| (slot, w / self.model.mass[slot as usize]);
+        let pushed: Borne = free.iter().map(push).collect();
         Patch {
             corner,
             with: points[0].with,
             points,
             area,
             bonds: vec![],
-            answers: free.iter().map(answer).collect(),
+            answers: self.answers(&pushed),
+            pushed,
             borne: free.into_iter().collect(),
             others: others.into_iter().collect(),
             rest,
@@ -246,6 +248,24 @@ impl Solid<'_> {
             missing: [0.0; 3],
             impulse: [0.0; 3],
         }
+    }
+
+    /// Velocities of free nodes with momenta over masses of some.
+    fn answers(&self, pushed: &Borne) -> Borne {
+        let w = &self.scratch.conditions.w;
+        let mut answers: BTreeMap<u32, f64> = pushed.iter().copied().collect();
+        for &(slot, p) in pushed {
+            let own =
+                f64::from(w[slot as usize / NODES][slot as usize / 16 % 4].0[slot as usize % 16]);
+            for (other, shared) in self.model.off_diagonal.beside(slot as usize) {
+                let beside = f64::from(w[other / NODES][other / 16 % 4].0[other % 16]);
+                *answers.entry(slot).or_default() += own * shared * p;
+                if beside > 0.0 {
+                    *answers.entry(other as u32).or_default() -= beside * shared * p;
+                }
+            }
+        }
+        answers.into_iter().collect()
     }
 
     /// What moves a point: outer nodes that are held follow nobody.
@@ -341,13 +361,16 @@ impl Solid<'_> {
         let tiles = &mut self.scratch.tiles;
         for &slot in &walls.nodes {
             let at = slot as usize;
-            let more = std::mem::take(&mut walls.change[at]).map(|v| v / dx);
+            let change = std::mem::take(&mut walls.change[at]);
+            let [more, pushed] = change.map(|change| change.map(|v| v / dx));
             let block = &mut self.state.nodes[at / NODES];
-            let (u, v) = (read(&block.u, at), read(&block.v, at));
+            let [u, v, p] = [&block.u, &block.v, &block.p].map(|of| read(of, at));
             let u: [f32; 3] = std::array::from_fn(|a| u[a] + (drift * more[a]) as f32);
             let v: [f32; 3] = std::array::from_fn(|a| v[a] + more[a] as f32);
+            let p: [f32; 3] = std::array::from_fn(|a| p[a] + pushed[a] as f32);
             write(&mut block.u, at, u);
             write(&mut block.v, at, v);
+            write(&mut block.p, at, p);
             let row = &mut tiles.rows[at].0;
             row[..3].copy_from_slice(&u);
             row[3..6].copy_from_slice(&v);
@@ -370,7 +393,7 @@ impl Solid<'_> {
 impl Walls {
     /// Finds the impulses on all patches that change their velocities by what is missing, and what they make of so many nodes.
     fn hold(&mut self, isa: Isa, nodes: usize) {
-        self.change.resize(nodes, [0.0; 3]);
+        self.change.resize(nodes, [[0.0; 3]; 2]);
         let missing = |(patch, along): &Constraint| {
             let patch: &Patch = &self.patches[*patch];
             match patch.borne.is_empty() {
@@ -391,17 +414,55 @@ impl Walls {
             }
         }
         for patch in &self.patches {
-            for &(slot, share) in &patch.answers {
-                let change = &mut self.change[slot as usize];
-                for a in 0..3 {
-                    change[a] += share * patch.impulse[a];
+            for (n, shares) in [&patch.answers, &patch.pushed].into_iter().enumerate() {
+                for &(slot, share) in shares {
+                    let change = &mut self.change[slot as usize][n];
+                    for a in 0..3 {
+                        change[a] += share * patch.impulse[a];
+                    }
                 }
             }
         }
     }
 
+    /// Velocities that impulses on patches give patches that are not before them, along the same direction: patch, the one that has the
+    /// impulse, and velocity per impulse [1/kg].
+    fn answers_of_patches(&self) -> Vec<(usize, usize, f64)> {
+        let patches = self.patches.iter().enumerate();
+        let borne = patches.flat_map(|(n, patch)| patch.borne.iter().map(move |b| (b.0, n, b.1)));
+        let mut borne: Vec<(u32, usize, f64)> = borne.collect();
+        borne.sort_by_key(|one| (one.0, one.1));
+        let last = self.nodes.last().map_or(0, |slot| *slot as usize + 1);
+        let mut starts = vec![0; last + 1];
+        for (slot, _, _) in &borne {
+            starts[*slot as usize + 1] += 1;
+        }
+        for n in 1..starts.len() {
+            starts[n] += starts[n - 1];
+        }
+        let mut velocity = vec![0.0; self.patches.len()];
+        let (mut met, mut all) = (vec![], vec![]);
+        for (other, patch) in self.patches.iter().enumerate() {
+            for &(slot, answer) in &patch.answers {
+                let slot = slot as usize;
+                for &(_, n, w) in &borne[starts[slot]..starts[slot + 1]] {
+                    if n >= other {
+                        if velocity[n] == 0.0 {
+                            met.push(n);
+                        }
+                        velocity[n] += w * answer;
+                    }
+                }
+            }
+            for n in met.drain(..) {
+                all.push((n, other, std::mem::take(&mut velocity[n])));
+            }
+        }
+        all
+    }
+
     /// Puts constraints in order and makes their matrix, if they are not those of the substep before.
-    fn order(&mut self, isa: Isa, mass: &[f64]) {
+    fn order(&mut self, isa: Isa) {
         let patches = self.patches.iter().enumerate();
         let rows = patches.flat_map(|(n, patch)| patch.directions().map(move |along| (n, along)));
         let is_same = |(row, known): (Constraint, &Constraint)| row == *known;
@@ -416,31 +477,25 @@ impl Walls {
         if self.rows.iter().all(|(_, along)| axis(along).is_some()) {
             self.rows.sort_by_key(|(n, along)| (axis(along), *n));
         }
-        let mut at_node: BTreeMap<u32, Vec<(usize, f64)>> = BTreeMap::new();
-        for (row, (patch, _)) in self.rows.iter().enumerate() {
-            for &(slot, w) in &self.patches[*patch].borne {
-                at_node.entry(slot).or_default().push((row, w));
-            }
-        }
         let rows = &self.rows;
-        let both = |a: usize, b: usize| dot(rows[a].1, rows[b].1);
+        let given = self.answers_of_patches();
+        let mut of_patch = vec![vec![]; self.patches.len()];
+        for (row, (patch, _)) in rows.iter().enumerate() {
+            of_patch[*patch].push(row);
+        }
+        let (of_patch, both) = (&of_patch, |a: usize, b: usize| dot(rows[a].1, rows[b].1));
+        let pairs = given.iter().flat_map(|&(patch, other, answer)| {
+            let rows = of_patch[patch].iter();
+            rows.flat_map(move |&row| (of_patch[other].iter()).map(move |&c| (row, c, answer)))
+        });
         let mut firsts: Vec<usize> = (0..rows.len()).collect();
-        for meet in at_node.values() {
-            for &(row, _) in meet {
-                let known = meet.iter().map(|m| m.0).find(|&c| both(row, c) != 0.0);
-                firsts[row] = firsts[row].min(known.unwrap_or(row));
-            }
+        let below = |one: &(usize, usize, f64)| one.0 >= one.1 && both(one.0, one.1) != 0.0;
+        for (row, column, _) in pairs.clone().filter(below) {
+            firsts[row] = firsts[row].min(column);
         }
         let mut answers = Skyline::new(firsts.into_iter());
-        for (slot, meet) in &at_node {
-            for &(row, w) in meet {
-                for &(column, other) in meet.iter().take_while(|m| m.0 <= row) {
-                    let along = both(row, column);
-                    if along != 0.0 {
-                        *answers.entry(row, column) += w * other * along / mass[*slot as usize];
-                    }
-                }
-            }
+        for (row, column, answer) in pairs.filter(below) {
+            *answers.entry(row, column) += answer * both(row, column);
         }
         for row in 0..rows.len() {
             let own = answers.entry(row, row);

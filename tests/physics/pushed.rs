@@ -154,6 +154,6 @@ fn a_plant_is_pushed_the_same_whatever_found_it() {
         println!("{source}: {share:.4} right, com {places:.3?}, off {off:.4?} m");
         // What was measured (docs/semantics.md), half as much again: a plant of a metre that tips.
         assert!(share > 0.99 && off[0] < 0.1, "{source}: {share} {off:?}");
-        assert!(off[1] < 0.1 && off[2] < 0.005, "{source}: {off:?}");
+        assert!(off[1] < 0.16 && off[2] < 0.005, "{source}: {off:?}");
     }
 }

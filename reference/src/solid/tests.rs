@@ -71,12 +71,11 @@ impl Pair {
             let u = [0.0, 1.0, 2.0].map(|phase| (0.005 * wave(phase) / DX) as f32);
             let v = [3.0, 4.0, 5.0].map(|phase| (0.1 * wave(phase) / DX) as f32);
             write(&mut nodes[slot / NODES].u, slot, u);
-            write(&mut nodes[slot / NODES].v, slot, v);
+            write(&mut nodes[slot / NODES].p, slot, v);
             oracle.displacement[index] = u.map(|u| DX * f64::from(u));
-            oracle.velocity[index] = v.map(|v| DX * f64::from(v));
+            oracle.momentum[index] = v.map(|v| DX * f64::from(v));
         }
         model.extension.follow_displacements(&mut nodes);
-        model.extension.follow_velocities(&mut nodes);
         oracle.follow();
         Self {
             scratch: Scratch::new(&model),

@@ -18,7 +18,9 @@ use crate::{
     simd::{Isa, LANES},
     solid::{
         inverse::{Known, SeenSurface},
+        model::SolidModel,
         outline::{Outline, Unseen},
+        state::NodeLoad,
     },
 };
 
@@ -107,7 +109,7 @@ pub(crate) struct NodeImpulse {
 
 /// How the nodes of a solid answer, by their numbers.
 pub(crate) struct Answers {
-    /// One over its mass [1/kg]; 0 of one that is held.
+    /// One over its mass [1/kg], of an impulse on it alone but for mass between nodes; 0 of one that is held.
     velocity_per_impulse: Vec<f64>,
     /// Its acceleration by all but matter on the grid, as far as is known: a running mean where that acts on it, and gravity elsewhere
     /// [m/s^2]. Without it a node at rest on a solid would creep in, by as much as it is pushed per substep.
@@ -169,7 +171,15 @@ pub(crate) fn couple_solids_to_grid(
         coupled.largest = coupled.largest.max(speed);
         // What rounding takes from the node its first solid gets.
         if let Some(contact) = contacts.all.iter().position(|c| c.site == site) {
-            contacts.push(contact, scaled(left, mass));
+            let one = &mut contacts.all[contact];
+            one.rest = along(one.rest, mass, left);
+        }
+    }
+    let mut impulses = vec![[0.0; 3]; contacts.changes.len()];
+    for contact in &contacts.all {
+        let given = sub(contact.rest, contact.impulse());
+        for bearer in &contacts.bearers[contact.bears.clone()] {
+            impulses[bearer.place] = along(impulses[bearer.place], bearer.share, given);
         }
     }
     for contact in contacts.all.iter().filter(|c| c.normal_impulse > 0.0) {
@@ -183,14 +193,14 @@ pub(crate) fn couple_solids_to_grid(
         coupled.received.push((object, field, received));
     }
     for (solid, places) in solids.iter().zip(places) {
-        let moved = contacts.changes[places].iter().enumerate();
-        let moved = moved.filter(|(_, change)| **change != [0.0; 3]);
-        let impulses = moved.map(|(slot, change)| NodeImpulse {
+        let pushed = impulses[places].iter().enumerate();
+        let pushed = pushed.filter(|(_, impulse)| **impulse != [0.0; 3]);
+        let pushed = pushed.map(|(slot, &impulse)| NodeImpulse {
             slot,
-            impulse: scaled(*change, solid.outline.inverse.model.mass[slot]),
+            impulse,
             expected: solid.answers().expected[slot],
         });
-        coupled.impulses.push((solid.object, impulses.collect()));
+        coupled.impulses.push((solid.object, pushed.collect()));
     }
     coupled
 }
@@ -205,7 +215,7 @@ fn find_contacts(
     contacts: &mut Contacts,
 ) {
     let inverse = &solid.outline.inverse;
-    let (model, mut shares) = (inverse.model, vec![]);
+    let (model, mut shares, mut answers) = (inverse.model, vec![], AnswersOfPoint::new(solid));
     for block in told.blocks() {
         let nodes = &grid.nodes[block];
         let faced = FacedBlock {
@@ -239,19 +249,12 @@ fn find_contacts(
             let about = seen.bears(model);
             shares.resize(model.mass.len(), f32::NAN);
             let (from, mut own) = (bearers.len(), inverse.velocity_of(&about));
-            let (mut answers, of_nodes) = (0.0, solid.answers());
-            for (slot, w) in model.borne_by(&about, &mut shares) {
-                let (slot, share) = (slot as usize, f64::from(w));
-                let answer = share * of_nodes.velocity_per_impulse[slot];
-                answers += share * answer;
-                own = along(own, share * solid.dt, of_nodes.expected[slot]);
-                let place = first + slot;
-                bearers.push(Bearer {
-                    place,
-                    share,
-                    answer,
-                });
+            let borne = model.borne_by(&about, &mut shares);
+            for (slot, share) in &borne {
+                let expected = solid.answers().expected[*slot as usize];
+                own = along(own, f64::from(*share) * solid.dt, expected);
             }
+            let own_answer = answers.find(&borne, first, bearers);
             all.push(NodeContact {
                 pair: (solid.object, nodes.field, nodes.index, at),
                 site,
@@ -260,11 +263,74 @@ fn find_contacts(
                 friction: (input.friction)(solid.object, nodes.field),
                 velocity: own,
                 bears: from..bearers.len(),
-                inverse_mass: 1.0 / mass + answers,
+                inverse_mass: 1.0 / mass + own_answer,
                 normal_impulse: 0.0,
                 friction_impulse: [0.0; 3],
+                rest: [0.0; 3],
             });
         }
+    }
+}
+
+/// How nodes of a solid answer impulses on points, one after the other.
+struct AnswersOfPoint<'a> {
+    solid: &'a CoupledSolid<'a>,
+    /// Per node its place among the answers at hand; the largest number where it has none.
+    places: Vec<u32>,
+    /// Node, its share in the motion of the point, and its velocity per impulse on that [1/kg].
+    all: Vec<(usize, f64, f64)>,
+}
+
+impl<'a> AnswersOfPoint<'a> {
+    fn new(solid: &'a CoupledSolid<'a>) -> Self {
+        Self {
+            solid,
+            places: vec![],
+            all: vec![],
+        }
+    }
+
+    fn add(&mut self, slot: usize, share: f64, answer: f64) {
+        let place = &mut self.places[slot];
+        if *place == u32::MAX {
+            *place = self.all.len() as u32;
+            self.all.push((slot, 0.0, 0.0));
+        }
+        let one = &mut self.all[*place as usize];
+        one.1 += share;
+        one.2 += answer;
+    }
+
+    /// Adds those of a point that nodes bear with these shares to `bearers`, the solid's first node being at a place; returns the point's
+    /// own velocity per impulse [1/kg].
+    fn find(&mut self, borne: &[(u32, f32)], first: usize, bearers: &mut Vec<Bearer>) -> f64 {
+        let solid = self.solid;
+        let (model, answers) = (solid.outline.inverse.model, solid.answers());
+        self.places.resize(model.mass.len(), u32::MAX);
+        for &(slot, share) in borne {
+            let (slot, share) = (slot as usize, f64::from(share));
+            let own = answers.velocity_per_impulse[slot];
+            self.add(slot, share, share * own);
+            for (other, shared) in model.off_diagonal.beside(slot) {
+                let pushed = model.dx * shared * share * own;
+                self.add(slot, 0.0, own * pushed);
+                let beside = answers.velocity_per_impulse[other];
+                if beside > 0.0 {
+                    self.add(other, 0.0, -beside * pushed);
+                }
+            }
+        }
+        let mut own = 0.0;
+        for (slot, share, answer) in self.all.drain(..) {
+            self.places[slot] = u32::MAX;
+            own += share * answer;
+            bearers.push(Bearer {
+                place: first + slot,
+                share,
+                answer,
+            });
+        }
+        own
     }
 }
 
@@ -279,11 +345,13 @@ impl CoupledSolid<'_> {
                 velocity_per_impulse[slot] = 0.0;
             }
             let mut expected = vec![self.gravity; model.mass.len()];
-            for load in state.of_matter.iter().filter(|_| state.span > 0.0) {
+            let given = accelerations(model, &velocity_per_impulse, &state.of_matter);
+            let loads = state.of_matter.iter().zip(given);
+            for (load, given) in loads.filter(|_| state.span > 0.0) {
                 let slot = load.slot as usize;
                 let now = state.velocity_of(model, slot);
                 let all = scaled(sub(now, load.before), 1.0 / state.span);
-                let own = along(all, -velocity_per_impulse[slot], load.force);
+                let own = sub(all, given);
                 expected[slot] = along(load.expected, FRESH, sub(own, load.expected));
             }
             Answers {
@@ -292,4 +360,27 @@ impl CoupledSolid<'_> {
             }
         })
     }
+}
+
+/// Accelerations of nodes by what matter on the grid does to them, in the order of their numbers [m/s^2]; `velocity_per_impulse` is one over
+/// the mass of every node [1/kg].
+fn accelerations(
+    model: &SolidModel,
+    velocity_per_impulse: &[f64],
+    loads: &[NodeLoad],
+) -> Vec<Vec3> {
+    let mut all = vec![[0.0; 3]; loads.len()];
+    for (n, load) in loads.iter().enumerate() {
+        let own = velocity_per_impulse[load.slot as usize];
+        let pushed = scaled(load.force, own);
+        all[n] = along(all[n], 1.0, pushed);
+        for (other, shared) in model.off_diagonal.beside(load.slot as usize) {
+            let shared = model.dx * shared;
+            all[n] = along(all[n], own * shared, pushed);
+            if let Ok(at) = loads.binary_search_by_key(&other, |load| load.slot as usize) {
+                all[at] = along(all[at], -velocity_per_impulse[other] * shared, pushed);
+            }
+        }
+    }
+    all
 }

@@ -43,9 +43,11 @@ pub(super) struct NodeContact {
     /// On the grid's node [N s].
     pub normal_impulse: f64,
     pub friction_impulse: Vec3,
+    /// What rounding left over of it, on the solid [N s].
+    pub rest: Vec3,
 }
 
-/// A node of a solid that bears a point.
+/// A node of a solid that bears a point, or has mass together with one that does.
 pub(super) struct Bearer {
     /// Its place among the nodes of all solids.
     pub place: usize,

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::{World, frame::Frame};
 use crate::{
     coherence::{Mode, Sums},
+    mat3::cross,
     materials::Law,
     particles::{NO_PARTICLE, Run, position_in_cells},
     scene::Coherence,
@@ -102,9 +103,20 @@ impl World {
                 continue;
             };
             let step = wanted.part(dt);
+            let before = state.momenta(grid);
             state.change_velocities(grid, |n, v| {
                 let goal = mode.at(at[n]);
                 std::array::from_fn(|a| v[a] + step * (grid.dx * goal[a] - v[a]))
+            });
+            // The mode has the momenta that velocities have with the masses of nodes alone.
+            let after = state.momenta(grid);
+            let com = after.moment.map(|m| m / grid.total_mass);
+            let missing = std::array::from_fn(|a| before.angular[a] - after.angular[a]);
+            let spin = state.spin_with(grid, com, missing);
+            state.change_velocities(grid, |n, v| {
+                let r = std::array::from_fn(|a| grid.dx * at[n][a] + about[a] - com[a]);
+                let turn = cross(spin, r);
+                std::array::from_fn(|a| v[a] + turn[a])
             });
         }
     }

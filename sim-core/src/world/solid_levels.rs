@@ -3,18 +3,11 @@
 
 use super::World;
 use crate::{
-    bodies::{
-        body::Body,
-        grain::{Grain, of_cubes},
-    },
-    mat3::{Mat3, cross},
+    bodies::{body::Body, grain::Grain},
+    mat3::{Mat3, cross, dot},
     solid::{grip::Grip, model::SolidModel, state::SolidState},
     state::away::Loose,
 };
-
-/// Share of a squared cell that lumping the masses of nodes adds to the inertia of matter about any axis: a quarter along
-/// each of the two others.
-const LUMPING: f64 = 0.5;
 
 impl World {
     /// Finds the boxes around solids that move, and around those whose box nobody knows.
@@ -55,8 +48,9 @@ impl World {
         let loose = self.loose_of_solid(object);
         let grains = loose.iter().map(|p| self.model.grain(object, p.id, p.x));
         let grains: Vec<Grain> = grains.collect();
-        let dx = self.model.scene.dx;
-        let own = of_cubes(&grains) + LUMPING * dx * dx;
+        let com = sums.moment.map(|m| m / solid.grid.total_mass);
+        let resists = trace(&state.second_moments(&solid.grid, com)) / solid.grid.total_mass;
+        let own = (2.0 / 3.0 * (resists - mean_square(&grains, com))).max(0.0);
         self.form_body(object, &loose, Some(own));
         let (Some(rigid), Some(shape)) = (
             &mut self.state.bodies.of[object],
@@ -151,19 +145,20 @@ fn rigid_motion(
     let arm = std::array::from_fn(|a| body.com[a] - com[a]);
     let orbit = cross(arm, momentum);
     let angular: [f64; 3] = std::array::from_fn(|a| body.angular_momentum[a] + orbit[a]);
-    let mut inertia = Mat3::diagonal([0.0; 3]);
-    for slot in grid.nodes() {
-        let x = state.position(grid, slot);
-        let r: [f64; 3] = std::array::from_fn(|a| x[a] - com[a]);
-        for a in 0..3 {
-            for b in 0..3 {
-                let own = if a == b { crate::mat3::dot(r, r) } else { 0.0 };
-                inertia.0[a][b] += grid.mass[slot] * (own - r[a] * r[b]);
-            }
-        }
-    }
-    // Nodes are spread over three along every axis at least: it is regular.
-    let (cofactor, det) = (inertia.cofactor(), inertia.det());
-    let spin = cofactor.mul_vec(angular).map(|w| w / det);
+    let spin = state.spin_with(grid, com, angular);
     (momentum.map(|p| p / grid.total_mass), spin, com)
+}
+
+fn trace(of: &Mat3<f64>) -> f64 {
+    (0..3).map(|a| of.0[a][a]).sum()
+}
+
+/// Mean square distance of grains from a place, by mass.
+fn mean_square(grains: &[Grain], from: [f64; 3]) -> f64 {
+    let of_grain = |grain: &Grain| {
+        let r: [f64; 3] = std::array::from_fn(|a| grain.x[a] - from[a]);
+        grain.mass * dot(r, r)
+    };
+    let mass: f64 = grains.iter().map(|grain| grain.mass).sum();
+    grains.iter().map(of_grain).sum::<f64>() / mass
 }

@@ -9,6 +9,7 @@
 mod block;
 mod flow;
 mod gradients;
+mod motion;
 mod outer;
 mod relax;
 mod respond;
@@ -18,10 +19,12 @@ mod tests;
 
 use rayon::prelude::*;
 
+pub(crate) use self::motion::velocities_of;
 use self::{
     block::{Answers, NO_FORCES, NO_TANGENTS, Scratch, TangentTile, Tile},
     flow::Flowing,
     gradients::Matter,
+    motion::{kick, move_nodes},
     outer::{bear_outer, follow_inner},
     rule::Rule,
 };
@@ -38,8 +41,6 @@ use crate::{
 
 /// Blocks of points of a task: they share the memory between the stages.
 const TASK: usize = 8;
-/// Displacements [cells] and velocities [cells/s] below which there are none: cubes of them are normal numbers.
-const NOTHING: f64 = 1e-12;
 
 /// A law with its numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -123,6 +124,8 @@ pub struct Tiles {
     /// The part of them by what relaxes.
     excess: Vec<Planes>,
     outer: Vec<[f32; 4]>,
+    /// Momenta of nodes over their masses, per block [cells/s].
+    momenta: Vec<Planes>,
     /// Displacements and velocities of outer nodes.
     followed: Vec<NodeRow>,
     /// Of all nodes by their numbers, as they are after a substep or a [look](Self::look_at).
@@ -142,6 +145,7 @@ impl Tiles {
             outer: vec![[0.0; 4]; model.extension.outer.len()],
             excess: vec![],
             total: vec![[[F32x16::ZERO; 4]; 3]; model.node_blocks.len()],
+            momenta: vec![[[F32x16::ZERO; 4]; 3]; model.node_blocks.len()],
             followed: vec![NodeRow::default(); model.extension.outer.len()],
             rows: vec![NodeRow::default(); NODES * model.node_blocks.len()],
             speeds: vec![0.0; model.node_blocks.len()],
@@ -164,7 +168,7 @@ impl Tiles {
     }
 }
 
-/// Takes one substep: forces at the present displacements, `v += kick f / m`, `u += drift v`.
+/// Takes one substep: forces at the present displacements, `p += kick f / m`, `v = p + W C p`, `u += drift v`.
 pub fn substep(
     isa: Isa,
     model: &SolidModel,
@@ -212,24 +216,16 @@ pub fn substep(
     let Tiles {
         outer,
         total,
+        momenta,
         followed,
         rows,
         speeds,
         ..
-    } = &mut *tiles;
+    } = tiles;
     bear_outer(model, conditions, outer, total);
-    let total = &*total;
-    let chunks = nodes.par_chunks_mut(TASK);
-    let tasks = chunks.zip(speeds.par_chunks_mut(TASK));
-    let tasks = tasks.zip(rows.par_chunks_mut(TASK * NODES)).enumerate();
-    tasks.for_each(|(n, ((nodes, speeds), rows))| {
-        let forces = NodeForces {
-            conditions,
-            total,
-            first: n * TASK,
-        };
-        advance_with_isa(isa, &forces, nodes, rows, speeds, step);
-    });
+    kick(isa, conditions, (nodes, total), momenta, step);
+    let of_nodes = (&model.off_diagonal, &conditions.w[..], &momenta[..]);
+    move_nodes(isa, of_nodes, (nodes, speeds), rows, step.drift);
     follow_inner(model, conditions, nodes, rows, followed, speeds);
     let bad = speeds.iter().any(|speed| !speed.is_finite());
     Extremes { rate, bad, lost }
@@ -464,74 +460,5 @@ fn sum_forces<V: Lanes>(
                 f[a][x].store(&mut total[a][x]);
             }
         }
-    }
-}
-
-/// What moves blocks of nodes.
-struct NodeForces<'a> {
-    conditions: &'a Conditions,
-    /// Forces on nodes, per block [Pa].
-    total: &'a [Planes],
-    /// The first block.
-    first: usize,
-}
-
-on_isa! {
-    fn advance_with_isa = advance(
-        forces: &NodeForces<'_>,
-        nodes: &mut [NodeBlock],
-        rows: &mut [NodeRow],
-        speeds: &mut [f32],
-        step: &Step,
-    )
-}
-
-/// The same, or nothing where it is next to nothing: products of such numbers would be subnormal, which takes a hundred times as long.
-#[inline(always)]
-fn flushed<V: Lanes>(value: V) -> V {
-    V::select(value.abs().lt(V::splat(NOTHING)), V::splat(0.0), value)
-}
-
-/// Velocities and displacements of some blocks of nodes, and the largest speed of each.
-#[inline(always)]
-fn advance<V: Lanes>(
-    forces: &NodeForces<'_>,
-    nodes: &mut [NodeBlock],
-    rows: &mut [NodeRow],
-    speeds: &mut [f32],
-    step: &Step,
-) {
-    let &NodeForces {
-        conditions,
-        total,
-        first,
-    } = forces;
-    let zero = V::splat(0.0);
-    let (kick, drift, keep) = (
-        V::broadcast(step.kick),
-        V::broadcast(step.drift),
-        V::broadcast(step.keep),
-    );
-    let blocks = nodes.iter_mut().zip(rows.chunks_exact_mut(NODES));
-    for ((n, (block, rows)), speed) in (first..).zip(blocks).zip(speeds) {
-        let mut largest = zero;
-        for x in 0..4 {
-            let w = V::load(&conditions.w[n][x]);
-            let free = zero.lt(w);
-            let mut squared = zero;
-            for a in 0..3 {
-                let rate = w.mul_add(V::load(&total[n][a][x]), V::broadcast(step.gravity[a]));
-                let before = V::load(&block.v[a][x]);
-                let v = flushed(kick.mul_add(rate, before) * keep);
-                let v = V::select(free, v, before);
-                v.store(&mut block.v[a][x]);
-                let u = drift.mul_add(v, V::load(&block.u[a][x]));
-                flushed(u).store(&mut block.u[a][x]);
-                squared = v.mul_add(v, squared);
-            }
-            largest = largest.larger_magnitude(squared);
-        }
-        block.write_rows(rows);
-        *speed = f32::from_bits(largest.largest_magnitude_bits()).sqrt();
     }
 }

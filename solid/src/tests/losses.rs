@@ -38,11 +38,13 @@ fn ring(bar: &mut Owned, omega: f64, w: impl Fn(f64) -> f64) -> (f64, f64) {
         bar.advance(step);
         way.push(bar.state.sample(&bar.model, &tip).x[1] - rest);
     }
-    // Turning points: each from the middle of its neighbours, so that drift does not count.
-    let mut turns = vec![];
+    // Turning points, of which higher modes may make several close to each other: each from the middle of its neighbours, so that drift
+    // does not count.
+    let mut turns: Vec<(f64, f64)> = vec![];
     for n in 1..way.len() - 1 {
         let (a, b, c) = (way[n - 1], way[n], way[n + 1]);
-        if (b - a) * (c - b) <= 0.0 && b != a {
+        let is_near = turns.last().is_some_and(|turn| n as f64 - turn.0 < 8.0);
+        if (b - a) * (c - b) <= 0.0 && b != a && !is_near {
             let off = 0.5 * (a - c) / (a - 2.0 * b + c);
             turns.push((n as f64 + off, b - 0.25 * (a - c) * off));
         }

@@ -388,7 +388,7 @@ pub fn oblique(size: Size) -> Vec<Case> {
                     // What was given has a part along the surface as well.
                     .against(friction / friction.hypot(1.0), "Coulomb")
                     .within(Gate::Absolute(LEAN_GATE))
-                    .fails((cells < 24.0 && turn > 0.0).then_some(LEANS)),
+                    .fails((cells < 24.0 && (turn > 0.0 || friction > 0.0)).then_some(LEANS)),
                 );
             }
         }

@@ -279,7 +279,7 @@ pub fn manufactured_cube(size: Size) -> Vec<Case> {
         cases.push(bounded(
             "interior error within a period over the amplitude",
             quantity,
-            0.1625,
+            0.0490,
             between_walls(cells),
         ));
     }
@@ -293,7 +293,7 @@ pub fn manufactured_cube(size: Size) -> Vec<Case> {
         cases.push(bounded(
             "the same without walls within 3 ms",
             quantity,
-            0.01444,
+            0.02118,
             without_walls(cells),
         ));
     }

@@ -131,8 +131,8 @@ fn bits_of_flow_do_not_depend_on_isa_or_threads() {
             pool.expect("threads").install(|| {
                 for n in 0..12 {
                     let step = Step {
-                        kick: 1e-2,
-                        drift: 1e-2,
+                        kick: 8e-3,
+                        drift: 8e-3,
                         viscosity: if n % 3 == 2 { 1e-3 } else { 0.0 },
                         wants_extremes: n % 4 == 0,
                         ..PLAIN

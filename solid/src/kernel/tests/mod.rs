@@ -148,7 +148,7 @@ impl Solid {
         )
     }
 
-    /// The same without nodes that follow others.
+    /// The same without nodes that follow others, and without mass between nodes.
     fn unbound(mut self) -> Self {
         let model = &mut self.model;
         for n in model.nodes().collect::<Vec<_>>() {
@@ -158,6 +158,9 @@ impl Solid {
         let (mut mass, none) = (model.mass.clone(), vec![0.0; model.mass.len()]);
         model.extension = Extension::new(&model.node_blocks, &mut mass, &none);
         self.conditions.follows.clear();
+        for edges in &mut model.off_diagonal.pairs {
+            *edges = [[F32x16::ZERO; 4]; 3];
+        }
         self.tiles = Tiles::new(&self.model);
         self
     }
@@ -183,8 +186,8 @@ impl Solid {
         let found = unit.substep(isa, &step);
         assert!(!found.bad);
         let force = |n: usize| {
-            let after = read(&unit.nodes[n / NODES].v, n);
-            let before = read(&before[n / NODES].v, n);
+            let after = read(&unit.nodes[n / NODES].p, n);
+            let before = read(&before[n / NODES].p, n);
             std::array::from_fn(|a| after[a] - before[a])
         };
         let forces = (0..self.model.mass.len()).map(force).collect();
@@ -283,8 +286,9 @@ impl Solid {
             energy += volume * density_of(law, &f);
         });
         for n in self.model.nodes() {
-            let v = read(&self.nodes[n / NODES].v, n).map(f64::from);
-            energy += 0.5 * self.model.mass[n] * crate::mat3::dot(v, v);
+            let block = &self.nodes[n / NODES];
+            let [p, v] = [&block.p, &block.v].map(|of| read(of, n).map(f64::from));
+            energy += 0.5 * self.model.mass[n] * crate::mat3::dot(p, v);
         }
         energy
     }
@@ -566,7 +570,7 @@ fn outer_forces_push_and_nodes_without_inverse_mass_keep_going() {
     let held = at(&solid, [1.0, 2.0, 2.0]);
     let w = std::mem::take(&mut solid.conditions.w[held / NODES][held / LANES % 4].0[held % LANES]);
     assert!(w > 0.0);
-    write(&mut solid.nodes[held / NODES].v, held, [0.0, 5.0, 0.0]);
+    write(&mut solid.nodes[held / NODES].p, held, [0.0, 5.0, 0.0]);
     let step = Step {
         kick: 0.1,
         drift: 0.1,
@@ -574,9 +578,9 @@ fn outer_forces_push_and_nodes_without_inverse_mass_keep_going() {
         ..PLAIN
     };
     solid.substep(Isa::detect(), &step);
-    let v = read(&solid.nodes[slot / NODES].v, slot);
+    let p = read(&solid.nodes[slot / NODES].p, slot);
     let pushed = (0.1 * 3.0 / solid.model.mass[slot]) as f32;
-    assert!((v[0] - pushed).abs() < 1e-6 * pushed && v[2] == -1.0);
+    assert!((p[0] - pushed).abs() < 1e-6 * pushed && p[2] == -1.0);
     assert_eq!(read(&solid.nodes[held / NODES].v, held), [0.0, 5.0, 0.0]);
     assert_eq!(read(&solid.nodes[held / NODES].u, held), [0.0, 0.5, 0.0]);
 }
