@@ -16,7 +16,8 @@ const USUAL: f64 = 0.6;
 pub struct Expected {
     /// Quadrature points of its grid.
     pub points: usize,
-    /// Substep [s], > 0, within a fifth of what the fastest motion, once it is measured, allows.
+    /// Substep [s], > 0: of a block within a fifth of what the fastest motion, once it is measured, allows; up to 1.8 times that of what is
+    /// cut raggedly.
     pub dt: f64,
 }
 

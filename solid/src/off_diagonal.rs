@@ -11,7 +11,7 @@
 //! what goes on along the others. What forces change is the momentum of nodes, `M p`; nodes move with `v = p + W C' p`.
 //! So `sum m p` and `sum m x cross p` are conserved to round-off, and the energy of motion is `sum m p . v / 2`.
 //!
-//! Waves of eight cells are then too slow by 0.13 % in place of 1.9 %, and substeps of a block 0.84 to 0.87 as long. Pairs of neighbours would
+//! Waves of eight cells are then too slow by 0.13 % in place of 1.9 %, and substeps 0.76 to 0.9 as long. Pairs of neighbours would
 //! leave half of that error, and substeps of 0.72.
 
 use super::nodes::{NODES, Planes, node_at, read};
