@@ -194,6 +194,12 @@ impl<R: Real> Mat3<R> {
         dot(a, cross(b, c))
     }
 
+    /// Sum of the diagonal.
+    #[inline(always)]
+    pub fn trace(&self) -> R {
+        self.0[0][0] + self.0[1][1] + self.0[2][2]
+    }
+
     /// Sum of squared entries.
     #[inline(always)]
     pub fn norm_squared(&self) -> R {

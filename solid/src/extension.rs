@@ -7,7 +7,7 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use super::nodes::{NODES, NodeBlock, NodeRow, Planes, node_at, read, write};
+use super::nodes::{NODES, NodeBlock, NodeRow, Planes, node_at, place_in_cells, read, write};
 use crate::{mat3::dot, simd::F32x16};
 
 /// Share of the volume about a node amid matter below which a node is outer: densities say nothing of how much of a cell there is.
@@ -279,9 +279,7 @@ fn fewest(near: &[InnerNode]) -> Option<(f64, Row)> {
 
 /// Inner nodes about a node, so far along each axis, nearest first.
 fn inner_near(places: &[[i32; 3]], filled: &[f64], (slot, reach): (usize, i32)) -> Vec<InnerNode> {
-    let block = places[slot / NODES];
-    let local = [slot / 16 % 4, slot % 4, slot / 4 % 4];
-    let at: [i32; 3] = std::array::from_fn(|a| 4 * block[a] + local[a] as i32);
+    let at = place_in_cells(places, slot);
     let mut near = vec![];
     let side = 2 * reach + 1;
     for n in 0..side.pow(3) {

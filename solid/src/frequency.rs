@@ -130,16 +130,10 @@ impl Vibrating<'_> {
         let (mut diagonal, mut beside) = (vec![], vec![]);
         for step in 0..steps {
             self.apply(memory);
-            let Lanczos {
-                now,
-                before,
-                next,
-                moved,
-                ..
-            } = &mut *memory;
-            let alpha = dot(moved, next);
+            let alpha = dot(&memory.moved, &memory.next);
             let beta = beside.last().copied().unwrap_or(0.0);
-            subtract(next, [(alpha, now), (beta, before)]);
+            let parts = [(alpha, &memory.now[..]), (beta, &memory.before[..])];
+            subtract(&mut memory.next, parts);
             diagonal.push(alpha);
             let norm = self.lift(memory);
             // Nothing is left to look at, but for round-off.
@@ -147,17 +141,10 @@ impl Vibrating<'_> {
                 break;
             }
             beside.push(norm);
-            let Lanczos {
-                now,
-                before,
-                next,
-                moved,
-                ..
-            } = &mut *memory;
-            scale(next, norm.recip());
-            scale(moved, norm.recip());
-            std::mem::swap(before, now);
-            std::mem::swap(now, next);
+            scale(&mut memory.next, norm.recip());
+            scale(&mut memory.moved, norm.recip());
+            std::mem::swap(&mut memory.before, &mut memory.now);
+            std::mem::swap(&mut memory.now, &mut memory.next);
         }
         Measured {
             squared: missed * largest_eigenvalue(&diagonal, &beside),

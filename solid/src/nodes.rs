@@ -169,6 +169,12 @@ pub fn slot(block: usize, [x, lane]: [usize; 2]) -> usize {
     NODES * block + 16 * x + lane
 }
 
+/// Place of a node by its number [cells], with blocks at `places`.
+pub(crate) fn place_in_cells(places: &[[i32; 3]], slot: usize) -> [i32; 3] {
+    let local = [slot / 16 % 4, slot % 4, slot / 4 % 4];
+    std::array::from_fn(|a| 4 * places[slot / NODES][a] + local[a] as i32)
+}
+
 /// Number of the node at a place [cells], with blocks at `places` in lexicographic order; none where there is no block.
 pub(crate) fn node_at(places: &[[i32; 3]], at: [i32; 3]) -> Option<usize> {
     let block = places.binary_search(&at.map(|x| x.div_euclid(4))).ok()?;

@@ -14,7 +14,7 @@
 //! Waves of eight cells are then too slow by 0.13 % in place of 1.9 %, and substeps 0.76 to 0.9 as long. Pairs of neighbours would
 //! leave half of that error, and substeps of 0.72.
 
-use super::nodes::{NODES, Planes, node_at, read};
+use super::nodes::{NODES, Planes, node_at, place_in_cells, read};
 use crate::{mat3::dot, simd::F32x16};
 
 /// Mass between the outer two of the three nodes of a place along an axis, over that of the place: `4 k = m / 4`.
@@ -145,6 +145,24 @@ impl OffDiagonalMass {
         })
     }
 
+    /// What the momentum of a node adds to velocities by the mass that it has together with others: the nodes that move by it, this one and the
+    /// other of every pair, each with one over its mass, negative for the other, and the mass of the pair over the cell size [kg/m]. `inverse` is
+    /// one over the mass of a node.
+    pub fn moved_by<'a>(
+        &'a self,
+        slot: usize,
+        inverse: impl Fn(usize) -> f64 + 'a,
+    ) -> impl Iterator<Item = (usize, f64, f64)> + 'a {
+        let beside = self.beside(slot);
+        beside.flat_map(move |(other, shared)| {
+            let moved = [
+                (slot, inverse(slot), shared),
+                (other, -inverse(other), shared),
+            ];
+            moved.into_iter().filter(|one| one.1 != 0.0)
+        })
+    }
+
     /// `p + W C p` of all nodes, with the masses of nodes over the cell size [kg/m].
     fn velocities(&self, weights: &[f64], p: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let mut v = p.to_vec();
@@ -271,9 +289,7 @@ impl PairsAlong<'_> {
 
     /// The nearest pairs that bear all that they have.
     fn takers(&self, slot: usize) -> Vec<usize> {
-        let block = self.places[slot / NODES];
-        let local = [slot / 16 % 4, slot % 4, slot / 4 % 4];
-        let at: [i32; 3] = std::array::from_fn(|a| 4 * block[a] + local[a] as i32);
+        let at = place_in_cells(self.places, slot);
         let mut found: Vec<usize> = vec![];
         let mut nearest = i32::MAX;
         for &(squared, o) in self.around {

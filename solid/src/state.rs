@@ -264,8 +264,7 @@ impl SolidState {
     /// Spin with which it has an angular momentum [kg m^2/s] about its centre of mass, a place [m], as it moves as one [rad/s].
     pub fn spin_with(&self, model: &SolidModel, com: [f64; 3], angular: [f64; 3]) -> [f64; 3] {
         let second = self.second_moments(model, com);
-        let trace = (0..3).map(|a| second.0[a][a]).sum();
-        let inertia = Mat3::diagonal([trace; 3]).sub(&second);
+        let inertia = Mat3::diagonal([second.trace(); 3]).sub(&second);
         // Nodes are spread over three along every axis at least: it is regular.
         let det = inertia.det();
         inertia.cofactor().mul_vec(angular).map(|w| w / det)

@@ -254,15 +254,11 @@ impl Solid<'_> {
     fn answers(&self, pushed: &Borne) -> Borne {
         let w = &self.scratch.conditions.w;
         let mut answers: BTreeMap<u32, f64> = pushed.iter().copied().collect();
+        let inverse = |n: usize| f64::from(w[n / NODES][n / 16 % 4].0[n % 16]);
         for &(slot, p) in pushed {
-            let own =
-                f64::from(w[slot as usize / NODES][slot as usize / 16 % 4].0[slot as usize % 16]);
-            for (other, shared) in self.model.off_diagonal.beside(slot as usize) {
-                let beside = f64::from(w[other / NODES][other / 16 % 4].0[other % 16]);
-                *answers.entry(slot).or_default() += own * shared * p;
-                if beside > 0.0 {
-                    *answers.entry(other as u32).or_default() -= beside * shared * p;
-                }
+            let moved = self.model.off_diagonal.moved_by(slot as usize, inverse);
+            for (node, inverse, shared) in moved {
+                *answers.entry(node as u32).or_default() += inverse * shared * p;
             }
         }
         answers.into_iter().collect()

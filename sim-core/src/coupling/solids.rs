@@ -311,13 +311,9 @@ impl<'a> AnswersOfPoint<'a> {
             let (slot, share) = (slot as usize, f64::from(share));
             let own = answers.velocity_per_impulse[slot];
             self.add(slot, share, share * own);
-            for (other, shared) in model.off_diagonal.beside(slot) {
-                let pushed = model.dx * shared * share * own;
-                self.add(slot, 0.0, own * pushed);
-                let beside = answers.velocity_per_impulse[other];
-                if beside > 0.0 {
-                    self.add(other, 0.0, -beside * pushed);
-                }
+            let inverse = |n: usize| answers.velocity_per_impulse[n];
+            for (node, inverse, shared) in model.off_diagonal.moved_by(slot, inverse) {
+                self.add(node, 0.0, inverse * (model.dx * shared * share * own));
             }
         }
         let mut own = 0.0;
@@ -371,14 +367,13 @@ fn accelerations(
 ) -> Vec<Vec3> {
     let mut all = vec![[0.0; 3]; loads.len()];
     for (n, load) in loads.iter().enumerate() {
-        let own = velocity_per_impulse[load.slot as usize];
-        let pushed = scaled(load.force, own);
+        let slot = load.slot as usize;
+        let pushed = scaled(load.force, velocity_per_impulse[slot]);
         all[n] = along(all[n], 1.0, pushed);
-        for (other, shared) in model.off_diagonal.beside(load.slot as usize) {
-            let shared = model.dx * shared;
-            all[n] = along(all[n], own * shared, pushed);
-            if let Ok(at) = loads.binary_search_by_key(&other, |load| load.slot as usize) {
-                all[at] = along(all[at], -velocity_per_impulse[other] * shared, pushed);
+        let inverse = |n: usize| velocity_per_impulse[n];
+        for (node, inverse, shared) in model.off_diagonal.moved_by(slot, inverse) {
+            if let Ok(at) = loads.binary_search_by_key(&node, |load| load.slot as usize) {
+                all[at] = along(all[at], inverse * (model.dx * shared), pushed);
             }
         }
     }

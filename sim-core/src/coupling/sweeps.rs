@@ -159,7 +159,7 @@ impl Contacts {
 
     /// Gives the solid of a contact an impulse [N s].
     #[inline(always)]
-    pub fn push(&mut self, n: usize, impulse: Vec3) {
+    fn push(&mut self, n: usize, impulse: Vec3) {
         for bearer in &self.bearers[self.all[n].bears.clone()] {
             let change = &mut self.changes[bearer.place];
             *change = along(*change, bearer.answer, impulse);

@@ -4,7 +4,7 @@
 use super::World;
 use crate::{
     bodies::{body::Body, grain::Grain},
-    mat3::{Mat3, cross, dot},
+    mat3::{cross, dot},
     solid::{grip::Grip, model::SolidModel, state::SolidState},
     state::away::Loose,
 };
@@ -49,7 +49,7 @@ impl World {
         let grains = loose.iter().map(|p| self.model.grain(object, p.id, p.x));
         let grains: Vec<Grain> = grains.collect();
         let com = sums.moment.map(|m| m / solid.grid.total_mass);
-        let resists = trace(&state.second_moments(&solid.grid, com)) / solid.grid.total_mass;
+        let resists = state.second_moments(&solid.grid, com).trace() / solid.grid.total_mass;
         let own = (2.0 / 3.0 * (resists - mean_square(&grains, com))).max(0.0);
         self.form_body(object, &loose, Some(own));
         let (Some(rigid), Some(shape)) = (
@@ -147,10 +147,6 @@ fn rigid_motion(
     let angular: [f64; 3] = std::array::from_fn(|a| body.angular_momentum[a] + orbit[a]);
     let spin = state.spin_with(grid, com, angular);
     (momentum.map(|p| p / grid.total_mass), spin, com)
-}
-
-fn trace(of: &Mat3<f64>) -> f64 {
-    (0..3).map(|a| of.0[a][a]).sum()
 }
 
 /// Mean square distance of grains from a place, by mass.
